@@ -1,0 +1,190 @@
+"""Print a tape as LLVM IR that works on `lanes` independent evaluations at once.
+
+Arrays that the printed functions see are (size, lanes) float64, lanes contiguous. Two functions are printed:
+
+    value(x, u, c, y)                                   y = f(x, u, c)
+    tangent(x, u, c, y, S, dS, columns, column_of)      y, and dS = df/dx S, plus df/dc in the columns of the parameters
+
+with S (n_x, columns, lanes), dS (n_y, columns, lanes); column_of[j] is the column that differentiates with respect to
+parameter j of `wrt`, or -1. No FMA is formed in `value`, so a term that is null changes nothing to the last bit.
+"""
+
+import struct
+from collections.abc import Sequence
+
+from awescli.engine.derive import jacobian
+from awescli.engine.record import Tape
+
+_BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
+_CALLS = {"sqrt": 1, "sin": 1, "cos": 1, "exp": 1, "log": 1, "atan2": 2, "round": 1}
+
+
+class Printer:
+    """Prints the nodes of one tape into the body of one function, each node once, on demand."""
+
+    def __init__(self, tape: Tape, lanes: int):
+        self.tape, self.lanes = tape, lanes
+        self.type = f"<{lanes} x double>"
+        self.lines: list[str] = []
+        self._names: dict[int, str] = {}
+        self._count = 0
+
+    def fresh(self) -> str:
+        self._count += 1
+        return f"%v{self._count}"
+
+    def line(self, text: str) -> str:
+        name = self.fresh()
+        self.lines.append(f"  {name} = {text}")
+        return name
+
+    def node(self, index: int) -> str:
+        """The SSA name that holds a node, printing what it needs first (iteratively: tapes are deep)."""
+        stack = [index]
+        while stack:
+            top = stack[-1]
+            if top in self._names:
+                stack.pop()
+                continue
+            node = self.tape.nodes[top]
+            waiting = [] if node[0] in ("const", "input") else [a for a in node[1:] if a not in self._names]
+            if waiting:
+                stack.extend(waiting)
+                continue
+            self._names[top] = self._print(node)
+            stack.pop()
+        return self._names[index]
+
+    def _print(self, node: tuple) -> str:
+        op, *args = node
+        t = self.type
+        if op == "const":
+            return self._splat(args[0])
+        if op == "input":
+            return self.load(args[0], str(args[1]))
+        names = [self._names[a] for a in args]
+        if op in _BINARY:
+            return self.line(f"{_BINARY[op]} {t} {names[0]}, {names[1]}")
+        if op == "neg":
+            return self.line(f"fneg {t} {names[0]}")
+        if op == "select":
+            positive = self.line(f"fcmp ogt {t} {names[0]}, zeroinitializer")
+            return self.line(f"select <{self.lanes} x i1> {positive}, {t} {names[1]}, {t} {names[2]}")
+        return self.line(f"call {t} @{op}_({', '.join(f'{t} {n}' for n in names)})")
+
+    def _splat(self, value: float) -> str:
+        return f"<{', '.join([f'double {hexadecimal(value)}'] * self.lanes)}>"
+
+    def load(self, block: str, row: str) -> str:
+        pointer = self.line(f"getelementptr {self.type}, ptr %{block}, i64 {row}")
+        return self.line(f"load {self.type}, ptr {pointer}, align 8")
+
+    def store(self, value: str, block: str, row: str) -> None:
+        pointer = self.line(f"getelementptr {self.type}, ptr %{block}, i64 {row}")
+        self.lines.append(f"  store {self.type} {value}, ptr {pointer}, align 8")
+
+
+def hexadecimal(value: float) -> str:
+    """A double as LLVM writes it exactly."""
+    return f"0x{struct.unpack('>Q', struct.pack('>d', value))[0]:016X}"
+
+
+def print_value(tape: Tape, outputs: Sequence[int], lanes: int) -> str:
+    """The function `value`."""
+    body = Printer(tape, lanes)
+    for i, output in enumerate(outputs):
+        body.store(body.node(output), "y", str(i))
+    lines = "\n".join(body.lines)
+    return f"define void @value(ptr noalias %x, ptr noalias %u, ptr noalias %c, ptr noalias %y) {{\nentry:\n{lines}\n  ret void\n}}\n"
+
+
+def print_tangent(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence[int], lanes: int) -> str:
+    """The function `tangent`, differentiating with respect to all of x and to the parameters c[wrt]."""
+    x_nodes = [tape.put(("input", "x", i)).index for i in range(n_x)]
+    c_nodes = [tape.put(("input", "c", j)).index for j in wrt]
+    entries = jacobian(tape, list(outputs), x_nodes + c_nodes)
+    body = Printer(tape, lanes)
+    for i, output in enumerate(outputs):
+        body.store(body.node(output), "y", str(i))
+    names = {place: body.node(node) for place, node in entries.items()}
+    body.lines += ["  br label %columns", "columns:", "  %col = phi i64 [ 0, %entry ], [ %next, %columns ]"]
+    t, n_y = body.type, len(outputs)
+    used = sorted({j for _, j in names if j < n_x})
+    rows = {j: body.load("S", body.line(f"add i64 {body.line(f'mul i64 %ncol, {j}')}, %col")) for j in used}
+    for i in range(n_y):
+        total = None
+        for j in used:
+            if (i, j) in names:
+                product = body.line(f"fmul contract {t} {names[i, j]}, {rows[j]}")
+                total = product if total is None else body.line(f"fadd contract {t} {total}, {product}")
+        place = body.line(f"add i64 {body.line(f'mul i64 %ncol, {i}')}, %col")
+        body.store(total or "zeroinitializer", "dS", place)
+    body.lines += [
+        "  %next = add i64 %col, 1",
+        "  %more = icmp slt i64 %next, %ncol",
+        "  br i1 %more, label %columns, label %parameters0",
+    ]
+    for k in range(len(wrt)):
+        body.lines.append(f"parameters{k}:")
+        column_pointer = body.line(f"getelementptr i64, ptr %column_of, i64 {k}")
+        column = body.line(f"load i64, ptr {column_pointer}")
+        wanted = body.line(f"icmp sge i64 {column}, 0")
+        body.lines.append(f"  br i1 {wanted}, label %add{k}, label %parameters{k + 1}")
+        body.lines.append(f"add{k}:")
+        for i in range(n_y):
+            if (i, n_x + k) in names:
+                place = body.line(f"add i64 {body.line(f'mul i64 %ncol, {i}')}, {column}")
+                old = body.load("dS", place)
+                body.store(body.line(f"fadd {t} {old}, {names[i, n_x + k]}"), "dS", place)
+        body.lines.append(f"  br label %parameters{k + 1}")
+    body.lines += [f"parameters{len(wrt)}:", "  ret void"]
+    signature = "ptr noalias %x, ptr noalias %u, ptr noalias %c, ptr noalias %y, ptr noalias %S, ptr noalias %dS, i64 %ncol, ptr noalias %column_of"
+    return f"define void @tangent({signature}) {{\nentry:\n" + "\n".join(body.lines) + "\n}\n"
+
+
+def print_functions(used: set[str], lanes: int) -> str:
+    """Definitions of sin_, cos_, ... on `lanes` numbers: printed from the approximations, or calls of libm."""
+    from awescli.engine.approximations import APPROXIMATIONS
+
+    t = f"<{lanes} x double>"
+    text, declared = [], set()
+    pending = sorted(used)
+    while pending:
+        op = pending.pop()
+        if op in declared:
+            continue
+        declared.add(op)
+        arguments = ", ".join(f"{t} %a{i}" for i in range(_CALLS.get(op, 1)))
+        if op in APPROXIMATIONS:
+            tape, output = APPROXIMATIONS[op]()
+            body = _ArgumentPrinter(tape, lanes)
+            result = body.node(output)
+            lines = "\n".join(body.lines)
+            text.append(f"define internal {t} @{op}_({arguments}) alwaysinline {{\n{lines}\n  ret {t} {result}\n}}\n")
+            pending += [n[0] for n in tape.nodes if n[0] in _CALLS or n[0] == "power_of_two"]
+        elif op == "power_of_two":
+            i = f"<{lanes} x i64>"
+            bias, shift = (f"<{', '.join([f'i64 {k}'] * lanes)}>" for k in (1023, 52))
+            text.append(
+                f"define internal {t} @power_of_two_({arguments}) alwaysinline {{\n  %n = fptosi {t} %a0 to {i}\n"
+                f"  %b = add {i} %n, {bias}\n  %s = shl {i} %b, {shift}\n  %r = bitcast {i} %s to {t}\n  ret {t} %r\n}}\n"
+            )
+        else:
+            intrinsic = {"round": "roundeven"}.get(op, op)
+            text.append(
+                f"declare {t} @llvm.{intrinsic}.v{lanes}f64({t})\n"
+                f"define internal {t} @{op}_({arguments}) alwaysinline {{\n"
+                f"  %r = call {t} @llvm.{intrinsic}.v{lanes}f64({t} %a0)\n  ret {t} %r\n}}\n"
+            )
+    return "".join(text)
+
+
+class _ArgumentPrinter(Printer):
+    """Prints a tape whose inputs are the arguments %a0, %a1 of a function."""
+
+    def load(self, block: str, row: str) -> str:
+        return f"%a{row}"
+
+
+def calls_of(tape: Tape) -> set[str]:
+    return {n[0] for n in tape.nodes if n[0] in _CALLS}

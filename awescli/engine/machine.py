@@ -1,0 +1,111 @@
+"""Compile printed IR with LLVM (the one numba brings) and hand out addresses of the functions.
+
+A compiled object is cached on disk by the hash of its IR, the processor and LLVM's version; the cache may be deleted at any time.
+"""
+
+import hashlib
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from awescli.engine.llvm_ir import calls_of, print_functions, print_tangent, print_value
+from awescli.engine.record import record
+
+LANES = 8
+"""Independent evaluations per call: one AVX-512 register, two AVX2 ones."""
+
+_KEPT: list = []  # LLVM frees code with its engine: keep every engine for the life of the process
+_target_machine = None
+
+
+@dataclass(frozen=True)
+class Program:
+    """A compiled function y = f(x, u, c) of three vectors, on LANES lanes.
+
+    value, tangent: addresses of the two functions of `llvm_ir`; wrt: indices of the parameters that tangent knows.
+    """
+
+    n_x: int
+    n_u: int
+    n_c: int
+    n_y: int
+    wrt: tuple[int, ...]
+    value: int
+    tangent: int
+    operations: int = field(compare=False, default=0)
+
+
+def compile_program(function: Callable[..., Sequence], n_x: int, n_u: int, n_c: int, wrt: Sequence[int] = (), *, tangent: bool = True) -> Program:
+    """Record `function(x, u, c)` (lists of scalars in, sequence of scalars out), differentiate, compile.
+
+    wrt: indices of the components of c that `tangent` differentiates with respect to (all of x always).
+    """
+    tape, outputs = record(function, x=n_x, u=n_u, c=n_c)
+    operations = len(tape.nodes)
+    text = print_value(tape, outputs, LANES)
+    if tangent:
+        text += print_tangent(tape, outputs, n_x, wrt, LANES)
+    text += print_functions(calls_of(tape), LANES)
+    engine = _compile(text)
+    address = engine.get_function_address
+    return Program(n_x, n_u, n_c, len(outputs), tuple(wrt), address("value"), address("tangent") if tangent else 0, operations)
+
+
+def _machine():
+    global _target_machine
+    if _target_machine is None:
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        target = llvm.Target.from_default_triple()
+        features = llvm.get_host_cpu_features().flatten()
+        _target_machine = target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2, jit=True)
+    return _target_machine
+
+
+def _compile(text: str):
+    machine = _machine()
+    module = llvm.parse_assembly(text)
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    options = llvm.create_pipeline_tuning_options(speed_level=1)
+    llvm.create_pass_builder(machine, options).getModulePassManager().run(module, llvm.create_pass_builder(machine, options))
+    engine = llvm.create_mcjit_compiler(module, machine)
+    key = hashlib.sha256(f"{text}{llvm.llvm_version_info}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}".encode()).hexdigest()
+    engine.set_object_cache(notify_func=lambda _, code: _store(key, code), getbuffer_func=lambda _: _load(key))
+    engine.finalize_object()
+    _KEPT.append(engine)
+    return engine
+
+
+def cache_folder() -> Path:
+    return Path(os.environ.get("AWES_CACHE") or Path.home() / ".cache" / "awes")
+
+
+def _load(key: str):
+    path = cache_folder() / f"{key}.o"
+    return path.read_bytes() if path.is_file() else None
+
+
+def _store(key: str, code: bytes) -> None:
+    folder = cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        temporary = folder / f".{key}.{os.getpid()}"
+        temporary.write_bytes(code)
+        temporary.replace(folder / f"{key}.o")
+    except OSError:
+        pass  # a cache that cannot be written costs a second at the next start, nothing else
+
+
+def evaluate(program: Program, x: np.ndarray, u: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """y (n_y, LANES) for x (n_x, LANES), u (n_u, LANES), c (n_c, LANES): one call from Python, for tests and single points."""
+    import ctypes
+
+    x, u, c = (np.ascontiguousarray(a, dtype=float) for a in (x, u, c))
+    y = np.empty((program.n_y, LANES))
+    function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(program.value)
+    function(*(a.ctypes.data for a in (x, u, c, y)))
+    return y

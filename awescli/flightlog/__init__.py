@@ -1,0 +1,1 @@
+"""Floor 1: flight logs. Reads flights, converts units; writes nothing, knows no physics."""

@@ -1,0 +1,101 @@
+"""FlightLog: one flight, equally long signals, finite, SI, NED/FRD, one uniform clock, frozen."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from awescli.notation.errors import BadInput, did_you_mean
+from awescli.notation.frames import rotate_back, rotation_body_to_ned
+from awescli.notation.quantities import INPUTS, MEASURED
+
+
+@dataclass(frozen=True)
+class WindRecord:
+    """The wind as a station or a lidar recorded it, on its own slow clock.
+
+    time: (M,) s on the flight's clock; height: (H,) m above the winch, ascending; speed: (M, H) m/s;
+    direction: (M, H) rad, where the wind comes from, clockwise from north, unwrapped in time and height;
+    down: (M, H) m/s vertical wind, positive down; density: (M,) kg/m3, or None where the log has none.
+    """
+
+    time: np.ndarray
+    height: np.ndarray
+    speed: np.ndarray
+    direction: np.ndarray
+    down: np.ndarray
+    density: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class FlightLog:
+    """One flight on a uniform clock.
+
+    name: the folder's name; start: unix time of sample 0 [s]; dt: sample interval [s]; time: (N,) s from the start.
+    measured: what sensors reported (names in `quantities.MEASURED`), each (N,); inputs: what was commanded
+    (names in `quantities.INPUTS`), each (N,). Signals the log lacks are absent, never zero-filled.
+    valid: (N,) bool, False where a sample was filled over a gap or failed a check and must not be fitted or scored.
+    wind: WindRecord, or None. groups: signal name -> clock group ("onboard", "winch", "weather").
+    notes: what the reader did to the file (removed stamps, filled gaps, ...), one sentence each; counters: the same, counted.
+    """
+
+    name: str
+    start: float
+    dt: float
+    time: np.ndarray
+    measured: Mapping[str, np.ndarray]
+    inputs: Mapping[str, np.ndarray]
+    valid: np.ndarray
+    wind: WindRecord | None = None
+    groups: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    counters: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self):
+        for table, known in ((self.measured, MEASURED), (self.inputs, INPUTS)):
+            for name, signal in table.items():
+                if name not in known:
+                    raise BadInput(f"unknown signal '{name}' in flight '{self.name}'", do=did_you_mean(name, known))
+                if signal.shape != self.time.shape or not np.isfinite(signal).all():
+                    raise BadInput(f"signal '{name}' of flight '{self.name}' is not {self.time.shape[0]} finite samples")
+                signal.setflags(write=False)
+        object.__setattr__(self, "measured", MappingProxyType(dict(self.measured)))
+        object.__setattr__(self, "inputs", MappingProxyType(dict(self.inputs)))
+        object.__setattr__(self, "groups", MappingProxyType(dict(self.groups)))
+        object.__setattr__(self, "counters", MappingProxyType(dict(self.counters)))
+
+    def __len__(self) -> int:
+        return self.time.shape[0]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A signal by name: measured, commanded, or derived (u, v, w from the NED velocity and the Euler angles)."""
+        if name in self.measured:
+            return self.measured[name]
+        if name in self.inputs:
+            return self.inputs[name]
+        if name in ("u", "v", "w"):
+            return self.body_velocity["uvw".index(name)]
+        known = [*self.measured, *self.inputs, "u", "v", "w"]
+        raise BadInput(f"flight '{self.name}' has no signal '{name}'", do=did_you_mean(name, known))
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.measured or name in self.inputs
+
+    @property
+    def body_velocity(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(u, v, w) = R^T v_ned, each (N,) m/s: as noisy as both of its sources."""
+        m = self.measured
+        R = rotation_body_to_ned(m["phi"], m["theta"], m["psi"])
+        return rotate_back(R, (m["v_n"], m["v_e"], m["v_d"]))
+
+    def between(self, first: int, last: int) -> "FlightLog":
+        """Samples first..last-1 as a log of their own; the clock keeps its origin."""
+        cut = slice(first, last)
+        return replace(
+            self,
+            time=self.time[cut],
+            measured={k: s[cut] for k, s in self.measured.items()},
+            inputs={k: s[cut] for k, s in self.inputs.items()},
+            valid=self.valid[cut],
+        )

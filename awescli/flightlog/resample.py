@@ -1,0 +1,200 @@
+"""Irregular samples -> one uniform clock. Samples that already lie on it keep every bit; gaps are marked, never hidden."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from awescli.flightlog.log import FlightLog, WindRecord
+from awescli.notation.errors import BadInput
+from awescli.notation.quantities import ANGLES, MEASURED, SURFACES
+
+ON_GRID = 0.05
+"""Share of the sample interval by which a sample may miss a grid point and still stand for it. At 50 Hz and 30 m/s: 3 cm."""
+
+STAMP_ROUNDING = 6e-4
+"""s: loggers round stamps to milliseconds, so a perfectly regular 30 Hz log misses its grid by up to half of one."""
+
+STRAY = 10.0
+"""Sample intervals by which a single stamp must leave its neighbours, there and back, to be called stray."""
+
+MAX_STRETCH = 20
+"""A grid with more points than this per sample is a wrong clock, not a log with gaps (and would fill the memory)."""
+
+
+@dataclass(frozen=True)
+class RawFlight:
+    """What a reader took from the files: SI, NED/FRD, on the file's own stamps.
+
+    start: unix time of stamp 0 [s]; stamps: (N,) s; signals: quantity -> (N,), NaN where missing; groups: quantity ->
+    clock group; late: clock group -> s by which its records come late (its value stamped t belongs to t - late);
+    wind: WindRecord on the same stamps; where: the file, for messages.
+    """
+
+    name: str
+    start: float
+    stamps: np.ndarray
+    signals: Mapping[str, np.ndarray]
+    where: str
+    groups: Mapping[str, str] = field(default_factory=dict)
+    late: Mapping[str, float] = field(default_factory=dict)
+    wind: WindRecord | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Placement:
+    """Where the grid points fall among the samples: the sample that stands for a point, or its two neighbours."""
+
+    left: np.ndarray
+    right: np.ndarray
+    nearest: np.ndarray
+    exact: np.ndarray
+    fraction: np.ndarray
+    known: np.ndarray
+
+
+def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
+    """The flight on a uniform clock.
+
+    Repeated, backward and stray stamps are removed. Points between samples are interpolated (angles over the short way round,
+    surfaces held); over gaps longer than `max_gap` [s] (at least 1.5 sample intervals) they are filled and marked invalid.
+    Raises BadInput where fewer than 3 usable samples remain or the stamps cannot be a clock.
+    """
+    keep, removed = usable_stamps(raw.stamps)
+    if keep.size < 3:
+        raise BadInput(f"{keep.size} samples with usable time stamps", raw.where, "At least 3 are needed; is the time column right?")
+    stamps = raw.stamps[keep]
+    dt = sample_interval(stamps)
+    count = int(round((stamps[-1] - stamps[0]) / dt)) + 1
+    if count > MAX_STRETCH * keep.size + 1000:
+        raise BadInput(
+            f"{keep.size} samples are spread over {stamps[-1] - stamps[0]:.0f} s though most are {dt:g} s apart",
+            raw.where,
+            "Check the unit of the time column; cut the log into its flights.",
+        )
+    origin, time = stamps[0], np.arange(count) * dt
+    max_gap = max(max_gap, 1.5 * dt)
+    valid, filled, signals, notes = np.ones(count, bool), 0, {}, list(raw.notes)
+    placements: dict[float, _Placement] = {}
+    for name, column in raw.signals.items():
+        values, late = column[keep], raw.late.get(raw.groups.get(name, "onboard"), 0.0)
+        good = np.isfinite(values)
+        if not good.any():
+            notes.append(f"{name} has no value at all and was left out.")
+            continue
+        if good.all():
+            if late not in placements:
+                placements[late] = _place(time, stamps - origin - late, dt, max_gap)
+            placement = placements[late]
+        else:
+            values = values[good]
+            placement = _place(time, stamps[good] - origin - late, dt, max_gap)
+            filled += int((~good).sum())
+        signals[name] = _take(values, placement, name)
+        valid &= placement.known
+    if not signals:
+        raise BadInput("no signal holds a value", raw.where, "Check the columns.")
+    between = _place(time, stamps - origin, dt, max_gap)
+    counters = {
+        "rows": int(raw.stamps.size), **removed, "interpolated": int((~between.exact & between.known).sum()),
+        "gaps": int((np.diff(stamps) > max_gap).sum()), "gap_samples": int((~between.known).sum()), "missing_cells": filled,
+    }  # fmt: skip
+    return FlightLog(
+        name=raw.name,
+        start=raw.start + float(origin),
+        dt=dt,
+        time=time,
+        measured={k: s for k, s in signals.items() if k in MEASURED},
+        inputs={k: s for k, s in signals.items() if k not in MEASURED},
+        valid=valid,
+        wind=None if raw.wind is None else replace(raw.wind, time=raw.wind.time - origin),
+        groups={k: g for k, g in raw.groups.items() if k in signals or k == "wind"},
+        notes=(*notes, *_say(counters, dt, max_gap, raw.late)),
+        counters=counters,
+    )
+
+
+def usable_stamps(stamps: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
+    """Indices of the samples whose stamps run forward, and how many were removed as unreadable, stray, repeated, backward."""
+    index = np.flatnonzero(np.isfinite(stamps))
+    unreadable = stamps.size - index.size
+    stray = 0
+    if index.size > 4:
+        t = stamps[index]
+        step = np.diff(t)
+        typical = float(np.median(step[step > 0])) if (step > 0).any() else 0.0
+        # the median of a rising window is its middle, whatever the gaps: only a stamp that leaves and returns differs
+        off = np.abs(t - median_filter(t, 5, mode="nearest")) > STRAY * typical
+        stray = int(off.sum())
+        index = index[~off]
+    t = stamps[index]
+    latest = np.maximum.accumulate(t) if t.size else t
+    forward = np.ones(t.size, bool)
+    forward[1:] = t[1:] > latest[:-1]
+    repeated = np.zeros(t.size, bool)
+    repeated[1:] = t[1:] == latest[:-1]
+    backward = int((~forward & ~repeated).sum())
+    return index[forward], {"unreadable": unreadable, "stray": stray, "repeated": int(repeated.sum()), "backward": backward}
+
+
+def sample_interval(stamps: np.ndarray) -> float:
+    """Sample interval [s] of rising stamps: the mean of the ordinary steps, snapped to a whole rate where it is within 1 %."""
+    step = np.diff(stamps)
+    median = float(np.median(step))
+    # the mean of the steps near the median, since stamps in ms give 33, 33, 34 at 30 Hz
+    near = step[(step > 0.5 * median) & (step < 1.5 * median)]
+    mean = float(near.mean()) if near.size else median
+    rate = 1.0 / mean
+    if rate >= 1 and abs(round(rate) / rate - 1) < 0.01:
+        return 1.0 / round(rate)
+    return round(mean, 4) if mean >= 0.01 else mean
+
+
+def wrap(angle: np.ndarray) -> np.ndarray:
+    """Angle [rad] in (-pi, pi]; values already there keep every bit."""
+    outside = (angle > np.pi) | (angle <= -np.pi)
+    return np.where(outside, np.pi - np.mod(np.pi - angle, 2 * np.pi), angle) if outside.any() else angle
+
+
+def _place(time: np.ndarray, stamps: np.ndarray, dt: float, max_gap: float) -> _Placement:
+    """The samples around every grid point; a point is known where a sample stands for it or the samples around are close."""
+    right = np.searchsorted(stamps, time)
+    left = np.clip(right - 1, 0, stamps.size - 1)
+    right = np.clip(right, 0, stamps.size - 1)
+    nearest = np.where(np.abs(stamps[right] - time) < np.abs(stamps[left] - time), right, left)
+    tolerance = min(max(ON_GRID * dt, STAMP_ROUNDING), 0.25 * dt)
+    exact = np.abs(stamps[nearest] - time) <= tolerance
+    step = stamps[right] - stamps[left]
+    inside = (time >= stamps[0]) & (time <= stamps[-1])
+    fraction = np.where(step > 0, (time - stamps[left]) / np.where(step > 0, step, 1.0), 0.0)
+    return _Placement(left, right, nearest, exact, np.clip(fraction, 0.0, 1.0), exact | (inside & (step <= max_gap)))
+
+
+def _take(values: np.ndarray, at: _Placement, name: str) -> np.ndarray:
+    """One signal on the grid."""
+    before, after = values[at.left], values[at.right]
+    if name in SURFACES:  # a set-point holds until the next one
+        between = before
+    elif name in ANGLES:
+        between = before + at.fraction * wrap(after - before)
+    else:
+        between = before + at.fraction * (after - before)
+    taken = np.where(at.exact, values[at.nearest], between)
+    return wrap(taken) if name in ANGLES else taken
+
+
+def _say(counters: Mapping[str, int], dt: float, max_gap: float, late: Mapping[str, float]) -> list[str]:
+    """The counters that are not zero, one sentence each."""
+    sentences = {
+        "unreadable": "{} rows without a readable time stamp were removed.",
+        "stray": "{} rows with a stray time stamp were removed.",
+        "repeated": "{} rows with a repeated time stamp were removed (the first of each is kept).",
+        "backward": "{} rows whose time stamps run backward were removed.",
+        "interpolated": f"{{}} samples were interpolated to the uniform clock of {dt:g} s.",
+        "gaps": f"{{}} gaps are longer than {max_gap:g} s; the samples inside are marked invalid.",
+        "missing_cells": "{} missing values: short stretches interpolated, longer ones marked invalid.",
+    }
+    said = [text.format(counters[key]) for key, text in sentences.items() if counters[key]]
+    return said + [f"The {group} clock was moved by {-s:+.2f} s." for group, s in late.items() if s]

@@ -1,0 +1,43 @@
+"""Rotations between body, NED and wind axes, written once for floats, arrays, tensors and recorded scalars."""
+
+from awescli.notation.scalars import cos, sin
+
+
+def rotation_body_to_ned(phi, theta, psi):
+    """Rows of R_b2i (ZYX Euler angles [rad]); v_ned = R v_body. Seed section 2; Beard & McLain eq. 2.5 transposed."""
+    s_f, c_f, s_t, c_t, s_p, c_p = sin(phi), cos(phi), sin(theta), cos(theta), sin(psi), cos(psi)
+    return (
+        (c_t * c_p, s_f * s_t * c_p - c_f * s_p, c_f * s_t * c_p + s_f * s_p),
+        (c_t * s_p, s_f * s_t * s_p + c_f * c_p, c_f * s_t * s_p - s_f * c_p),
+        (-s_t, s_f * c_t, c_f * c_t),
+    )
+
+
+def rotate(R, a):
+    """R a for a 3x3 nested tuple R and a 3-tuple a: body -> NED with R = R_b2i."""
+    return tuple(row[0] * a[0] + row[1] * a[1] + row[2] * a[2] for row in R)
+
+
+def rotate_back(R, a):
+    """R^T a: NED -> body with R = R_b2i."""
+    return tuple(R[0][i] * a[0] + R[1][i] * a[1] + R[2][i] * a[2] for i in range(3))
+
+
+def cross(a, b):
+    """a x b for 3-tuples."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def dot(a, b):
+    """a . b for 3-tuples."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def add(a, b):
+    """a + b for 3-tuples."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def scale(s, a):
+    """s a for a number s and a 3-tuple a."""
+    return (s * a[0], s * a[1], s * a[2])

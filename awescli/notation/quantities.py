@@ -1,0 +1,35 @@
+"""The quantities of a flight: names, units, and which of them are the 12 states.
+
+Frames: inertial NED with its origin at the winch; body FRD (x forward, y right, z down). SI and radians throughout.
+"""
+
+STATES = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r")
+"""z of the seed, section 2: position NED [m], velocity over ground in body axes [m/s], Euler angles [rad], rates [rad/s]."""
+
+SURFACES = ("aileron", "elevator", "rudder", "flaps")
+"""Control surface set-points [rad], signs as the kite's aerodynamic table wants them (the kite file states the log's sign)."""
+
+UNITS = {
+    "p_n": "m", "p_e": "m", "p_d": "m",
+    "u": "m/s", "v": "m/s", "w": "m/s",
+    "v_n": "m/s", "v_e": "m/s", "v_d": "m/s",
+    "phi": "rad", "theta": "rad", "psi": "rad",
+    "p": "rad/s", "q": "rad/s", "r": "rad/s",
+    "a_x": "m/s2", "a_y": "m/s2", "a_z": "m/s2",
+    "V_a": "m/s", "alpha": "rad", "beta": "rad", "tension": "N",
+    "aileron": "rad", "elevator": "rad", "rudder": "rad", "flaps": "rad",
+    "tether_length": "m", "reel_out_speed": "m/s",
+}  # fmt: skip
+
+MEASURED = (
+    "p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r",
+    "a_x", "a_y", "a_z", "V_a", "alpha", "beta", "tension",
+)  # fmt: skip
+"""What sensors report: a model may be compared with these and must never touch them. (a_x, a_y, a_z) is the kinematic
+acceleration R^T d2p/dt2 in body axes, gravity neither added nor removed."""
+
+INPUTS = (*SURFACES, "tether_length", "reel_out_speed")
+"""What was commanded or set from outside: a model may be driven by these."""
+
+ANGLES = ("phi", "theta", "psi", "alpha", "beta")
+"""Quantities whose differences are wrapped to (-pi, pi] before they enter a cost or a score."""

@@ -1,0 +1,141 @@
+"""The kite file: what a user declares of a kite, checked, and the parameter table that it makes."""
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from awescli.notation.document import read_document
+from awescli.notation.parameters import Parameter, ParameterTable
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class ParameterRow(_Frozen):
+    """One parameter of the kite, SI and radians unless `unit` and the aerodynamic table say otherwise."""
+
+    value: float = Field(allow_inf_nan=False)
+    unit: str = "-"
+    lower: float | None = None
+    upper: float | None = None
+    free: bool = False
+    std: float | None = Field(None, gt=0, description="prior standard deviation; default a quarter of the bounded range")
+    source: str = ""
+
+
+class AerodynamicTable(_Frozen):
+    """Coefficient -> monomial -> parameter name. Monomials are products of powers: `alpha^2*flaps`, `abs(beta)`, `q_hat`, `1`."""
+
+    frame: Literal["wind", "body"] = Field("wind", description="wind: CD, CY, CL; body: CX, CY, CZ; moments Cl, Cm, Cn always in body axes")
+    angles: Literal["rad", "deg"] = Field("rad", description="unit in which alpha, beta and deflections enter the monomials")
+    terms: dict[str, dict[str, str]]
+
+
+class WindLaw(_Frozen):
+    """How the recorded wind is carried to the kite's height."""
+
+    law: Literal["table", "power", "log", "uniform"] = "table"
+    exponent: float = Field(0.0, description="power law exponent")
+    reference_height: float = Field(10.0, gt=0, description="height of a station without a height column [m]")
+    roughness: float = Field(0.0002, gt=0, description="roughness length of the log law [m]")
+    std: float = Field(0.1, ge=0, description="standard deviation of the recorded wind [m/s]; its error is a nuisance, not an effect")
+
+
+class TetherLaw(_Frozen):
+    """Which law gives the tension (shared equations 2-8, see physics/effects/tether.py)."""
+
+    law: Literal["seed", "exact"] = "seed"
+    tension: Literal["constraint", "measured"] = "constraint"
+
+
+class SurfaceDeclaration(_Frozen):
+    """How a surface of the log enters the aerodynamic table."""
+
+    sign: Literal[-1, 1] = Field(1, description="-1 where the log's positive deflection is the table's negative one")
+    lower: float = Field(-0.6, description="[rad], in the log's sign")
+    upper: float = Field(0.6, description="[rad], in the log's sign")
+
+
+class Noise(_Frozen):
+    """White sensor noise, one standard deviation per sample, in SI and radians; load_relative is a share of the load."""
+
+    position: tuple[float, float, float] = (0.1, 0.1, 0.15)
+    velocity: float = Field(0.05, gt=0)
+    euler: float = Field(0.0035, gt=0)
+    rates: float = Field(0.0052, gt=0)
+    airspeed: float = Field(0.3, gt=0)
+    flow_angles: float = Field(0.0087, gt=0)
+    load_relative: float = Field(0.01, gt=0)
+    acceleration: float = Field(0.2, gt=0)
+
+
+class KiteDeclaration(_Frozen):
+    """A kite as its user declares it: everything a model needs, and nothing about a flight."""
+
+    name: str
+    description: str = ""
+    parameters: dict[str, ParameterRow]
+    aerodynamics: AerodynamicTable
+    tether: TetherLaw = TetherLaw()
+    wind: WindLaw = WindLaw()
+    surfaces: dict[Literal["aileron", "elevator", "rudder", "flaps"], SurfaceDeclaration] = {}
+    effects: tuple[str, ...] = Field(
+        ("gravity", "aerodynamics", "tether"),
+        description="ordered; each name from the table of effects, with `:target` where an effect has several places to act",
+    )
+    noise: Noise = Noise()
+
+    def table(self) -> ParameterTable:
+        """The declared parameters as a table, in file order."""
+        return ParameterTable(parameter_of(name, row) for name, row in self.parameters.items())
+
+    def with_parameters(self, table: ParameterTable) -> "KiteDeclaration":
+        """The same declaration holding the rows of `table`."""
+        return self.model_copy(update={"parameters": {p.name: row_of(p) for p in table.rows}})
+
+
+def parameter_of(name: str, row: ParameterRow) -> Parameter:
+    lower = -float("inf") if row.lower is None else row.lower
+    upper = float("inf") if row.upper is None else row.upper
+    return Parameter(name, row.value, row.unit, lower, upper, row.free, row.source, row.std)
+
+
+def row_of(p: Parameter) -> ParameterRow:
+    finite = float("inf")
+    return ParameterRow(
+        value=p.value, unit=p.unit, free=p.free, std=p.std, source=p.source,
+        lower=None if p.lower == -finite else p.lower, upper=None if p.upper == finite else p.upper,
+    )  # fmt: skip
+
+
+def read_kite(path: Path) -> KiteDeclaration:
+    """Read and check a kite file. Raises BadInput with file:line, also for unknown effects and parameters that effects need."""
+    from awescli.physics.kite import check_declaration
+
+    declaration = read_document(Path(path), KiteDeclaration)
+    check_declaration(declaration, str(path))
+    return declaration
+
+
+def kite_text(declaration: KiteDeclaration) -> str:
+    """The declaration as the text of a kite file (what `read_kite` reads back to an equal object)."""
+    import yaml
+
+    class Flow(dict):
+        pass
+
+    class Dumper(yaml.SafeDumper):
+        pass
+
+    Dumper.add_representer(Flow, lambda d, data: d.represent_mapping("tag:yaml.org,2002:map", data, flow_style=True))
+    content = declaration.model_dump(mode="json")
+    content["parameters"] = {
+        name: Flow({k: v for k, v in row.items() if v is not None and v != ""}) for name, row in content["parameters"].items()
+    }
+    for key in ("tether", "wind", "noise"):
+        content[key] = Flow(content[key])
+    content["surfaces"] = {k: Flow(v) for k, v in content["surfaces"].items()}
+    content["aerodynamics"]["terms"] = {k: Flow(v) for k, v in content["aerodynamics"]["terms"].items()}
+    return yaml.dump(content, Dumper=Dumper, sort_keys=False, width=160, allow_unicode=True)

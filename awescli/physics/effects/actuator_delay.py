@@ -1,0 +1,41 @@
+"""An actuator, or its bus, that answers after a pure delay."""
+
+from awescli.notation.parameters import Parameter
+from awescli.notation.quantities import SURFACES
+from awescli.notation.scalars import select
+from awescli.physics.effects.base import Effect
+from awescli.physics.effects.lag import SHORTEST
+
+
+class ActuatorDelay(Effect):
+    """delta(t) = set-point(t - tau) as a second-order Pade form (1 - tau s/2 + (tau s)^2/12) / (1 + tau s/2 + (tau s)^2/12).
+
+    All-pass: amplitude untouched, phase right to 1 % up to 2/tau. States x1, x2 = x1': tau^2/12 x1'' + tau/2 x1' + x1 = set-point,
+    delta = set-point - tau x1'.
+    """
+
+    name = "actuator_delay"
+    doc = "pure delay of a surface"
+    parameters = (Parameter("tau", 0.0, "s", 0.0, 0.5, source="0.05-0.2 s"),)
+    targets = SURFACES
+    states = ("x1", "x2")
+    probes = {"tau": (0.06, 0.12, 0.2)}
+
+    def _tau(self, own):
+        # the Pade poles, 3.5/tau, must stay inside RK4's stability region at 20 ms
+        shortest = 3 * SHORTEST
+        return select(own.tau - shortest, own.tau, shortest + 0.0 * own.tau)
+
+    def actuate(self, deflections, at, own):
+        target = deflections[self.target]
+        at.states[f"{self.key}.target"] = target
+        _, x2 = self.own_states(at)
+        return {**deflections, self.target: select(own.tau - SHORTEST, target - own.tau * x2, target)}
+
+    def rates(self, at, own):
+        (x1, x2), tau = self.own_states(at), self._tau(own)
+        return x2, 12 * (at.states[f"{self.key}.target"] - x1 - tau * x2 / 2) / (tau * tau)
+
+    def initial(self, at, own):
+        rate = at.inputs[f"{self.target}_rate"]
+        return at.states[f"{self.key}.target"] - self._tau(own) * rate / 2, rate

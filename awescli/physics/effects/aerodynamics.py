@@ -1,0 +1,88 @@
+"""Aerodynamic coefficients from the kite file's table of terms."""
+
+import math
+import re
+
+from awescli.notation.errors import BadInput, did_you_mean
+from awescli.notation.scalars import absolute, cos, sin
+from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Coefficients
+
+VARIABLES = ("alpha", "beta", "p_hat", "q_hat", "r_hat", "aileron", "elevator", "rudder", "flaps")
+_COEFFICIENTS = {"wind": ("CD", "CY", "CL", "Cl", "Cm", "Cn"), "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}
+_FACTOR = re.compile(r"^(abs\()?([a-z_]+)(\))?(?:\^(\d))?$")
+
+
+def parse_monomial(text: str) -> list[tuple[str, bool, int]]:
+    """`alpha^2*abs(beta)` -> [(variable, absolute?, power)]; `1` -> []. Raises BadInput with what is allowed."""
+    factors = []
+    for part in [] if text.strip() == "1" else text.replace(" ", "").split("*"):
+        match = _FACTOR.match(part)
+        if not match or bool(match[1]) != bool(match[3]) or match[2] not in VARIABLES:
+            raise BadInput(f"cannot read '{part}' in the monomial '{text}'", do=did_you_mean(part, [*VARIABLES, "abs(beta)", "1"]))
+        factors.append((match[2], bool(match[1]), int(match[4] or 1)))
+    return factors
+
+
+class Aerodynamics(Effect):
+    """C_j = sum over the table's terms of parameter * monomial; rates as p b/2V_a, q c/2V_a, r b/2V_a (Beard & McLain, ch. 4).
+
+    The kite file's `aerodynamics` is the table; its `surfaces` turn the log's signs into the table's.
+    """
+
+    name = "aerodynamics"
+    doc = "polynomial lift, drag, side force and moments"
+    always = True
+
+    def __init__(self, target="", declaration=None):
+        super().__init__(target, declaration)
+        self.table = declaration.aerodynamics
+        self.signs = {name: surface.sign for name, surface in declaration.surfaces.items()}
+
+    def coefficients(self, coefficients, at, own):
+        c = self._evaluate(at, at.alpha)
+        at_zero = self._evaluate(at, 0.0 * at.alpha)
+        return c._replace(CL_alpha_part=c.CL - at_zero.CL)
+
+    def _evaluate(self, at, alpha) -> Coefficients:
+        unit = 180 / math.pi if self.table.angles == "deg" else 1.0
+        b, c, V_a = at.values["b"], at.values["c"], at.V_a
+        x = {
+            "alpha": alpha * unit,
+            "beta": at.beta * unit,
+            "p_hat": at.z.p * b / (2 * V_a),
+            "q_hat": at.z.q * c / (2 * V_a),
+            "r_hat": at.z.r * b / (2 * V_a),
+            **{name: self.signs.get(name, 1) * unit * deflection for name, deflection in at.deflections.items()},
+        }
+        C = []
+        for coefficient in _COEFFICIENTS[self.table.frame]:
+            total = 0.0
+            for monomial, parameter in self.table.terms.get(coefficient, {}).items():
+                term = at.values[parameter]
+                for variable, is_absolute, power in parse_monomial(monomial):
+                    factor = absolute(x[variable]) if is_absolute else x[variable]
+                    for _ in range(power):
+                        term = term * factor
+                total = total + term
+            C.append(total)
+        if self.table.frame == "body":
+            C[:3] = wind_axes(*C[:3], at.alpha, at.beta)
+        return Coefficients(*C)
+
+
+def wind_axes(CX, CY, CZ, alpha, beta):
+    """(C_D, C_Y, C_L) of a force given in body axes: the inverse of `body_axes`."""
+    s_a, c_a, s_b, c_b = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    forward = CX * c_a + CZ * s_a
+    return -(forward * c_b + CY * s_b), CY * c_b - forward * s_b, CX * s_a - CZ * c_a
+
+
+def body_axes(CD, CY, CL, alpha, beta):
+    """(C_X, C_Y, C_Z): the seed's matrix of f_a (section 2.1) applied to (-C_D, C_Y, -C_L)."""
+    s_a, c_a, s_b, c_b = sin(alpha), cos(alpha), sin(beta), cos(beta)
+    return (
+        -CD * c_b * c_a - CY * s_b * c_a + CL * s_a,
+        -CD * s_b + CY * c_b,
+        -CD * c_b * s_a - CY * s_b * s_a - CL * c_a,
+    )

@@ -1,0 +1,100 @@
+"""The contract of an effect: one physical idea, at one place, with parameters whose null value means "absent"."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.instant import Body, Coefficients, Instant, Line, Load, Wind
+
+PLACES = ("actuate", "airflow", "body", "coefficients", "line", "load", "report")
+"""Where an effect may act, in the order in which an instant is filled. An effect fills exactly one of these methods."""
+
+
+class Effect:
+    """One effect. Subclasses are final: they fill one place, and `rates`/`initial` if they have states of their own.
+
+    name: its row in the table; parameters: with null as `value`, plausible range as bounds; targets: where it may act
+    (surfaces, axes, clock groups), empty if there is only one such place; always: part of every kite, not a candidate.
+    plausible: parameter name -> largest size at which the effect is an explanation; probes: parameter name -> sizes at which
+    an effect that is flat at null (a lag, a threshold) is tried; shapes: parameters that only give form to another one.
+
+    Every method receives what stands at its place, the instant `at`, and `own`: the values of its parameters by short name.
+    It must give back its input unchanged, to the last bit, when all parameters are null.
+    """
+
+    name: str = ""
+    doc: str = ""
+    parameters: tuple[Parameter, ...] = ()
+    targets: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+    probes: dict[str, tuple[float, ...]] = {}
+    shapes: tuple[str, ...] = ()
+    always: bool = False
+    traceable: bool = True
+
+    def __init__(self, target: str = "", declaration=None):
+        """target: one of `targets`, or empty; declaration: the kite file (`declaration.KiteDeclaration`) it stands in."""
+        self.target = target
+
+    @property
+    def key(self) -> str:
+        """The name under which this instance stands in a kite file: `actuator_lag:rudder`."""
+        return f"{self.name}:{self.target}" if self.target else self.name
+
+    @property
+    def acts_on(self) -> str:
+        return self.target or self.place
+
+    @property
+    def place(self) -> str:
+        """The one place this effect fills."""
+        return next(p for p in PLACES if getattr(type(self), p) is not getattr(Effect, p))
+
+    def rows(self) -> list[Parameter]:
+        """Its parameters under their full names: `actuator_lag:rudder.tau`."""
+        return [replace(p, name=f"{self.key}.{p.name}") for p in self.parameters]
+
+    def state_names(self) -> list[str]:
+        return [f"{self.key}.{s}" for s in self.states]
+
+    def own(self, at: Instant) -> SimpleNamespace:
+        return SimpleNamespace(**{p.name: at.values[f"{self.key}.{p.name}"] for p in self.parameters})
+
+    def own_states(self, at: Instant) -> tuple:
+        return tuple(at.states[s] for s in self.state_names())
+
+    def actuate(self, deflections: dict, at: Instant, own) -> dict:
+        """Deflections [rad] that the set-points become."""
+        return deflections
+
+    def airflow(self, wind: Wind, at: Instant, own) -> Wind:
+        """The air at the kite."""
+        return wind
+
+    def body(self, body: Body, at: Instant, own) -> Body:
+        """Mass, inertia, centre of mass."""
+        return body
+
+    def coefficients(self, coefficients: Coefficients, at: Instant, own) -> Coefficients:
+        """Aerodynamic coefficients."""
+        return coefficients
+
+    def line(self, line: Line, at: Instant, own) -> Line:
+        """The line and the winch."""
+        return line
+
+    def load(self, at: Instant, own) -> Load:
+        """A force and moment; `at.applied` holds the sum of the loads before it."""
+        raise TypeError(f"effect '{self.name}' acts on {self.place}, it gives no load")
+
+    def report(self, reported: dict, at: Instant, own) -> dict:
+        """What the sensors say of the true outputs."""
+        return reported
+
+    def rates(self, at: Instant, own) -> tuple:
+        """Time derivatives of its states."""
+        return ()
+
+    def initial(self, at: Instant, own) -> tuple:
+        """Its states at the start of a rollout, as if the flight had gone on before."""
+        return ()

@@ -1,0 +1,22 @@
+"""A whole group of signals on a clock of its own."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+
+
+class ClockOffset(Effect):
+    """Winch signals stamped late by tau: the true length at t is the logged one at t + tau, l_t + tau l_t_dot + tau^2/2 l_t_ddot.
+
+    The onboard clock is the reference; a late onboard clock is an early winch.
+    """
+
+    name = "clock_offset"
+    doc = "winch signals stamped late or early"
+    parameters = (Parameter("tau", 0.0, "s", -10.0, 10.0, source="milliseconds to 10 s"),)
+    targets = ("winch",)
+
+    def line(self, line, at, own):
+        acceleration = at.inputs["reel_out_acceleration"]
+        return line._replace(
+            length=line.length + own.tau * (line.speed + own.tau / 2 * acceleration), speed=line.speed + own.tau * acceleration
+        )

@@ -1,0 +1,16 @@
+"""Weight of the kite."""
+
+from awescli.notation.frames import rotate_back
+from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Load
+
+
+class Gravity(Effect):
+    """f_g = R^T (0, 0, m g) (seed, section 2.1). Acts at the centre of mass."""
+
+    name = "gravity"
+    doc = "weight"
+    always = True
+
+    def load(self, at, own):
+        return Load(rotate_back(at.R, (0.0, 0.0, at.body.mass * at.values["g"])), (0.0, 0.0, 0.0))

@@ -1,0 +1,15 @@
+"""A heading that is off by a constant."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+
+
+class HeadingBias(Effect):
+    """reported psi = psi + b."""
+
+    name = "heading_bias"
+    doc = "constant error of the reported yaw angle"
+    parameters = (Parameter("b", 0.0, "rad", -0.3, 0.3, source="1-5 deg"),)
+
+    def report(self, reported, at, own):
+        return {**reported, "psi": reported["psi"] + own.b}

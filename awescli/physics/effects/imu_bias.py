@@ -1,0 +1,18 @@
+"""Constant errors of gyros and accelerometers."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+
+
+class ImuBias(Effect):
+    """Three axes of one instrument: reported = true + b (rates in rad/s, accelerations in m/s2)."""
+
+    name = "imu_bias"
+    doc = "constant bias of gyros or accelerometers"
+    parameters = tuple(Parameter(n, 0.0, "rad/s or m/s2", -1.0, 1.0, source="0.2 deg/s") for n in ("bx", "by", "bz"))
+    targets = ("rates", "accelerations")
+    _channels = {"rates": ("p", "q", "r"), "accelerations": ("a_x", "a_y", "a_z")}
+
+    def report(self, reported, at, own):
+        biased = zip(self._channels[self.target], (own.bx, own.by, own.bz), strict=True)
+        return {**reported, **{name: reported[name] + b for name, b in biased}}

@@ -1,0 +1,25 @@
+"""A load cell behind a filter."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+from awescli.physics.effects.lag import lag_rate, lagged
+
+
+class LoadCellLag(Effect):
+    """tau dy/dt = T - y: first-order filter on the reported load."""
+
+    name = "load_cell_lag"
+    doc = "filtered load cell"
+    parameters = (Parameter("tau", 0.0, "s", 0.0, 1.5, source="0.1-0.5 s"),)
+    states = ("load",)
+    probes = {"tau": (0.06, 0.15, 0.4)}
+
+    def report(self, reported, at, own):
+        return {**reported, "tension": lagged(*self.own_states(at), reported["tension"], own.tau)}
+
+    def rates(self, at, own):
+        return (lag_rate(*self.own_states(at), at.tension, own.tau),)
+
+    def initial(self, at, own):
+        # the measured rate of the load stands for the true one: both are slow against the filter
+        return (at.tension - own.tau * at.inputs["tension_rate"],)

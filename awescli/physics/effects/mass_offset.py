@@ -1,0 +1,20 @@
+"""The kite weighs more than declared, and balances elsewhere."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+
+
+class MassOffset(Effect):
+    """m += dm; centre of mass at (dx, 0, dz) from the point to which the aerodynamic moments and r_t refer."""
+
+    name = "mass_offset"
+    doc = "mass and centre of mass other than declared"
+    parameters = (
+        Parameter("dm", 0.0, "kg", -10.0, 10.0, source="2 % between Makani serials"),
+        Parameter("dx", 0.0, "m", -0.15, 0.15, source="3-9 cm between Makani serials"),
+        Parameter("dz", 0.0, "m", -0.15, 0.15, source="3-9 cm between Makani serials"),
+    )
+
+    def body(self, body, at, own):
+        x, y, z = body.cg
+        return body._replace(mass=body.mass + own.dm, cg=(x + own.dx, y, z + own.dz))

@@ -1,0 +1,71 @@
+"""The tether: line constraint, virtual spring, drag sag, attachment moment (seed eqs. 2-8, made consistent)."""
+
+from awescli.notation.frames import add, cross, dot, rotate, rotate_back, scale
+from awescli.notation.scalars import maximum, select, sqrt
+from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Line, Load
+
+STEEPEST = 0.95
+"""sin(theta_t) is kept below this: the drag tilt of eq. 6 has no meaning on a line that goes slack."""
+
+
+def seed_pull(at, f, m):
+    """F_1 = phat . R^T (f_a + f_g + m (rv-qw, pw-ru, qu-pv)), eq. 2 with the sign that cancels the pull along the line.
+
+    As printed, eq. 2 adds the pull instead of cancelling it: requiring no acceleration along the line in the body frame
+    gives this sign (tests/physics/test_tether.py shows the net pull to be zero).
+    """
+    z = at.z
+    coriolis = (z.r * z.v - z.q * z.w, z.p * z.w - z.r * z.u, z.q * z.u - z.p * z.v)
+    return dot(at.p_hat, rotate(at.R, add(f, scale(m, coriolis))))
+
+
+def exact_pull(at, f, m):
+    """F_1 of the constraint |p| = l_t itself: phat . R^T f + m (|pdot|^2 - (phat . pdot)^2) / |p| (winch acceleration neglected)."""
+    along = dot(at.p_hat, at.v_ned)
+    return dot(at.p_hat, rotate(at.R, f)) + m * (dot(at.v_ned, at.v_ned) - along * along) / at.distance
+
+
+LAWS = {"seed": seed_pull, "exact": exact_pull}
+
+
+class Tether(Effect):
+    """T = max(0, F_1 + k_v (|p| - (l_t + dl)) + c_v (phat . pdot - l_t_dot)), f_t = R_y(theta_t) R^T (-T phat), m_t = r_t x f_t.
+
+    Parameters it reads from the kite's table: k_v, c_v, dl, d_t (and through `line`: CtD, rtx, rty, rtz).
+    """
+
+    name = "tether"
+    doc = "line constraint with virtual spring, drag and attachment moment"
+    always = True
+
+    def __init__(self, target="", declaration=None):
+        super().__init__(target, declaration)
+        self.pull, self.measured = LAWS[declaration.tether.law], declaration.tether.tension == "measured"
+
+    def load(self, at, own):
+        v, line, m = at.values, at.line, at.body.mass
+        at.tension = at.inputs["tension"] if self.measured else self._tension(at, v, line, m)
+        return self._force(at, v, line, at.tension)
+
+    def _tension(self, at, v, line: Line, m):
+        F_1 = self.pull(at, at.applied.force, m)
+        # a heavy line hangs: w^2 l^3 / (24 T^2) of its length is not distance (parabola, small sag)
+        firm = maximum(F_1, 50.0 + 0.0 * F_1)
+        sag = line.sag_weight * line.sag_weight * line.length * line.length * line.length / (24 * firm * firm)
+        stretch = at.distance - (line.length + v["dl"] - sag)
+        stretch_rate = dot(at.p_hat, at.v_ned) - line.speed
+        rigid = F_1 + v["k_v"] * stretch + v["c_v"] * stretch_rate
+        elastic = line.stiffness * stretch / line.length + line.damping * stretch_rate
+        T = select(line.stiffness, elastic, rigid)
+        return maximum(T, 0.0 * T)
+
+    def _force(self, at, v, line: Line, T):
+        V_a = at.V_a
+        F_tD = at.wind.density * v["d_t"] * line.drag_coefficient * line.length * V_a * V_a / 8
+        share = F_tD / select(T * STEEPEST - F_tD, T, F_tD / STEEPEST + 1e-9)
+        sin_t, cos_t = -share, sqrt(1 - share * share)
+        x, y, z = rotate_back(at.R, scale(-T, at.p_hat))
+        lateral = -line.lateral_drag * F_tD * at.air_velocity[1] / V_a
+        force = (cos_t * x + sin_t * z, y + lateral, cos_t * z - sin_t * x)
+        return Load(force, cross(line.attachment, force))

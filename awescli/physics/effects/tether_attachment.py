@@ -1,0 +1,16 @@
+"""The line is attached elsewhere than declared."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+
+
+class TetherAttachment(Effect):
+    """r_t += (dx, dy, dz)."""
+
+    name = "tether_attachment"
+    doc = "offset of the tether attachment"
+    parameters = tuple(Parameter(n, 0.0, "m", -0.2, 0.2, source="1 cm = 40 N m at 4 kN") for n in ("dx", "dy", "dz"))
+
+    def line(self, line, at, own):
+        x, y, z = line.attachment
+        return line._replace(attachment=(x + own.dx, y + own.dy, z + own.dz))

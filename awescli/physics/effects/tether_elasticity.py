@@ -1,0 +1,20 @@
+"""An elastic line instead of the rigid constraint."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+
+
+class TetherElasticity(Effect):
+    """T = EA (|p| - l)/l + zeta (phat . pdot - l_dot) replaces the constraint force where EA > 0."""
+
+    name = "tether_elasticity"
+    doc = "the line stretches"
+    parameters = (
+        Parameter("EA", 0.0, "N", 0.0, 6e6, source="0.6 MN for a 4 mm line"),
+        Parameter("zeta", 0.0, "N s/m", 0.0, 2000.0, source="KiteModels.jl: damping 473 N s over the length"),
+    )
+    probes = {"EA": (2e6, 8e5, 3e5), "zeta": (100.0,)}
+    shapes = ("zeta",)
+
+    def line(self, line, at, own):
+        return line._replace(stiffness=line.stiffness + own.EA, damping=line.damping + own.zeta)

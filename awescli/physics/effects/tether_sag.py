@@ -1,0 +1,16 @@
+"""A heavy line hangs: part of its length is not distance."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+
+
+class TetherSag(Effect):
+    """l_t - |p| = w^2 l^3 / (24 T^2), w the line's weight per length across it."""
+
+    name = "tether_sag"
+    doc = "sag of the line under its weight"
+    parameters = (Parameter("w", 0.0, "N/m", 0.0, 1.0, source="0.07 N/m for 3.5 mm Dyneema; 0.6 m of sag"),)
+    probes = {"w": (0.1, 0.3)}
+
+    def line(self, line, at, own):
+        return line._replace(sag_weight=line.sag_weight + own.w)

@@ -1,0 +1,23 @@
+"""Turbulence: gusts that no parameter explains. Simulated, reported, never traced as a deterministic effect."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+
+
+class Turbulence(Effect):
+    """Adds the gust inputs (a Dryden series made by `simulation.gusts` with sigma and L) to the wind."""
+
+    name = "turbulence"
+    doc = "stochastic gusts (Dryden)"
+    parameters = (
+        Parameter("sigma", 0.0, "m/s", 0.0, 3.0, source="turbulence intensity 10 %"),
+        Parameter("L", 150.0, "m", 10.0, 1000.0, source="MIL-F-8785C, low altitude"),
+    )
+    shapes = ("L",)
+    traceable = False
+
+    def airflow(self, wind, at, own):
+        i = at.inputs
+        return wind._replace(
+            n=wind.n + own.sigma * i["gust_n"], e=wind.e + own.sigma * i["gust_e"], d=wind.d + own.sigma * i["gust_d"]
+        )

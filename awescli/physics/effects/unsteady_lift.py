@@ -1,0 +1,25 @@
+"""Lift follows the angle of attack with a delay."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+from awescli.physics.effects.lag import lag_rate, lagged
+
+
+class UnsteadyLift(Effect):
+    """tau dC_L/dt = C_L,steady - C_L: first-order lag of the circulation (Wagner's two states, the fast one dropped)."""
+
+    name = "unsteady_lift"
+    doc = "first-order lag of lift"
+    parameters = (Parameter("tau", 0.0, "s", 0.0, 0.6, source="0.1 s"),)
+    states = ("CL",)
+    probes = {"tau": (0.05, 0.1, 0.2)}
+
+    def coefficients(self, coefficients, at, own):
+        at.states[f"{self.key}.steady"] = coefficients.CL
+        return coefficients._replace(CL=lagged(*self.own_states(at), coefficients.CL, own.tau))
+
+    def rates(self, at, own):
+        return (lag_rate(*self.own_states(at), at.states[f"{self.key}.steady"], own.tau),)
+
+    def initial(self, at, own):
+        return (at.states[f"{self.key}.steady"],)

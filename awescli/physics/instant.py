@@ -1,0 +1,95 @@
+"""What is known at one instant, in the order in which it becomes known; every letter may be a float, array, tensor or recorded scalar."""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+Number = Any
+
+
+class Wind(NamedTuple):
+    """Air at the kite: velocity NED [m/s] and density [kg/m3]."""
+
+    n: Number
+    e: Number
+    d: Number
+    density: Number
+
+
+class Body(NamedTuple):
+    """Rigid body: mass [kg], extra apparent mass along body z [kg], inertia [kg m2], centre of mass from the reference point [m, FRD]."""
+
+    mass: Number
+    added_z: Number
+    Jx: Number
+    Jy: Number
+    Jz: Number
+    Jxz: Number
+    cg: tuple[Number, Number, Number]
+
+
+class Coefficients(NamedTuple):
+    """Aerodynamic coefficients in wind axes (C_D, C_Y, C_L) and of moments in body axes; CL_alpha_part is C_L(alpha) - C_L(0)."""
+
+    CD: Number
+    CY: Number
+    CL: Number
+    Cl: Number
+    Cm: Number
+    Cn: Number
+    CL_alpha_part: Number = 0.0
+
+
+class Line(NamedTuple):
+    """The line as the tether law sees it.
+
+    length [m] and speed [m/s] paid out by the winch, drag coefficient C_tD, share of the drag's lateral part (0 or 1),
+    attachment from the reference point [m, FRD], axial stiffness EA [N] (0: inextensible) with damping [N s/m], sag weight [N/m].
+    """
+
+    length: Number
+    speed: Number
+    drag_coefficient: Number
+    lateral_drag: Number
+    attachment: tuple[Number, Number, Number]
+    stiffness: Number
+    damping: Number
+    sag_weight: Number
+
+
+class Load(NamedTuple):
+    """Force [N] and moment about the reference point [N m], body axes."""
+
+    force: tuple[Number, Number, Number]
+    moment: tuple[Number, Number, Number]
+
+
+@dataclass
+class Instant:
+    """One instant, filled from top to bottom by `kite.Kite`; effects read what stands above their place.
+
+    z: the 12 states; R: rows of body-to-NED; v_ned [m/s]; inputs: the exogenous inputs by name; values: all parameters by name.
+    """
+
+    z: SimpleNamespace
+    R: tuple
+    v_ned: tuple
+    inputs: dict[str, Number]
+    values: dict[str, Number]
+    setpoints: dict[str, Number]
+    distance: Number
+    p_hat: tuple
+    states: dict[str, Number] = field(default_factory=dict)
+    deflections: dict[str, Number] = field(default_factory=dict)
+    wind: Wind | None = None
+    V_a: Number = None
+    alpha: Number = None
+    beta: Number = None
+    air_velocity: tuple | None = None
+    dynamic_pressure: Number = None
+    body: Body | None = None
+    coefficients: Coefficients | None = None
+    line: Line | None = None
+    applied: Load | None = None
+    tension: Number = None
+    derivative: tuple = ()

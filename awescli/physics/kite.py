@@ -1,0 +1,224 @@
+"""Kite: an ordered list of effects on a rigid body. The only place where an instant is filled and loads are summed."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+
+from awescli.notation.errors import BadInput, BadInputs, did_you_mean
+from awescli.notation.frames import add, cross, dot, rotate, rotation_body_to_ned, scale
+from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.notation.quantities import MEASURED, STATES, SURFACES
+from awescli.notation.scalars import sqrt
+from awescli.physics.airflow import air_data, declared_wind, wind_vector
+from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.effects import EFFECTS
+from awescli.physics.effects.aerodynamics import body_axes, parse_monomial
+from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Body, Coefficients, Instant, Line, Load
+from awescli.physics.rigid_body import state_derivative
+
+REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz", "d_t", "CtD", "rtx", "rty", "rtz", "k_v", "c_v", "dl")
+"""Parameters that every kite file names: mass, gravity, geometry, inertia, tether (see effects/tether.py)."""
+GUSTS = ("gust.n", "gust.e", "gust.d")
+"""Nuisance wind [m/s] that every kite carries at null: the error of the recorded wind, and gusts, are estimated through it."""
+_SIGNALS = ("tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate", "gust_n", "gust_e", "gust_d")
+
+
+def make_effect(key: str, declaration: KiteDeclaration) -> Effect:
+    """The effect that a kite file names as `name` or `name:target`. Raises BadInput with the nearest known name."""
+    name, _, target = key.partition(":")
+    if name not in EFFECTS:
+        raise BadInput(f"unknown effect '{name}'", where="effects", do=did_you_mean(name, EFFECTS))
+    if target not in (EFFECTS[name].targets or ("",)):
+        known = [f"{name}:{t}" for t in EFFECTS[name].targets] or [name]
+        raise BadInput(f"effect '{name}' cannot act on '{target}'", where="effects", do=did_you_mean(key, known))
+    return EFFECTS[name](target, declaration)
+
+
+def check_declaration(declaration: KiteDeclaration, where: str) -> None:
+    """Everything that the schema cannot see: effects, targets, monomials, parameters that are missing. Raises BadInputs."""
+    errors = []
+    for key in declaration.effects:
+        try:
+            make_effect(key, declaration)
+        except BadInput as e:
+            errors.append(BadInput(e.what, f"{where}: effects", e.do))
+    known = {"wind": ("CD", "CY", "CL", "Cl", "Cm", "Cn"), "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}[declaration.aerodynamics.frame]
+    wanted = {name: "parameters" for name in REQUIRED}
+    for coefficient, terms in declaration.aerodynamics.terms.items():
+        place = f"aerodynamics.terms.{coefficient}"
+        if coefficient not in known:
+            errors.append(BadInput(f"unknown coefficient '{coefficient}'", f"{where}: {place}", did_you_mean(coefficient, known)))
+        for monomial, parameter in terms.items():
+            wanted[parameter] = place
+            try:
+                parse_monomial(str(monomial))
+            except BadInput as e:
+                errors.append(BadInput(e.what, f"{where}: {place}", e.do))
+    for name, place in wanted.items():
+        if name not in declaration.parameters:
+            errors.append(BadInput(f"parameter '{name}' is not declared", f"{where}: {place}", f"Add it: {name}: {{value: ...}}"))
+    try:
+        declaration.table()
+    except BadInput as e:
+        errors.append(BadInput(e.what, f"{where}: parameters", e.do))
+    if errors:
+        raise errors[0] if len(errors) == 1 else BadInputs(errors)
+
+
+class Kite:
+    """A declared kite as three functions of vectors: `derivative`, `outputs`, `initial`.
+
+    x = 12 states (`quantities.STATES`), then the states of the effects, then the four held set-points (`quantities.SURFACES`);
+    u = exogenous inputs, names in `input_names`; c = parameters in table order, names in `parameter_names`.
+    extra: keys of effects beside the declared ones (candidates at their null value).
+    heights: heights of the wind record [m].
+    """
+
+    def __init__(self, declaration: KiteDeclaration, heights: Sequence[float] = (10.0,), extra: Sequence[str] = ()):
+        self.declaration = declaration
+        self.heights = tuple(float(h) for h in heights)
+        keys = [k for k in declaration.effects if k not in extra]
+        # candidates stand before the tether, which must see every other load (seed eq. 2)
+        at = keys.index("tether") if "tether" in keys else len(keys)
+        self.effects = [make_effect(k, declaration) for k in (*keys[:at], *extra, *keys[at:])]
+        table = declaration.table()
+        own = [p for effect in self.effects for p in effect.rows() if p.name not in table]
+        gusts = [Parameter(n, 0.0, "m/s", std=declaration.wind.std, source="nuisance") for n in GUSTS]
+        self.parameters: ParameterTable = table.with_rows([*own, *(g for g in gusts if g.name not in table)])
+        self.parameter_names = tuple(self.parameters)
+        self.state_names = (*STATES, *(s for e in self.effects for s in e.state_names()))
+        self.x_names = (*self.state_names, *SURFACES)
+        wind = (f"wind_{kind}_{i}" for kind in ("speed", "direction", "down") for i in range(len(self.heights)))
+        self.input_names = (*_SIGNALS, *(f"{s}_rate" for s in SURFACES), *wind)
+        self.by_place = {place: [e for e in self.effects if e.place == place] for place in {e.place for e in self.effects}}
+
+    def _at(self, place: str):
+        return self.by_place.get(place, ())
+
+    def instant(self, x, u, c) -> Instant:
+        """Fill one instant, from the state down to the loads' sum about the reference point."""
+        values = dict(zip(self.parameter_names, c, strict=True))
+        inputs = dict(zip(self.input_names, u, strict=True))
+        z = SimpleNamespace(**dict(zip(STATES, x, strict=False)))
+        setpoints = dict(zip(SURFACES, x[len(self.state_names) :], strict=True))
+        states = dict(zip(self.state_names[12:], x[12:], strict=False))
+        R = rotation_body_to_ned(z.phi, z.theta, z.psi)
+        position = (z.p_n, z.p_e, z.p_d)
+        distance = sqrt(dot(position, position))
+        at = Instant(z, R, rotate(R, (z.u, z.v, z.w)), inputs, values, setpoints, distance, scale(1 / distance, position), states)
+        # surfaces
+        at.deflections = setpoints
+        for e in self._at("actuate"):
+            at.deflections = e.actuate(at.deflections, at, e.own(at))
+        # air
+        wind = wind_vector(*declared_wind(self.declaration.wind, self.heights, -z.p_d, inputs), inputs["density"])
+        wind = wind._replace(n=wind.n + values["gust.n"], e=wind.e + values["gust.e"], d=wind.d + values["gust.d"])
+        for e in self._at("airflow"):
+            wind = e.airflow(wind, at, e.own(at))
+        at.wind = wind
+        at.air_velocity, at.V_a, at.alpha, at.beta = air_data(R, at.v_ned, wind)
+        at.dynamic_pressure = wind.density * at.V_a * at.V_a / 2
+        # kite
+        v = values
+        body = Body(v["m"], 0.0, v["Jx"], v["Jy"], v["Jz"], v["Jxz"], (0.0, 0.0, 0.0))
+        for e in self._at("body"):
+            body = e.body(body, at, e.own(at))
+        at.body = body
+        coefficients = Coefficients(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        for e in self._at("coefficients"):
+            coefficients = e.coefficients(coefficients, at, e.own(at))
+        at.coefficients = coefficients
+        # line
+        line = Line(
+            inputs["tether_length"], inputs["reel_out_speed"], v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0
+        )
+        for e in self._at("line"):
+            line = e.line(line, at, e.own(at))
+        at.line = line
+        # loads, each seeing the sum of those before it
+        at.applied = aerodynamic_load(at)
+        for e in self._at("load"):
+            load = e.load(at, e.own(at))
+            at.applied = Load(add(at.applied.force, load.force), add(at.applied.moment, load.moment))
+        at.derivative = state_derivative(z, R, body, self._about_centre_of_mass(at))
+        return at
+
+    @staticmethod
+    def _about_centre_of_mass(at: Instant) -> Load:
+        """Moment about the centre of mass: M - cg x F (weight, which acts there, contributes nothing by itself)."""
+        x, _, z = at.body.cg
+        if isinstance(x, float) and isinstance(z, float) and x == z == 0.0:
+            return at.applied
+        weight = scale(at.body.mass * at.values["g"], (at.R[2][0], at.R[2][1], at.R[2][2]))
+        surface = tuple(f - w for f, w in zip(at.applied.force, weight, strict=True))
+        arm = cross(at.body.cg, surface)
+        return Load(at.applied.force, tuple(m - a for m, a in zip(at.applied.moment, arm, strict=True)))
+
+    def derivative(self, x, u, c) -> list:
+        """d/dt of the 12 states and the effects' states (the set-points are held)."""
+        at = self.instant(x, u, c)
+        return [*at.derivative, *(rate for e in self.effects for rate in e.rates(at, e.own(at)))]
+
+    def initial(self, x, u, c) -> list:
+        """The effects' states at the start of a rollout, given the 12 states, set-points and inputs there."""
+        at = self.instant(x, u, c)
+        return [value for e in self.effects for value in e.initial(at, e.own(at))]
+
+    def outputs(self, x, u, c) -> list:
+        """What the sensors report, in the order of `quantities.MEASURED`."""
+        at = self.instant(x, u, c)
+        z, f, m = at.z, at.applied.force, at.body.mass
+        reported = {
+            "p_n": z.p_n, "p_e": z.p_e, "p_d": z.p_d,
+            "v_n": at.v_ned[0], "v_e": at.v_ned[1], "v_d": at.v_ned[2],
+            "phi": z.phi, "theta": z.theta, "psi": z.psi, "p": z.p, "q": z.q, "r": z.r,
+            "a_x": f[0] / m, "a_y": f[1] / m, "a_z": f[2] / (m + at.body.added_z),
+            "V_a": at.V_a, "alpha": at.alpha, "beta": at.beta, "tension": at.tension,
+        }  # fmt: skip
+        for e in self._at("report"):
+            reported = e.report(reported, at, e.own(at))
+        return [reported[name] for name in MEASURED]
+
+    def with_values(self, values: dict[str, float]) -> "Kite":
+        """The same kite with other parameter values."""
+        other = object.__new__(Kite)
+        other.__dict__.update(self.__dict__)
+        other.parameters = self.parameters.with_values(values)
+        return other
+
+    def declare(self, keys: Sequence[str], free: Sequence[str] = (), table: ParameterTable | None = None) -> KiteDeclaration:
+        """The declaration with the effects `keys` added before the tether and the parameters of `table` (default: own) written in."""
+        table = table or self.parameters
+        known = list(self.declaration.effects)
+        new = [k for k in keys if k not in known]
+        at = known.index("tether") if "tether" in known else len(known)
+        names = [n for e in self.effects if e.key in (*known, *keys) for n in (p.name for p in e.rows())]
+        rows = [replace(table[n], free=True) if n in free else table[n] for n in (*self.declaration.parameters, *names)]
+        declared = self.declaration.with_parameters(ParameterTable({r.name: r for r in rows}.values()))
+        return declared.model_copy(update={"effects": (*known[:at], *new, *known[at:])})
+
+
+def aerodynamic_load(at: Instant) -> Load:
+    """f_a and m_a (seed section 2.1; Beard & McLain eqs. 4.6-4.16): qbar S C, moments with span and chord."""
+    C, v = at.coefficients, at.values
+    pressure_area = at.dynamic_pressure * v["S"]
+    force = scale(pressure_area, body_axes(C.CD, C.CY, C.CL, at.alpha, at.beta))
+    return Load(force, (pressure_area * v["b"] * C.Cl, pressure_area * v["c"] * C.Cm, pressure_area * v["b"] * C.Cn))
+
+
+def candidates(declaration: KiteDeclaration, measured: Sequence[str], moving: Sequence[str]) -> list[str]:
+    """Keys of all traceable effects that are not declared and could show in a flight that measures `measured` and moves `moving`."""
+    keys = []
+    for name, effect in EFFECTS.items():
+        if effect.always or not effect.traceable:
+            continue
+        for target in effect.targets or ("",):
+            if target in SURFACES and target not in moving:
+                continue
+            if target in MEASURED and target not in measured:
+                continue
+            key = f"{name}:{target}" if target else name
+            if key not in declaration.effects:
+                keys.append(key)
+    return keys

@@ -1,0 +1,172 @@
+"""The contract of a stage: one question asked of a flight, config -> log -> model -> artifacts.
+
+A stage is a file in this folder and a line in `STAGES`:
+
+    class Config(StageConfig):
+        horizon: float = Field(5.0, gt=0, description="seconds between re-initialisations")
+
+    class Identify(Stage):
+        name = "identify"
+        help = "Estimate the free parameters of the kite from the flight."
+        Config = Config
+        makes = ("params.json", "kite.yaml", "metrics.json")
+
+        def needs(self, config):
+            return (Need("fit-controller", required=False),)
+
+        def run(self, context, config):
+            from awescli.flightlog.read import read_flight     # heavy imports are the first lines of run, so that
+            from awescli.artifacts import write_json           # `awes --help` does not wait for torch
+
+            log = read_flight(context.flight)
+            ...
+            write_json(context.folder / "params.json", params)
+            return {"test error": 0.036}
+
+The runner decides whether a stage runs; a stage never looks at the clock, the command line or another stage's folder but through
+`context`. It raises BadInput for what the user can mend and NumericalFailure for a computation without a usable answer; in both
+cases, and when it is interrupted, the artifacts of the run before stay as they were.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Protocol
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+KITE_FILE = "kite.yaml"
+"""The artifact by which a stage hands on a model: the kite's declaration with new values or effects."""
+
+
+class StageConfig(BaseModel):
+    """Base of every stage's settings. Every field has a default and a description (they become `awes init` and `--help`);
+    what cannot be allowed is said by gt/ge/lt/le/Literal, or by a validator that raises ValueError. A field of type Path is
+    relative to the plan's folder, and its content counts as an input."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Split(BaseModel):
+    """How the flight's whole loops are divided. Stages are fitted to `train`, chosen on `validation`, judged on `test`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    train: float = Field(0.5, gt=0, lt=1, description="share of loops that models are fitted to")
+    validation: float = Field(0.2, ge=0, lt=1, description="share of loops that choices are made on")
+    test: float = Field(0.3, gt=0, lt=1, description="share of loops that nothing is fitted to or chosen on")
+    order: Literal["chronological", "interleaved"] = Field(
+        "chronological", description="chronological: train first, test last; interleaved: spread over the flight"
+    )
+
+    @model_validator(mode="after")
+    def _shares_fill_the_flight(self):
+        if abs(total := self.train + self.validation + self.test - 1) > 1e-6:
+            raise ValueError(f"train, validation and test must add up to 1, they add up to {total + 1:g}")
+        return self
+
+
+@dataclass(frozen=True)
+class Need:
+    """An upstream stage. required: without it there is nothing to do; otherwise the stage does without, and its result is
+    made again once the upstream stage has run."""
+
+    stage: str
+    required: bool = True
+
+
+class Task(Protocol):
+    """One piece of work under way."""
+
+    def advance(self, n: int = 1) -> None:
+        """`n` more steps are done."""
+
+    def update(self, text: str) -> None:
+        """What is happening now, a few words (`cost 0.0312`)."""
+
+
+class Progress(Protocol):
+    """How a stage tells the person who waits; the command line shows it."""
+
+    def task(self, description: str, total: int | None = None) -> Task:
+        """Begin a piece of work of `total` steps (None: not known). The one before counts as ended."""
+
+    def note(self, text: str) -> None:
+        """One sentence the person should know: a choice made, something left out and why."""
+
+
+class Silent:
+    """A Progress, and its tasks, that show nothing: for tests and for use as a library."""
+
+    def task(self, description: str, total: int | None = None) -> "Silent":
+        return self
+
+    def advance(self, n: int = 1) -> None:
+        pass
+
+    def update(self, text: str) -> None:
+        pass
+
+    def note(self, text: str) -> None:
+        pass
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a stage may see and touch while it runs.
+
+    flight: the flight's folder; kite: the declared kite file; out: the folder of all results (to read only);
+    folder: where this stage writes, empty at first; it becomes `out/<stage>` as a whole when `run` returns;
+    scratch: for checkpoints: survives an interruption, comes back only to a run with the same inputs, settings and code, and is
+    removed when the stage has ended; seed, split: shared by all stages; progress: where to tell how it goes;
+    upstreams: folders of the upstream stages in `needs` that have run and are up to date, in the order of the stages table.
+    """
+
+    flight: Path
+    kite: Path
+    out: Path
+    folder: Path
+    scratch: Path
+    seed: int
+    split: Split
+    upstreams: Mapping[str, Path]
+    progress: Progress
+
+    def upstream(self, stage: str) -> Path | None:
+        """The folder of an upstream stage of `needs`; None if it is optional and has not run (or is out of date)."""
+        return self.upstreams.get(stage)
+
+    def model_kite(self) -> Path:
+        """The kite file of the newest model upstream: of the last stage in `needs` that hands one on, else the declared one.
+
+        "Newest" is by the order of the stages table: trace-residual's where it has run since identify, else identify's.
+        """
+        for folder in reversed(self.upstreams.values()):
+            if (kite := folder / KITE_FILE).is_file():
+                return kite
+        return self.kite
+
+
+class Stage(ABC):
+    """One question asked of a flight. Subclasses fill this and are final."""
+
+    name: ClassVar[str]
+    """The command (`train-hybrid`) and the name of the folder of its artifacts."""
+    help: ClassVar[str]
+    """One line: the command's help."""
+    Config: ClassVar[type[StageConfig]] = StageConfig
+    """Its settings. A field `report: bool` becomes the option `--report`."""
+    makes: ClassVar[tuple[str, ...]]
+    """Names of the files it always writes into `context.folder`; it may write more."""
+    reads: ClassVar[tuple[str, ...]] = ("flight", "kite")
+    """Which of the plan's inputs it reads; a change in one that it does not read does not make it run again."""
+
+    def needs(self, config: Any) -> tuple[Need, ...]:
+        """The upstream stages it takes something from; they stand before it in the stages table."""
+        return ()
+
+    @abstractmethod
+    def run(self, context: Context, config: Any) -> Mapping[str, Any]:
+        """Do it. Returns the summary for the terminal: label -> number or short text; a mapping of mappings is shown as a
+        table (rows of columns)."""

@@ -1,0 +1,382 @@
+"""Run a plan: decide for every stage whether its artifacts still stand, say why, and run those that do not.
+
+A stage's `provenance.json` holds the stamp it was made under (inputs, settings, upstream artifacts, seed, split, code, versions)
+and the hashes of what it wrote. A stage is unchanged if today's stamp is the same and its files are intact.
+"""
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import awescli
+from awescli.artifacts import (
+    PROVENANCE,
+    artifact_hashes,
+    content_hash,
+    locked,
+    read_json,
+    remove,
+    scratch_folder,
+    staged_folder,
+    versions,
+    write_json,
+)
+from awescli.notation.errors import BadInput, NumericalFailure, did_you_mean
+from awescli.stages.base import Context, Progress, Silent, Stage, StageConfig
+from awescli.stages.plan import Plan
+
+Stamp = dict[str, Any]
+"""What a result was made from, as it stands in provenance.json."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of one stage. status: "ran", "unchanged", "would run" (dry run) or "skipped" (before --from)."""
+
+    stage: str
+    status: str
+    reason: str
+    seconds: float = 0.0
+    summary: Mapping[str, Any] = field(default_factory=dict)
+
+
+def run_plan(
+    plan: Plan,
+    stages: Sequence[Stage],
+    only: Iterable[str] | None = None,
+    begin: str | None = None,
+    force: bool = False,
+    dry_run: bool = False,
+    progress: Progress | None = None,
+    report: Callable[[str, Result | str], None] | None = None,
+) -> list[Result]:
+    """Run the planned stages (or `only` those named), in the order of `stages`.
+
+    begin: run this stage and all after it, changed or not, and leave those before it as they are; force: run all, changed or not;
+    dry_run: decide only. report(stage, event) is called with the reason when a stage begins and with its Result when it is done.
+    Artifacts appear stage by stage, so whatever stops this function, the stages done before it are finished.
+    """
+    names = _chosen(plan, stages, only, begin)
+    run = _Run(plan, {s.name: s for s in stages}, progress or Silent(), report or (lambda stage, event: None), begin, force)
+    if dry_run:
+        return [run.dry(name) for name in names]
+    with locked(plan.out):
+        return [run.one(name) for name in names]
+
+
+def _chosen(plan: Plan, stages: Sequence[Stage], only: Iterable[str] | None, begin: str | None) -> list[str]:
+    """The stages to look at, in order."""
+    known = [s.name for s in stages]
+    wanted = list(plan.planned if only is None else only)
+    for name in [*wanted, *([begin] if begin else [])]:
+        if name not in known:
+            raise BadInput(f"there is no stage '{name}'", do=did_you_mean(name, known))
+    if not wanted:
+        raise BadInput("the plan names no stages", f"{plan.file}: stages", f"List those to run, each with its settings: {', '.join(known)}.")
+    if begin and begin not in wanted:
+        raise BadInput(f"stage '{begin}' is not in the plan", "--from", f"In the plan: {', '.join(n for n in known if n in wanted)}.")
+    return [name for name in known if name in wanted]
+
+
+@dataclass
+class _Run:
+    """One call of `run_plan`: the plan, and which stages have run in it so far."""
+
+    plan: Plan
+    stages: Mapping[str, Stage]
+    progress: Progress
+    report: Callable[[str, Result | str], None]
+    begin: str | None
+    force: bool
+    ran: list[str] = field(default_factory=list)
+
+    def dry(self, name: str) -> Result:
+        """What would become of a stage."""
+        if self._before_begin(name):
+            return self._leave(name)
+        upstreams = self._upstreams(name, dry=True)
+        if reason := self._why(name, self._stamp(name, upstreams)):
+            self.ran.append(name)
+            return self._done(Result(name, "would run", reason))
+        return self._done(Result(name, "unchanged", "unchanged"))
+
+    def one(self, name: str) -> Result:
+        """Run a stage, or say why not."""
+        if self._before_begin(name):
+            return self._leave(name)
+        upstreams = self._upstreams(name)
+        stamp = self._stamp(name, upstreams)
+        reason = self._why(name, stamp)
+        if not reason:
+            kept = self._provenance(name) or {}
+            return self._done(Result(name, "unchanged", "unchanged", summary=kept.get("summary", {})))
+        self.report(name, reason)
+        began = time.monotonic()
+        summary = self._run(name, upstreams, stamp)
+        self.ran.append(name)
+        return self._done(Result(name, "ran", reason, time.monotonic() - began, summary))
+
+    def _done(self, result: Result) -> Result:
+        self.report(result.stage, result)
+        return result
+
+    def _before_begin(self, name: str) -> bool:
+        order = list(self.stages)
+        return self.begin is not None and order.index(name) < order.index(self.begin)
+
+    def _leave(self, name: str) -> Result:
+        return self._done(Result(name, "skipped", f"before --from {self.begin}"))
+
+    # --- running ---------------------------------------------------------------------------------------------------------
+
+    def _run(self, name: str, upstreams: Mapping[str, Path], stamp: Stamp) -> Mapping[str, Any]:
+        """Run a stage in a folder of its own that takes the old one's place when all is written."""
+        stage, plan, folder = self.stages[name], self.plan, self._folder(name)
+        forced = self.force or self._from_here(name)
+        scratch_path = plan.out / f".{name}.scratch"
+        if forced:
+            remove(scratch_path)  # asked for anew: not even the checkpoints are trusted
+        started, began = datetime.now(UTC), time.monotonic()
+        scratch = scratch_folder(scratch_path, _digest(stamp))
+        with staged_folder(folder) as staged:
+            context = Context(
+                flight=plan.flight,
+                kite=plan.kite,
+                out=plan.out,
+                folder=staged,
+                scratch=scratch,
+                seed=plan.seed,
+                split=plan.split,
+                upstreams=upstreams,
+                progress=self.progress,
+            )
+            try:
+                summary = dict(stage.run(context, plan.settings[name]) or {})
+            except Exception:
+                # a failure would only be repeated from its own checkpoints; an interruption (no Exception) keeps them
+                remove(scratch_path)
+                raise
+            if missing := [file for file in stage.makes if not (staged / file).is_file()]:
+                raise RuntimeError(f"stage {name} did not write {', '.join(missing)}")
+            provenance = {
+                "stage": name,
+                "versions": versions(),
+                "stamp": stamp,
+                "paths": {"flight": plan.flight, "kite": plan.kite, "plan": plan.file},
+                "artifacts": artifact_hashes(staged),
+                "summary": _finite(summary),
+                "timing": {"started": started.isoformat(timespec="seconds"), "duration_s": round(time.monotonic() - began, 3)},
+            }
+            write_json(staged / PROVENANCE, provenance)
+        remove(scratch_path)
+        return summary
+
+    def _folder(self, name: str) -> Path:
+        return self.plan.out / name
+
+    def _from_here(self, name: str) -> bool:
+        return self.begin is not None and not self._before_begin(name)
+
+    # --- deciding --------------------------------------------------------------------------------------------------------
+
+    def _why(self, name: str, stamp: Stamp) -> str:
+        """Why a stage has to run; empty if it need not."""
+        if self.force:
+            return "--force"
+        if self._from_here(name):
+            return f"--from {self.begin}"
+        if not self._folder(name).is_dir():
+            return "first run"
+        kept = self._provenance(name)
+        if kept is None:
+            return f"{PROVENANCE} missing or not readable"
+        ran = [need.stage for need in self._needs(name) if need.stage in self.ran]
+        if ran:
+            return f"upstream {', '.join(ran)} ran"
+        if changes := _changes(kept["stamp"], stamp):
+            return "; ".join(changes)
+        if damaged := self._damaged(name, kept):
+            return f"artifact {damaged}"
+        return ""
+
+    def _needs(self, name: str):
+        return self.stages[name].needs(self.plan.settings[name])
+
+    def _provenance(self, name: str) -> dict[str, Any] | None:
+        """What a stage was made from; None if it has not run, or not readably."""
+        try:
+            kept = read_json(self._folder(name) / PROVENANCE)
+        except BadInput:
+            return None
+        good = isinstance(kept, dict) and all(isinstance(kept.get(key), dict) for key in ("stamp", "artifacts"))
+        return kept if good and isinstance(kept["stamp"].get("upstream"), dict) else None
+
+    def _damaged(self, name: str, kept: Mapping[str, Any]) -> str:
+        """The first artifact that is not what the stage wrote, and how; empty if all are."""
+        now = artifact_hashes(self._folder(name))
+        for file, digest in kept["artifacts"].items():
+            if now.get(file) != digest:
+                return f"{file} {'changed since it was written' if file in now else 'missing'}"
+        return next((f"{file} missing" for file in self.stages[name].makes if file not in now), "")
+
+    def _stamp(self, name: str, upstreams: Mapping[str, Path]) -> Stamp:
+        """What a stage would be made from today."""
+        stage, plan = self.stages[name], self.plan
+        settings = plan.settings[name]
+        inputs = {"flight": plan.flight, "kite": plan.kite}
+        return {
+            "inputs": {key: _input_hash(inputs[key], plan.out) for key in stage.reads},
+            "seed": plan.seed,
+            "split": plan.split.model_dump(),
+            "settings": _settings(settings, plan),
+            "upstream": {need.stage: self._hash(need.stage) if need.stage in upstreams else None for need in self._needs(name)},
+            "code": code_hash(),
+            "versions": versions(),
+        }
+
+    # --- upstream --------------------------------------------------------------------------------------------------------
+
+    def _upstreams(self, name: str, dry: bool = False) -> dict[str, Path]:
+        """Folders of the upstream stages to take from, in the order of the stages table."""
+        found = {}
+        needs = {need.stage: need for need in self._needs(name)}
+        for upstream in (s for s in self.stages if s in needs):
+            if dry and upstream in self.ran:
+                found[upstream] = self._folder(upstream)
+                continue
+            missing = self._unusable(upstream)
+            if not missing:
+                found[upstream] = self._folder(upstream)
+            elif needs[upstream].required:
+                command = self.command(upstream)
+                raise BadInput(f"{name} needs the result of {upstream}: {missing}", str(self._folder(upstream)), f"Make it first: {command}")
+            elif self._folder(upstream).is_dir():
+                self.progress.note(f"{name} does without {upstream}: {missing}. To use it: {self.command(upstream)}")
+            if not missing and (changes := self._outdated(upstream)):
+                self.progress.note(f"{upstream} was made before {'; '.join(changes)}. To bring it up to date: {self.command(upstream)}")
+        return found
+
+    def command(self, name: str) -> str:
+        """What to type to run a stage."""
+        plan = self.plan.file
+        return f"awes {name}" if str(plan) == "stages.yaml" else f"awes {name} --stages {plan}"
+
+    def _unusable(self, name: str) -> str:
+        """Why the artifacts of a stage must not be used; empty if they may."""
+        if not self._folder(name).is_dir():
+            return "it has not run"
+        kept = self._provenance(name)
+        if kept is None:
+            return f"its {PROVENANCE} is missing or not readable"
+        if damaged := self._damaged(name, kept):
+            return damaged
+        for upstream, digest in kept["stamp"]["upstream"].items():
+            if upstream in self.stages and digest != self._usable_hash(upstream):
+                return f"{upstream} has changed since {name} ran"
+        return ""
+
+    def _usable_hash(self, name: str) -> str | None:
+        return None if self._unusable(name) else self._hash(name)
+
+    def _hash(self, name: str) -> str:
+        return content_hash_of(artifact_hashes(self._folder(name)))
+
+    def _outdated(self, name: str) -> list[str]:
+        """Changes of the plan since an upstream stage ran, that this run was not asked to act on."""
+        if name in self.ran:
+            return []
+        kept = self._provenance(name) or {}
+        today = {**self._stamp(name, {}), "upstream": {}, "code": "", "versions": {}}
+        return _changes({**kept["stamp"], "upstream": {}, "code": "", "versions": {}}, today)
+
+
+def _changes(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """What differs between two stamps, in words."""
+    words = []
+    for group, label in (("inputs", "input"), ("settings", "setting"), ("split", "split"), ("versions", "version of")):
+        old, new = _flat(then.get(group)), _flat(now[group])
+        for key in sorted({*old, *new}):
+            if old.get(key) != new.get(key):
+                is_hash = group == "inputs"
+                words.append(f"{label} {key} changed" + ("" if is_hash else f" {_word(old.get(key))} -> {_word(new.get(key))}"))
+    if then.get("seed") != now["seed"]:
+        words.append(f"seed changed {then.get('seed')} -> {now['seed']}")
+    for name, digest in now["upstream"].items():
+        if then["upstream"].get(name) != digest:
+            words.append(f"upstream {name} " + ("is no longer used" if digest is None else "changed"))
+    if then.get("code") != now["code"]:
+        words.append("code changed")
+    return words
+
+
+def _flat(tree: Any, prefix: str = "") -> dict[str, Any]:
+    """Nested mappings -> dotted keys."""
+    if not isinstance(tree, dict):
+        return {prefix.removesuffix("."): tree}
+    return {k: v for key, value in tree.items() for k, v in _flat(value, f"{prefix}{key}.").items()} if tree else {}
+
+
+def _word(value: Any) -> str:
+    text = "unset" if value is None else str(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def _settings(config: StageConfig, plan: Plan) -> dict[str, Any]:
+    """The settings as plain JSON values. A path counts by its content where there is one: moving a file changes nothing."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, Path):
+            return _input_hash(value, plan.out) if value.exists() else str(value)
+        if isinstance(value, dict):
+            return {str(k): plain(v) for k, v in value.items()}
+        if isinstance(value, (list, tuple)):
+            return [plain(v) for v in value]
+        return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
+
+    return plain(config.model_dump(by_alias=True))
+
+
+def _finite(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """The summary as it can be kept: infinities and NaN as text."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {str(k): plain(v) for k, v in value.items()}
+        if hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
+            value = value.item()
+        if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
+            return str(value)
+        return value if value is None or isinstance(value, (bool, int, float, str, list)) else str(value)
+
+    return plain(summary)
+
+
+def _digest(stamp: Stamp) -> str:
+    return content_hash_of({key: repr(value) for key, value in _flat(stamp).items()})
+
+
+def content_hash_of(table: Mapping[str, str]) -> str:
+    """One hash for a table of names and hashes."""
+    import hashlib
+
+    return hashlib.sha256("\n".join(f"{k}\0{v}" for k, v in sorted(table.items())).encode()).hexdigest()
+
+
+@cache
+def _input_hash(path: Path, out: Path) -> str:
+    """Once per process: a flight of an hour takes a second to hash, and does not change under our hands."""
+    return content_hash(path, exclude=[out])
+
+
+@cache
+def code_hash() -> str:
+    """Of awes' own sources: other code may give other numbers."""
+    package = Path(awescli.__file__).parent
+    return content_hash_of({str(p.relative_to(package)): content_hash(p) for p in sorted(package.rglob("*.py"))})
+
+
+__all__ = ["NumericalFailure", "Result", "run_plan"]
