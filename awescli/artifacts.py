@@ -50,7 +50,7 @@ def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():
             member = io.BytesIO()
-            np.lib.format.write_array(member, np.ascontiguousarray(array), version=(1, 0), allow_pickle=False)
+            np.lib.format.write_array(member, np.asarray(array, order="C"), version=(1, 0), allow_pickle=False)
             archive.writestr(zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0)), member.getvalue())
     _write(path, [buffer.getvalue()])
 
@@ -61,7 +61,7 @@ def write_tensors(path: Path, tensors: Mapping[str, Any]) -> None:
     from safetensors.numpy import save
 
     # the numpy API writes the buffer as it lies, so a transposed view would come back scrambled
-    plain = {k: np.ascontiguousarray(t.detach().cpu().numpy() if hasattr(t, "detach") else t) for k, t in tensors.items()}
+    plain = {k: np.asarray(t.detach().cpu().numpy() if hasattr(t, "detach") else t, order="C") for k, t in tensors.items()}
     _write(path, [save(plain)])
 
 
@@ -87,7 +87,8 @@ def _write(path: Path, pieces: Iterable[str | bytes]) -> None:
 
 def cannot_write(path: Path, e: OSError) -> BadInput:
     """The error of a disk that is full, read-only or not ours."""
-    return BadInput(f"cannot be written ({e.strerror or e})", str(path), "Free space, fix permissions, or choose another folder: --set out=FOLDER.")
+    cure = "Free space, fix permissions, or choose another folder: --set out=FOLDER."
+    return BadInput(f"cannot be written ({e.strerror or e})", str(path), cure)
 
 
 def _sync_folder(folder: Path) -> None:
@@ -109,7 +110,7 @@ def _plain(obj: Any, at: str) -> Any:
         return int(obj)
     if isinstance(obj, float):
         if not math.isfinite(obj):
-            raise NumericalFailure("not_finite", f"{at} is {obj}", do="A result that is not a number cannot be written; see the stage's notes.")
+            raise NumericalFailure("not_finite", f"{at} is {obj}", do="A result that is not a number is not kept; see the stage's notes.")
         return float(obj)
     if isinstance(obj, Mapping):
         return {str(k): _plain(v, f"{at}: {k}") for k, v in obj.items()}
@@ -361,6 +362,11 @@ def _folder_digests(folder: Path, left_out: list[Path]) -> Iterator[tuple[str, s
 def artifact_hashes(folder: Path) -> dict[str, str]:
     """File name -> sha256 of everything a stage left in its folder but the provenance (which holds times)."""
     return {name: digest for name, digest in _folder_digests(folder, []) if name != PROVENANCE}
+
+
+def table_hash(table: Mapping[str, str]) -> str:
+    """One sha256 for a table of names and hashes (or other text)."""
+    return hashlib.sha256("\n".join(f"{k}\0{v}" for k, v in sorted(table.items())).encode()).hexdigest()
 
 
 def versions() -> dict[str, str]:

@@ -89,7 +89,7 @@ def _read_columns(path: Path, separator: str, names: tuple[str, ...], wanted: li
     schema.update(dict.fromkeys(picked, dtype))
     try:
         frame = pl.read_csv(
-            path, has_header=True, schema=schema, columns=picked, separator=separator, ignore_errors=True, truncate_ragged_lines=True,
+            path, has_header=False, skip_lines=1, schema=schema, columns=picked, separator=separator, ignore_errors=True, truncate_ragged_lines=True,
             encoding="utf8-lossy", decimal_comma=separator == ";" and dtype == pl.Float64 and _has_decimal_commas(path),
         )  # fmt: skip
     except (pl.exceptions.PolarsError, OSError, ValueError, OverflowError) as e:

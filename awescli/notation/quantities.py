@@ -31,5 +31,8 @@ acceleration R^T d2p/dt2 in body axes, gravity neither added nor removed."""
 INPUTS = (*SURFACES, "tether_length", "reel_out_speed")
 """What was commanded or set from outside: a model may be driven by these."""
 
+OUTPUTS = (*MEASURED, *SURFACES)
+"""What a simulation gives back: what the sensors would report, and the set-points that were flown."""
+
 ANGLES = ("phi", "theta", "psi", "alpha", "beta")
 """Quantities whose differences are wrapped to (-pi, pi] before they enter a cost or a score."""

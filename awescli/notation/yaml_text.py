@@ -12,7 +12,16 @@ from copy import deepcopy
 from dataclasses import dataclass
 
 import yaml
-from yaml.events import AliasEvent, DocumentStartEvent, Event, MappingEndEvent, MappingStartEvent, ScalarEvent, SequenceEndEvent, SequenceStartEvent
+from yaml.events import (
+    AliasEvent,
+    DocumentStartEvent,
+    Event,
+    MappingEndEvent,
+    MappingStartEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    SequenceStartEvent,
+)
 
 from awescli.notation.errors import BadInput
 
@@ -138,7 +147,8 @@ class _Builder:
 
     def _alias(self, event: AliasEvent) -> object:
         if event.anchor not in self.anchors:
-            raise self.error(event, f"unknown alias '*{event.anchor}'", f"Define it before with '&{event.anchor}', or put the text in quotes.")
+            cure = f"Define it before with '&{event.anchor}', or put the text in quotes."
+            raise self.error(event, f"unknown alias '*{event.anchor}'", cure)
         data, size = self.anchors[event.anchor]
         self._count(event, size)
         return deepcopy(data)

@@ -21,7 +21,7 @@ REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz", "d_t", "CtD", "rtx
 """Parameters that every kite file names: mass, gravity, geometry, inertia, tether (see effects/tether.py)."""
 GUSTS = ("gust.n", "gust.e", "gust.d")
 """Nuisance wind [m/s] that every kite carries at null: the error of the recorded wind, and gusts, are estimated through it."""
-_SIGNALS = ("tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate", "gust_n", "gust_e", "gust_d")
+_SIGNALS = ("tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate", "turbulence_n", "turbulence_e", "turbulence_d")
 
 
 def make_effect(key: str, declaration: KiteDeclaration) -> Effect:
@@ -166,7 +166,7 @@ class Kite:
         return [value for e in self.effects for value in e.initial(at, e.own(at))]
 
     def outputs(self, x, u, c) -> list:
-        """What the sensors report, in the order of `quantities.MEASURED`."""
+        """What the sensors report and what was commanded, in the order of `quantities.OUTPUTS`."""
         at = self.instant(x, u, c)
         z, f, m = at.z, at.applied.force, at.body.mass
         reported = {
@@ -178,7 +178,7 @@ class Kite:
         }  # fmt: skip
         for e in self._at("report"):
             reported = e.report(reported, at, e.own(at))
-        return [reported[name] for name in MEASURED]
+        return [*(reported[name] for name in MEASURED), *at.setpoints.values()]
 
     def with_values(self, values: dict[str, float]) -> "Kite":
         """The same kite with other parameter values."""

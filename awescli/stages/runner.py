@@ -22,10 +22,11 @@ from awescli.artifacts import (
     remove,
     scratch_folder,
     staged_folder,
+    table_hash,
     versions,
     write_json,
 )
-from awescli.notation.errors import BadInput, NumericalFailure, did_you_mean
+from awescli.notation.errors import BadInput, did_you_mean
 from awescli.stages.base import Context, Progress, Silent, Stage, StageConfig
 from awescli.stages.plan import Plan
 
@@ -76,7 +77,7 @@ def _chosen(plan: Plan, stages: Sequence[Stage], only: Iterable[str] | None, beg
         if name not in known:
             raise BadInput(f"there is no stage '{name}'", do=did_you_mean(name, known))
     if not wanted:
-        raise BadInput("the plan names no stages", f"{plan.file}: stages", f"List those to run, each with its settings: {', '.join(known)}.")
+        raise BadInput("the plan names no stages", f"{plan.file}: stages", f"List those to run with their settings: {', '.join(known)}.")
     if begin and begin not in wanted:
         raise BadInput(f"stage '{begin}' is not in the plan", "--from", f"In the plan: {', '.join(n for n in known if n in wanted)}.")
     return [name for name in known if name in wanted]
@@ -252,8 +253,8 @@ class _Run:
             if not missing:
                 found[upstream] = self._folder(upstream)
             elif needs[upstream].required:
-                command = self.command(upstream)
-                raise BadInput(f"{name} needs the result of {upstream}: {missing}", str(self._folder(upstream)), f"Make it first: {command}")
+                where, cure = str(self._folder(upstream)), f"Make it first: {self.command(upstream)}"
+                raise BadInput(f"{name} needs the result of {upstream}: {missing}", where, cure)
             elif self._folder(upstream).is_dir():
                 self.progress.note(f"{name} does without {upstream}: {missing}. To use it: {self.command(upstream)}")
             if not missing and (changes := self._outdated(upstream)):
@@ -283,7 +284,7 @@ class _Run:
         return None if self._unusable(name) else self._hash(name)
 
     def _hash(self, name: str) -> str:
-        return content_hash_of(artifact_hashes(self._folder(name)))
+        return table_hash(artifact_hashes(self._folder(name)))
 
     def _outdated(self, name: str) -> list[str]:
         """Changes of the plan since an upstream stage ran, that this run was not asked to act on."""
@@ -356,14 +357,7 @@ def _finite(summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _digest(stamp: Stamp) -> str:
-    return content_hash_of({key: repr(value) for key, value in _flat(stamp).items()})
-
-
-def content_hash_of(table: Mapping[str, str]) -> str:
-    """One hash for a table of names and hashes."""
-    import hashlib
-
-    return hashlib.sha256("\n".join(f"{k}\0{v}" for k, v in sorted(table.items())).encode()).hexdigest()
+    return table_hash({key: repr(value) for key, value in _flat(stamp).items()})
 
 
 @cache
@@ -376,7 +370,4 @@ def _input_hash(path: Path, out: Path) -> str:
 def code_hash() -> str:
     """Of awes' own sources: other code may give other numbers."""
     package = Path(awescli.__file__).parent
-    return content_hash_of({str(p.relative_to(package)): content_hash(p) for p in sorted(package.rglob("*.py"))})
-
-
-__all__ = ["NumericalFailure", "Result", "run_plan"]
+    return table_hash({str(p.relative_to(package)): content_hash(p) for p in sorted(package.rglob("*.py"))})

@@ -5,7 +5,7 @@ from awescli.physics.effects.base import Effect
 
 
 class Turbulence(Effect):
-    """Adds the gust inputs (a Dryden series made by `simulation.gusts` with sigma and L) to the wind."""
+    """Adds sigma times the turbulence inputs (a Dryden series of unit variance made by `simulation.gusts`) to the wind."""
 
     name = "turbulence"
     doc = "stochastic gusts (Dryden)"
@@ -19,5 +19,5 @@ class Turbulence(Effect):
     def airflow(self, wind, at, own):
         i = at.inputs
         return wind._replace(
-            n=wind.n + own.sigma * i["gust_n"], e=wind.e + own.sigma * i["gust_e"], d=wind.d + own.sigma * i["gust_d"]
+            n=wind.n + own.sigma * i["turbulence_n"], e=wind.e + own.sigma * i["turbulence_e"], d=wind.d + own.sigma * i["turbulence_d"]
         )

@@ -1,0 +1,34 @@
+# make run    set up everything and run stages.yaml on the bundled flight
+# make test   set up everything and run the tests (the campaigns have their own commands)
+# make lint   style
+# Needs python3.11 (or newer: PYTHON=python3.12) and make; everything else goes into .venv.
+
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+
+# waiting OpenMP threads sleep instead of spinning: on two shared cores that is several times faster
+export OMP_WAIT_POLICY := passive
+
+.PHONY: run test lint
+
+run: $(VENV)/.stamp-run
+	$(BIN)/awes run --stages stages.yaml
+
+test: $(VENV)/.stamp-test
+	$(BIN)/python -m pytest -q -m "not campaign"
+
+lint: $(VENV)/.stamp-test
+	$(BIN)/ruff check .
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+
+# stamps: set up again only when the dependencies have changed
+$(VENV)/.stamp-run: pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	touch $@
+
+$(VENV)/.stamp-test: pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	touch $@ $(VENV)/.stamp-run

@@ -1,0 +1,31 @@
+"""LinearLaw: an affine map of the standardised features; the baseline every other law must beat."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from awescli.control.law import Law
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearLaw(Law):
+    """u_s = b_s0 + sum_j b_sj x_j; affine: b (S, 1 + F) [rad]."""
+
+    kind = "linear"
+
+    affine: np.ndarray
+
+    def outputs(self, x):
+        result = []
+        for b in self.affine.tolist():
+            y = b[0]
+            for bj, xj in zip(b[1:], x, strict=True):
+                y = y + bj * xj
+            result.append(y)
+        return tuple(result)
+
+    def outputs_of_matrix(self, X):
+        return self.affine[:, 0] + X @ self.affine[:, 1:].T
+
+    def own_arrays(self):
+        return {"affine": self.affine}

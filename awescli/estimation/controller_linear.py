@@ -1,0 +1,24 @@
+"""Fit of a LinearLaw: ridge regression, the ridge chosen like everything else."""
+
+import numpy as np
+
+from awescli.estimation.controller_problem import Problem, fit_on_everything, score_linear
+
+RIDGES = (1e-6, 1e-4, 1e-3, 1e-2)
+
+
+def affine_design(X: np.ndarray) -> np.ndarray:
+    """[1, X], (N, 1 + F)."""
+    return np.concatenate([np.ones((X.shape[0], 1)), X], axis=1)
+
+
+def fit_linear(problem: Problem, config) -> tuple[dict, dict]:
+    """(fields of the LinearLaw, report)."""
+    scores = score_linear(
+        problem, affine_design(problem.X[problem.rows]), affine_design(problem.M[problem.rows]), affine_design(problem.M[problem.ahead]), RIDGES
+    )
+    ridge = min(scores, key=lambda r: scores[r].value)
+    rows = None if config.refit_with_validation else problem.rows
+    coefficients, conditioning = fit_on_everything(problem, affine_design, ridge, rows)
+    chosen = {"cv_nrmse": scores[ridge].cv, "ahead_nrmse": scores[ridge].ahead}
+    return {"affine": coefficients.T}, {"nonzeros": int(coefficients.shape[0]), **conditioning, "chosen_by": chosen}

@@ -1,0 +1,102 @@
+"""The regression problem of a controller fit, and how a choice is scored: held-out loops, then unseen flight, with noisy states."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from awescli.estimation.controller_centres import thin
+from awescli.estimation.controller_ridge import solve_ridge, triangle
+from awescli.estimation.controller_samples import Samples, feature_matrix, loop_folds, standardisation
+
+BLOCK = 20_000
+"""Rows handled at once where all samples are used: 20,000 x 90 doubles are 15 MB."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Standardised features of one flight, as smoothed (fitted) and as measured (scored), and the set-points.
+
+    X, M: (N, F) smoothed and measured features; U: (N, S) [rad]; span: (S,) max - min of U in train and validation [rad];
+    rows: (n,) at most `most` train rows, evenly thinned; fold: (n,) fold of each; ahead: (m,) thinned validation rows;
+    everything: (K,) all train and validation rows; loop: (N,).
+    """
+
+    features: tuple[str, ...]
+    centre: tuple[float, ...]
+    scale: tuple[float, ...]
+    X: np.ndarray
+    M: np.ndarray
+    U: np.ndarray
+    span: np.ndarray
+    rows: np.ndarray
+    fold: np.ndarray
+    ahead: np.ndarray
+    everything: np.ndarray
+    loop: np.ndarray
+
+
+def pose(samples: Samples, features: tuple[str, ...], folds: int, most: int) -> Problem:
+    """The problem of fitting `features` of `samples`."""
+    centre, scale = standardisation(samples.smoothed, features, samples.pattern, samples.train)
+    X = feature_matrix(samples.smoothed, features, samples.pattern, centre, scale)
+    M = X if samples.measured is samples.smoothed else feature_matrix(samples.measured, features, samples.pattern, centre, scale)
+    rows = thin(np.flatnonzero(samples.train), most)
+    known = samples.train | samples.validation
+    return Problem(
+        features, centre, scale, X, M, samples.set_points, np.ptp(samples.set_points[known], axis=0), rows,
+        loop_folds(samples.loop[rows], folds), thin(np.flatnonzero(samples.validation), most // 2), np.flatnonzero(known), samples.loop,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Score:
+    """NRMSE on held-out loops (cv) and on the validation part (ahead, None without one); both with measured states, mean over surfaces."""
+
+    cv: float
+    ahead: float | None
+
+    @property
+    def value(self) -> float:
+        """What choices are made by: both count alike, since loops between known ones and flight beyond them are different tests."""
+        return self.cv if self.ahead is None else float(np.sqrt((self.cv**2 + self.ahead**2) / 2))
+
+
+def score_linear(problem: Problem, smoothed: np.ndarray, measured: np.ndarray, ahead: np.ndarray, ridges, U=None) -> dict[float, Score]:
+    """Score of the regression on given regressors for each ridge.
+
+    smoothed, measured: regressors (n, M) at problem.rows; ahead: (m, M) measured regressors at problem.ahead; U: (N, S), default the set-points.
+    """
+    U = problem.U if U is None else U
+    u, v = U[problem.rows], U[problem.ahead]
+    folds = [problem.fold == f for f in np.unique(problem.fold)]
+    parts = [triangle([(smoothed[f], u[f])])[0] for f in folds]
+    left_out = [np.linalg.qr(np.concatenate(parts[:i] + parts[i + 1 :]), mode="r") if len(parts) > 1 else parts[0] for i in range(len(parts))]
+    whole = np.linalg.qr(np.concatenate(parts), mode="r")
+    result = {}
+    for ridge in ridges:
+        square = np.zeros(u.shape[1])
+        for f, R in zip(folds, left_out, strict=True):
+            square += ((measured[f] @ solve_ridge(R, u.shape[1], ridge)[0] - u[f]) ** 2).sum(axis=0)
+        cv = float(np.mean(np.sqrt(square / u.shape[0]) / problem.span))
+        beyond = None
+        if v.size:
+            beyond = float(np.mean(np.sqrt(((ahead @ solve_ridge(whole, u.shape[1], ridge)[0] - v) ** 2).mean(axis=0)) / problem.span))
+        result[ridge] = Score(cv, beyond)
+    return result
+
+
+def blocks(rows: np.ndarray) -> Iterator[np.ndarray]:
+    """`rows` in pieces of BLOCK."""
+    return (rows[i : i + BLOCK] for i in range(0, rows.size, BLOCK))
+
+
+def fit_on_everything(problem: Problem, regressors, ridge: float, rows: np.ndarray | None = None) -> tuple[np.ndarray, dict]:
+    """(coefficients (M, S), conditioning) of the ridge regression on all train and validation samples, smoothed states.
+
+    regressors: X (n, F) -> (n, M). However long the flight, memory holds one block.
+    """
+    rows = problem.everything if rows is None else rows
+    R, count = triangle((regressors(problem.X[part]), problem.U[part]) for part in blocks(rows))
+    coefficients, conditioning = solve_ridge(R, problem.U.shape[1], ridge)
+    return coefficients, conditioning | {"samples": count}

@@ -1,0 +1,92 @@
+"""Bounded, damped Gauss-Newton with Armijo search. Knows residuals, not kites.
+
+A constrained Gauss-Newton SQP whose only constraints are bounds: the quadratic program of each step is a bounded linear least-squares
+problem (scipy's BVLS), the merit function is the cost itself, sufficient decrease c = 1e-4 with factor 0.5.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import lsq_linear
+
+
+@dataclass(frozen=True)
+class Solution:
+    """x: the minimiser; cost: the value there; H: Gauss-Newton Hessian there (prior included); outcome: "converged", "no_progress" or
+    "iteration_limit"; decrement: half the predicted decrease of one more step; history: cost after every iteration."""
+
+    x: np.ndarray
+    cost: float
+    H: np.ndarray
+    outcome: str
+    decrement: float
+    history: tuple[float, ...]
+
+
+def bounded_step(H: np.ndarray, b: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """argmin 1/2 d'Hd - b'd with lower <= d <= upper, H positive definite. Scaled to unit diagonal first."""
+    scale = 1 / np.sqrt(np.diag(H))
+    Hs = H * scale * scale[:, None]
+    L = cholesky(Hs + 1e-13 * np.eye(len(b)), lower=True)
+    target = solve_triangular(L, b * scale, lower=True)
+    d = solve_triangular(L.T, target, lower=False) * scale
+    if (d >= lower).all() and (d <= upper).all():
+        return d
+    # BVLS wants an interior: bounds that coincide with the present point are opened by nothing that matters
+    width = 1e-12 * np.maximum(1.0, np.abs(upper - lower))
+    return lsq_linear(L.T, target, bounds=((lower - width) / scale, (upper + width) / scale), method="bvls").x * scale
+
+
+def minimise(
+    linearise: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]],
+    move: Callable[[np.ndarray, float], float],
+    accept: Callable[[], None],
+    x: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    *,
+    tolerance: float = 1e-3,
+    iterations: int = 30,
+    on_iteration: Callable[[int, float], None] = lambda i, c: None,
+) -> Solution:
+    """Minimise a sum of squares over lower <= x <= upper.
+
+    linearise(x) -> (cost, b, H): cost at x, gradient -dcost/dx / 2 = J'r, Gauss-Newton Hessian J'J; move(step, share) -> cost at
+    x + share * step (inner unknowns moved along); accept() makes the last move the new point. Stops when the decrement falls below
+    `tolerance` (in units of the cost, so in units of chi-square for whitened residuals).
+    """
+    damping, history, outcome, decrement = 0.0, [], "iteration_limit", np.inf
+    cost, b, H = linearise(x)
+    for iteration in range(iterations):
+        history.append(cost)
+        on_iteration(iteration, cost)
+        accepted = False
+        for _ in range(8):
+            damped = H + damping * np.diag(np.diag(H))
+            step = bounded_step(damped, b, lower - x, upper - x)
+            decrement = float(b @ step - 0.5 * step @ H @ step)
+            if damping == 0 and decrement < tolerance:
+                outcome = "converged"
+                break
+            share = 1.0
+            while share > 0.1:
+                trial = move(step, share)
+                if np.isfinite(trial) and trial < cost - 1e-4 * share * decrement:
+                    accepted = True
+                    break
+                share /= 2
+            if accepted:
+                break
+            damping = max(10 * damping, 1e-3)
+        if outcome == "converged":
+            break
+        if not accepted:
+            outcome = "no_progress"
+            break
+        accept()
+        x = np.clip(x + share * step, lower, upper)
+        damping = 0.0 if damping < 1e-3 else damping / 10
+        cost, b, H = linearise(x)
+    return Solution(x, float(cost), H, outcome, decrement, tuple(history))

@@ -1,0 +1,157 @@
+"""Ampyx Power's published MATLAB file -> FlightLog.
+
+A file holds one struct `validationData`: NED, SI, radians, `R` body to NED. Its winch signals run on their own clock and
+are moved onto the onboard clock where the reeling motion shows by how much (clocks.py).
+"""
+
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from scipy.io import loadmat, whosmat
+from scipy.io.matlab import MatReadError
+
+from awescli.flightlog.clocks import clock_offset
+from awescli.flightlog.log import FlightLog, WindRecord
+from awescli.flightlog.resample import RawFlight, uniform_log
+from awescli.notation.errors import BadInput, did_you_mean
+
+STRUCT = "validationData"
+
+PLAIN = ("struct", "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "char", "logical", "cell")
+"""MATLAB classes that are numbers and containers; objects, function handles and opaque data are refused unread."""
+
+UNREADABLE = (
+    MatReadError, ValueError, TypeError, KeyError, IndexError, OSError, OverflowError, MemoryError, NotImplementedError, EOFError,
+    AttributeError, UnboundLocalError, AssertionError, UnicodeError, zlib.error,
+)  # fmt: skip
+"""What scipy's reader raises on damaged files."""
+
+MAX_BYTES = 1_000_000_000
+
+FIELDS = {
+    "phi": None, "theta": None, "psi": None,
+    "V_a": "airspeed", "alpha": "angleOfAttack", "beta": "sideSlip", "tension": "tetherTension", "reel_out_speed": "tetherSpeed",
+}  # fmt: skip
+"""Quantity -> scalar field of `response` (None: from R)."""
+
+TAUT = 0.5
+"""Share of the largest tension above which the line is taken to be straight, and its length to be the range."""
+
+
+def read_ampyx(path: Path, max_gap: float = 0.2, late: Mapping[str, float] | None = None) -> FlightLog:
+    """An Ampyx .mat file as a flight log.
+
+    late: clock group -> s by which it records late; without "winch" it is estimated. Raises BadInput for files that are
+    damaged, hold MATLAB objects, or lack a field.
+    """
+    top = _load(path)
+    response, controls = _member(path, top, "response"), _member(path, top, "controls")
+    seconds = _field(path, controls, "controls", "times")
+    count = seconds.size
+    vectors = {name: _field(path, response, "response", name, (3, count)) for name in ("p", "v", "w")}
+    rotation = _field(path, response, "response", "R", (3, 3, count))
+    if not np.allclose(np.einsum("ijk,ljk->kil", rotation, rotation), np.eye(3), atol=1e-3):
+        raise BadInput("response.R does not hold rotation matrices", str(path), "Expected 3x3xN, body to NED.")
+    signals = {name: vectors["p"][i] for i, name in enumerate(("p_n", "p_e", "p_d"))}
+    signals |= {name: vectors["v"][i] for i, name in enumerate(("v_n", "v_e", "v_d"))}
+    signals |= dict(zip(("phi", "theta", "psi"), euler_angles(rotation), strict=True))
+    signals |= {name: vectors["w"][i] for i, name in enumerate("pqr")}
+    signals |= {q: _field(path, response, "response", field, (count,)) for q, field in FIELDS.items() if field}
+    signals |= {s: _field(path, controls, "controls", s, (count,)) for s in ("aileron", "elevator", "rudder")}
+    air = _field(path, controls, "controls", "wind", (3, count))
+    start = float(_field(path, top, STRUCT, "times")[0])
+    notes = [
+        "tension is measured at the winch, not at the kite.",
+        "alpha, beta and V_a come from the air data boom.",
+        f"The wind is the aircraft's own estimate; its height is taken to be the mean height of flight, {-signals['p_d'].mean():.0f} m.",
+        "The log has no accelerations and no flaps.",
+    ]
+    late = dict(late or {})
+    if "winch" not in late:
+        distance = np.sqrt((vectors["p"] ** 2).sum(0))
+        range_rate = (vectors["p"] * vectors["v"]).sum(0) / np.maximum(distance, 1.0)
+        seen = clock_offset(range_rate, signals["reel_out_speed"], float(np.median(np.diff(seconds))))
+        late["winch"] = round(seen.late, 2) if seen is not None and seen.clear else 0.0
+        if late["winch"]:
+            notes.append(
+                f"Winch signals come {late['winch']:.2f} s late against the range rate (correlation {seen.correlation:.3f}, without "
+                f"moving {seen.unshifted:.3f}); they were moved. `clocks: {{winch: 0}}` in flight.yaml leaves them."
+            )
+    signals["tether_length"] = _tether_length(seconds, signals, late["winch"])
+    notes.append("tether_length is the integrated winch speed; its start makes it the range where the line is taut, on average.")
+    groups = {name: "winch" if name in ("tension", "reel_out_speed", "tether_length") else "onboard" for name in signals} | {"wind": "weather"}
+    wind = wind_record(seconds, air, float(-signals["p_d"].mean()))
+    raw = RawFlight(path.resolve().parent.name, start, seconds - seconds[0], signals, str(path), groups, late, wind, tuple(notes))
+    return uniform_log(raw, max_gap)
+
+
+def euler_angles(rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(phi, theta, psi), each (N,) rad, ZYX, of body-to-NED matrices (3, 3, N)."""
+    return (
+        np.arctan2(rotation[2, 1], rotation[2, 2]),
+        np.arcsin(np.clip(-rotation[2, 0], -1.0, 1.0)),
+        np.arctan2(rotation[1, 0], rotation[0, 0]),
+    )
+
+
+def wind_record(seconds: np.ndarray, air: np.ndarray, height: float) -> WindRecord:
+    """A WindRecord at one height [m] from wind vectors (3, N), NED [m/s]; only the samples at which they change are kept."""
+    new = np.ones(seconds.size, bool)
+    new[1:] = (np.diff(air, axis=1) != 0).any(0)
+    air, seconds = air[:, new], seconds[new]
+    speed = np.hypot(air[0], air[1])[:, None]
+    direction = np.unwrap(np.arctan2(-air[1], -air[0]))[:, None]
+    return WindRecord(seconds - 0.0, np.array([height]), speed, direction, air[2][:, None].copy())
+
+
+def _tether_length(seconds: np.ndarray, signals: Mapping[str, np.ndarray], late: float) -> np.ndarray:
+    """Integrated winch speed (N,), on the winch's own stamps, with the constant that makes it the range where tension is high."""
+    speed = signals["reel_out_speed"]
+    run = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(seconds))])
+    distance = np.sqrt(signals["p_n"] ** 2 + signals["p_e"] ** 2 + signals["p_d"] ** 2)
+    distance_then = np.interp(seconds - late, seconds, distance)
+    taut = (signals["tension"] > TAUT * signals["tension"].max()) & (seconds - late >= seconds[0]) & (seconds - late <= seconds[-1])
+    return run + float(np.median((distance_then - run)[taut])) if taut.any() else run + distance[0]
+
+
+def _load(path: Path):
+    """The struct, or what is wrong with the file."""
+    do = "Expected Ampyx's MATLAB 5 file with the struct validationData; download it again."
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise BadInput(f"the file is larger than {MAX_BYTES / 1e9:g} GB", str(path), do)
+        contents = {name: kind for name, _, kind in whosmat(path)}
+        if refused := [f"{name} ({kind})" for name, kind in contents.items() if kind not in PLAIN]:
+            raise BadInput(f"MATLAB objects are not read: {', '.join(refused)[:200]}", str(path), "Save plain structs and numbers (save -v6).")
+        if STRUCT not in contents:
+            raise BadInput(f"there is no struct '{STRUCT}'", str(path), f"It holds: {', '.join(contents) or 'nothing'}."[:200])
+        data = loadmat(path, variable_names=[STRUCT], struct_as_record=True, squeeze_me=True)[STRUCT]
+    except UNREADABLE as e:
+        raise BadInput(f"not a readable MATLAB 5 file ({type(e).__name__}: {str(e)[:100]})", str(path), do) from None
+    if data.dtype.names is None or data.shape != ():
+        raise BadInput(f"'{STRUCT}' is not one struct", str(path), do)
+    return data
+
+
+def _member(path: Path, data, name: str):
+    """A struct inside the struct."""
+    if name not in data.dtype.names:
+        raise BadInput(f"{STRUCT} has no field '{name}'", str(path), did_you_mean(name, data.dtype.names))
+    member = data[name].item()
+    if not isinstance(member, np.ndarray) or member.dtype.names is None or member.shape != ():
+        raise BadInput(f"{STRUCT}.{name} is not a struct", str(path), "Is this the published file?")
+    return member
+
+
+def _field(path: Path, data, parent: str, name: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
+    """A numeric field of a struct, float64, of the given shape (None: any vector of at least 3)."""
+    if name not in data.dtype.names:
+        raise BadInput(f"{parent} has no field '{name}'", str(path), did_you_mean(name, data.dtype.names))
+    value = data[name].item()
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
+        raise BadInput(f"{parent}.{name} does not hold numbers", str(path), "Is this the published file?")
+    if value.shape != shape if shape is not None else value.ndim != 1 or value.size < 3:
+        raise BadInput(f"{parent}.{name} has the shape {value.shape}, expected {shape or '(N,)'}", str(path), "Is the file complete?")
+    return value.astype(float)

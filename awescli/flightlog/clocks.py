@@ -1,0 +1,69 @@
+"""How late one clock group is against another, seen in a motion that both record: the range and the winch."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import correlate, correlation_lags
+
+MAX_LAG = 10.0
+"""s searched both ways: a larger offset between clocks of one flight is not a lag but another flight."""
+
+CLEAR = 0.9
+"""Correlation at the best lag from which two signals are taken to be the same motion."""
+
+GAIN = 0.02
+"""By so much the best lag must correlate better than no lag at all."""
+
+MIN_SWING = 0.2
+"""m/s standard deviation of the reeling speed: below, there is nothing to align."""
+
+WIDTH = 1.0
+"""s of the moving average over both: line dynamics and winch control are faster and differ between the two ends."""
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """late: s by which the second signal comes late; correlation: at that lag, and without (`unshifted`); clear: believable."""
+
+    late: float
+    correlation: float
+    unshifted: float
+    clear: bool
+
+
+def clock_offset(first: np.ndarray, second: np.ndarray, dt: float, max_lag: float = MAX_LAG) -> ClockOffset | None:
+    """How late `second` records what `first` records, both (N,) at `dt` [s]; None where neither moves or both are too short."""
+    lags = int(min(max_lag / dt, first.size // 4))
+    if first.size < 100 or lags < 2:
+        return None
+    width = max(1, int(round(WIDTH / dt)))
+    a, b = (moving_average(x, width) for x in (first, second))
+    if min(a.std(), b.std()) < MIN_SWING:
+        return None
+    k = correlation_lags(b.size, a.size)
+    near = np.abs(k) <= lags
+    k = k[near]
+    products = correlate(b - b.mean(), a - a.mean(), method="fft")[near]
+    # normalise by the overlap of each lag, or a short overlap would look uncorrelated
+    score = np.array([products[i] / _overlap_norm(a - a.mean(), b - b.mean(), lag) for i, lag in enumerate(k)])
+    best, zero = int(np.argmax(score)), int(np.flatnonzero(k == 0)[0])
+    lag = float(k[best])
+    if 0 < best < k.size - 1:
+        left, top, right = score[best - 1 : best + 2]
+        if (bend := left - 2 * top + right) < 0:
+            lag += 0.5 * (left - right) / bend
+    clear = bool(score[best] >= CLEAR and score[best] - score[zero] >= GAIN and 0 < best < k.size - 1)
+    return ClockOffset(lag * dt, float(score[best]), float(score[zero]), clear)
+
+
+def moving_average(x: np.ndarray, width: int) -> np.ndarray:
+    """Centred mean over `width` samples, (N,); at the ends over what there is."""
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    i = np.arange(x.size)
+    low, high = np.maximum(i - (width - 1) // 2, 0), np.minimum(i + width // 2 + 1, x.size)
+    return (total[high] - total[low]) / (high - low)
+
+
+def _overlap_norm(a: np.ndarray, b: np.ndarray, lag: int) -> float:
+    first, second = (a[: a.size - lag], b[lag:]) if lag >= 0 else (a[-lag:], b[:lag])
+    return float(np.sqrt((first**2).sum() * (second**2).sum())) or 1.0

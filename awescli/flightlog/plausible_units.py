@@ -1,0 +1,210 @@
+"""Do the numbers fit the units they are said to have? A flight in other units is refused, not flown.
+
+Only contradictions inside the log are used (a heading against the course, a rate against the attitude), or limits that no
+kite of this size can reach, so that a strange flight is not taken for a wrong unit.
+"""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from awescli.flightlog.units import factor_to_si
+from awescli.notation.errors import BadInput, BadInputs
+from awescli.notation.quantities import SURFACES
+
+TURNS = 2 * np.pi
+"""rad of course change after which a heading must have moved as well."""
+
+FLYING = 8.0
+"""m/s: above, course and heading have to do with each other."""
+
+MAX_FORCE_AREA = 12.0
+"""m2, tension / dynamic pressure: a 3 m2 wing reaches 3 to 5, and a load in N taken for kgf ten times that."""
+
+CONFUSED = 0.12
+"""A ratio this near to a conversion factor is taken for it."""
+
+SPEEDS = {"km/h": 3.6, "knots": 1 / 0.514444, "ft/s": 1 / 0.3048}
+LENGTHS = {"ft": 1 / 0.3048, "cm": 100.0, "mm": 1000.0, "km": 0.001}
+
+YEARS = (946684800.0, 4102444800.0)
+"""Unix time [s] of the years 2000 and 2100."""
+
+
+def check_clock(stamps: np.ndarray, unit: str, where: str) -> None:
+    """Raise BadInput where unix stamps in `unit` lie outside the years 2000 to 2100 but would not in another unit."""
+    known = stamps[np.isfinite(stamps)]
+    if known.size == 0:
+        raise BadInput("no time stamp can be read", where, f"Expected unix time in {unit}.")
+    middle = float(np.median(known))
+    if YEARS[0] <= middle * factor_to_si(unit, "s") <= YEARS[1]:
+        return
+    for other in ("s", "ms", "us", "ns"):
+        if YEARS[0] <= middle * factor_to_si(other, "s") <= YEARS[1]:
+            do = f"Convert the column; for the flight's own clock `units: {{epoch_ms: {other}}}` in flight.yaml (format: kitemill) also does."
+            raise BadInput(f"the stamps look like unix time in {other}, expected {unit}", where, do)
+    raise BadInput(f"{middle:g} is no unix time in {unit}", where, "Expected the years 2000 to 2100.")
+
+
+def check_units(
+    seconds: np.ndarray, signals: Mapping[str, np.ndarray], places: Mapping[str, tuple[str, str]], believed: Iterable[str], cure: str
+) -> None:
+    """Raise BadInput(s) for signals whose numbers contradict their units.
+
+    seconds: (N,) stamps; signals: quantity -> (N,) SI as converted, NaN where missing; places: quantity -> (where, column);
+    believed: columns whose unit is not to be doubted; cure: what to do, with {column} and {unit} to be filled in.
+    """
+    step = np.diff(seconds)
+    # only steps of an ordinary length: neither repeated stamps nor gaps
+    typical = float(np.median(step[step > 0])) if (step > 0).any() else np.nan
+    ordinary = np.flatnonzero((step > 0.5 * typical) & (step < 1.5 * typical))
+    if ordinary.size < 50:
+        return
+    s = {name: values for name, values in signals.items() if np.isfinite(values).mean() > 0.5}
+    found = [*_angles(s), *_rates(s, ordinary, step), *_positions(s, ordinary, step), *_height(s), *_airspeed(s), *_tension(s), *_surfaces(s)]
+    errors = []
+    for quantity, looks, why in found:
+        where, column = places.get(quantity, (quantity, quantity))
+        if column not in believed:
+            do = f"It looks like {looks}. " + cure.format(column=column, unit=looks)
+            errors.append(BadInput(why, where, do))
+    if errors:
+        raise errors[0] if len(errors) == 1 else BadInputs(errors)
+
+
+Finding = tuple[str, str, str]  # quantity, the unit it looks like, why
+
+
+def _speed(s) -> np.ndarray | None:
+    return np.sqrt(s["v_n"] ** 2 + s["v_e"] ** 2 + s["v_d"] ** 2) if {"v_n", "v_e", "v_d"} <= s.keys() else None
+
+
+def _turned(s) -> float:
+    """Range of the unwrapped course over ground while flying [rad]."""
+    speed = _speed(s)
+    if speed is None:
+        return 0.0
+    flying = np.flatnonzero(speed > FLYING)
+    return float(np.ptp(np.unwrap(np.arctan2(s["v_e"][flying], s["v_n"][flying])))) if flying.size > 50 else 0.0
+
+
+def _angles(s) -> list[Finding]:
+    """A heading in rad read as deg stays within 6.4 deg while the course goes round; in deg read as rad it exceeds a turn."""
+    if not {"phi", "theta", "psi"} <= s.keys():
+        return []
+    size = {name: float(np.nanmax(np.abs(s[name]))) for name in ("phi", "theta", "psi")}
+    if size["psi"] > 2 * np.pi + 0.2:
+        return [(n, "deg", f"{n} reaches {size[n]:.0f} rad") for n in size if size[n] > 2 * np.pi + 0.2]
+    if _turned(s) > TURNS and np.nanmax(s["psi"]) - np.nanmin(s["psi"]) < np.deg2rad(2 * np.pi + 0.1):
+        why = "{} stays within {:.2f} deg while the course turns by {:.0f} deg"
+        return [(n, "rad", why.format(n, np.rad2deg(size[n]), np.rad2deg(_turned(s)))) for n in size if size[n] < np.deg2rad(6.4)]
+    return []
+
+
+def _rates(s, ordinary: np.ndarray, step: np.ndarray) -> list[Finding]:
+    """Body rates against what the Euler angles do: a factor of 57 is a unit."""
+    if not {"phi", "theta", "psi", "p", "q", "r"} <= s.keys():
+        return []
+    # over many samples, so that the noise of the angles does not pass for rotation
+    stride = max(1, int(round(0.4 / float(np.median(step[ordinary])))))
+    i = np.arange(0, s["phi"].size - stride, stride)
+    i = i[np.isfinite(s["phi"][i] + s["theta"][i] + s["psi"][i] + s["phi"][i + stride] + s["theta"][i + stride] + s["psi"][i + stride])]
+    elapsed = np.median(step[ordinary]) * stride
+    turn = [np.angle(np.exp(1j * (s[n][i + stride] - s[n][i]))) / elapsed for n in ("phi", "theta", "psi")]
+    phi, theta = s["phi"][i], s["theta"][i]
+    seen = [
+        turn[0] - turn[2] * np.sin(theta),
+        turn[1] * np.cos(phi) + turn[2] * np.sin(phi) * np.cos(theta),
+        -turn[1] * np.sin(phi) + turn[2] * np.cos(phi) * np.cos(theta),
+    ]
+    moving = sum(x**2 for x in seen) > 0.1**2
+    if moving.sum() < 20:
+        return []
+    ratio = float(np.nanmedian(np.sqrt(sum(s[n][i] ** 2 for n in "pqr"))[moving] / np.sqrt(sum(x**2 for x in seen))[moving]))
+    why = f"the rates are {ratio:.3g} times what the Euler angles do"
+    if 30 < ratio < 110:
+        return [(n, "deg/s", why) for n in "pqr"]
+    if 30 < 1 / max(ratio, 1e-9) < 110:
+        return [(n, "rad/s", why) for n in "pqr"]
+    return []
+
+
+def _positions(s, ordinary: np.ndarray, step: np.ndarray) -> list[Finding]:
+    """Way over ground against speed; tether length against range."""
+    found: list[Finding] = []
+    speed = _speed(s)
+    if speed is None or not {"p_n", "p_e", "p_d"} <= s.keys():
+        return found
+    stride = max(1, int(round(1.0 / float(np.median(step[ordinary])))))
+    way = np.sqrt(sum((s[n][stride:] - s[n][:-stride]) ** 2 for n in ("p_n", "p_e", "p_d"))) / (np.median(step[ordinary]) * stride)
+    flying = np.flatnonzero((speed[:-stride] > 3.0) & np.isfinite(way))
+    if flying.size > 50:
+        ratio = float(np.median(way[flying] / speed[flying]))
+        if unit := _confused(ratio, LENGTHS):
+            why = f"positions change {ratio:.3g} times as fast as the velocity says"
+            found += [(n, unit, why) for n in ("p_n", "p_e", "p_d")]
+        elif unit := _confused(1 / max(ratio, 1e-9), SPEEDS):
+            found += [(n, unit, f"the velocity is {1 / ratio:.3g} times the change of position") for n in ("v_n", "v_e", "v_d")]
+    if "tether_length" in s and not found:
+        distance = np.sqrt(s["p_n"] ** 2 + s["p_e"] ** 2 + s["p_d"] ** 2)
+        away = np.flatnonzero((distance > 50) & np.isfinite(s["tether_length"]))
+        if away.size > 50:
+            ratio = float(np.median(s["tether_length"][away] / distance[away]))
+            if unit := _confused(ratio, LENGTHS):
+                found.append(("tether_length", unit, f"the tether is {ratio:.3g} times as long as the kite is far"))
+    return found
+
+
+def _height(s) -> list[Finding]:
+    """A flying kite is above its winch: p_d < 0."""
+    speed = _speed(s)
+    if speed is None or "p_d" not in s:
+        return []
+    flying = (speed > FLYING) & np.isfinite(s["p_d"])
+    if flying.sum() > 50 and float(np.median(s["p_d"][flying])) > 5.0:
+        return [("p_d", "height above ground (positive up)", "the kite flies below its winch: the down position is positive")]
+    return []
+
+
+def _airspeed(s) -> list[Finding]:
+    """Pitot against speed over ground, in fast flight, where the wind is the smaller part."""
+    speed = _speed(s)
+    if speed is None or "V_a" not in s:
+        return []
+    fast = (speed > 15.0) & np.isfinite(s["V_a"])
+    if fast.sum() < 50:
+        return []
+    ratio = float(np.median(s["V_a"][fast] / speed[fast]))
+    # a strong wind may double the ratio, so knots (1.9) cannot be told from weather
+    unit = _confused(ratio, {"km/h": 3.6, "ft/s": 1 / 0.3048})
+    return [("V_a", unit, f"the airspeed is {ratio:.2g} times the speed over ground")] if unit else []
+
+
+def _tension(s) -> list[Finding]:
+    """Tension per dynamic pressure is an area, and the wing has only so much of it."""
+    airspeed = s.get("V_a") if "V_a" in s else _speed(s)
+    if "tension" not in s or airspeed is None:
+        return []
+    fast = (airspeed > 15.0) & np.isfinite(s["tension"])
+    if fast.sum() < 50:
+        return []
+    area = float(np.percentile(s["tension"][fast] / (0.6 * airspeed[fast] ** 2), 75))
+    if area > MAX_FORCE_AREA:
+        return [("tension", "N", f"the load needs a wing of {area:.0f} m2 at this airspeed")]
+    return []
+
+
+def _surfaces(s) -> list[Finding]:
+    """Surfaces that never leave +-1 deg do not turn a kite; those beyond +-90 deg do not exist."""
+    there = [n for n in SURFACES if n in s]
+    size = {n: float(np.nanmax(np.abs(s[n]))) for n in there}
+    found = [(n, "deg", f"{n} reaches {size[n]:.1f} rad") for n in there if size[n] > np.pi / 2]
+    moving = [n for n in there if np.nanstd(s[n]) > 0]
+    if not found and moving and max(size.values()) < np.deg2rad(1.0) and _turned(s) > TURNS:
+        return [(n, "rad", f"no surface leaves +-{np.rad2deg(max(size.values())):.2f} deg while the kite turns") for n in moving]
+    return found
+
+
+def _confused(ratio: float, factors: Mapping[str, float]) -> str | None:
+    """The unit whose factor `ratio` is."""
+    return next((unit for unit, factor in factors.items() if abs(ratio / factor - 1) < CONFUSED), None)

@@ -1,0 +1,114 @@
+"""data_quality: all that `awes check` says about a log, as numbers and sentences."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from math import comb
+
+import numpy as np
+
+from awescli.flightlog.consistency import Check, consistency_checks
+from awescli.flightlog.faults import find_faults, runs_of
+from awescli.flightlog.log import FlightLog
+from awescli.flightlog.loops import find_loops
+from awescli.flightlog.phases import phase_durations, phases
+from awescli.flightlog.read import missing_for_model
+from awescli.notation.quantities import UNITS
+
+DISPLAY = {"rad": ("deg", 180 / np.pi), "rad/s": ("deg/s", 180 / np.pi)}
+"""SI unit -> (unit shown, factor)."""
+
+NOISE_ORDER = 4
+"""Differences of this order remove what a kite does in a few samples and leave white noise."""
+
+MAX_INVALID = 0.1
+"""Share of samples that may be invalid before the log is called poor."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One signal in display units: smallest, largest, white noise standard deviation (None where it cannot be told), group."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    noise: float | None
+    group: str
+
+
+@dataclass(frozen=True)
+class DataQuality:
+    """What a log holds and how good it is; every number finite."""
+
+    name: str
+    rate: float
+    duration: float
+    samples: int
+    counters: Mapping[str, int]
+    channels: tuple[Channel, ...]
+    checks: tuple[Check, ...]
+    faults: tuple[str, ...]
+    phases: Mapping[str, float]
+    loops: str
+    loop_count: int
+    left_out: Mapping[str, float]
+    missing: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """All checks passed and nothing missing for a model."""
+        return not self.missing and all(check.ok for check in self.checks)
+
+    def as_dict(self) -> dict:
+        """Plain data, ready for JSON."""
+        return {**asdict(self), "ok": self.ok}
+
+
+def data_quality(log: FlightLog) -> DataQuality:
+    """Rate, gaps, ranges, noise, faults, consistency, phases, loops and what is missing, of a log as `read_flight` gives it."""
+    labels = phases(log)
+    loops = find_loops(log, labels)
+    airborne = (labels != "ground") & (labels != "hover")
+    invalid = float((~log.valid).mean())
+    longest = runs_of(~log.valid)
+    checks = (
+        Check("invalid samples", 100 * invalid, "%", 100 * MAX_INVALID, invalid <= MAX_INVALID, "Filled over gaps, or faulty."),
+        *consistency_checks(log, airborne),
+    )
+    channels = []
+    for name in (*log.measured, *log.inputs):
+        unit, factor = DISPLAY.get(UNITS[name], (UNITS[name], 1.0))
+        values = log[name][log.valid] if log.valid.any() else log[name]
+        # set-points are exact: their steps are no noise
+        noise = white_noise(log[name], log.valid) if name in log.measured else None
+        shown = None if noise is None else noise * factor
+        channels.append(Channel(name, unit, float(values.min()) * factor, float(values.max()) * factor, shown, log.groups.get(name, "onboard")))
+    in_loops = np.zeros(len(log), bool)
+    for first, last in loops.bounds:
+        in_loops[first:last] = True
+    left_out = {
+        "not flying": float((~airborne).sum() * log.dt),
+        "flying, outside whole loops": float((airborne & ~in_loops).sum() * log.dt),
+        "invalid inside loops": float((in_loops & ~log.valid).sum() * log.dt),
+        "longest invalid stretch": float((longest[:, 1] - longest[:, 0]).max() * log.dt) if len(longest) else 0.0,
+    }
+    return DataQuality(
+        name=log.name, rate=1 / log.dt, duration=len(log) * log.dt, samples=len(log), counters=dict(log.counters), channels=tuple(channels),
+        checks=checks, faults=tuple(f.sentence for f in find_faults(log)), phases=phase_durations(labels, log.dt), loops=loops.sentence,
+        loop_count=len(loops) if loops.kind == "loops" else 0, left_out=left_out, missing=tuple(missing_for_model(log)), notes=log.notes,
+    )  # fmt: skip
+
+
+def white_noise(signal: np.ndarray, valid: np.ndarray | None = None, order: int = NOISE_ORDER) -> float | None:
+    """Standard deviation of white noise on a smooth signal (N,), from its differences of high order; None below 50 of them.
+
+    Differences of order n of white noise have the variance C(2n, n). The median keeps jumps (wraps, gaps) out of it.
+    """
+    difference = np.diff(signal, order)
+    if valid is not None:
+        bad = np.convolve(~valid, np.ones(order + 1), "valid") > 0
+        difference = difference[~bad]
+    if difference.size < 50:
+        return None
+    return float(1.4826 * np.median(np.abs(difference)) / np.sqrt(comb(2 * order, order)))

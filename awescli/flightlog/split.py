@@ -1,0 +1,109 @@
+"""Loops -> train, validation, test; sample ranges -> segments to predict. Whole loops only: no sample serves two parts."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from awescli.flightlog.faults import runs_of
+from awescli.flightlog.loops import Loops
+from awescli.notation.errors import BadInput
+
+PARTS = ("train", "validation", "test")
+
+Range = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Split:
+    """Half-open sample ranges per part, in order, adjoining loops merged; counts: loops per part; of: "loops" or "blocks"."""
+
+    train: tuple[Range, ...]
+    validation: tuple[Range, ...]
+    test: tuple[Range, ...]
+    counts: tuple[int, int, int]
+    of: str
+
+
+def split(
+    loops: Loops,
+    train: float = 0.5,
+    validation: float = 0.2,
+    test: float = 0.3,
+    order: Literal["chronological", "interleaved"] = "chronological",
+) -> Split:
+    """Whole loops dealt to the three parts by their shares (of their sum), at least one each.
+
+    chronological: first train, then validation, then test. interleaved: spread over the flight. Raises BadInput for fewer
+    than three loops, shares that are not positive, or an unknown order.
+    """
+    shares = np.array([train, validation, test], dtype=float)
+    if not (np.isfinite(shares).all() and (shares > 0).all()):
+        raise BadInput(f"shares {train:g}, {validation:g}, {test:g} of train, validation and test", do="Each must be above zero.")
+    if order not in ("chronological", "interleaved"):
+        raise BadInput(f"unknown order '{order}'", do="Use chronological or interleaved.")
+    count = len(loops)
+    if count < 3:
+        raise BadInput(
+            f"{count} {loops.kind} cannot be split into train, validation and test ({loops.sentence})",
+            do="At least 3 are needed: use a longer flight, or check in `awes check` which phases were found.",
+        )
+    counts = _counts(count, shares / shares.sum())
+    part = np.repeat(np.arange(3), counts) if order == "chronological" else _dealt(counts)
+    ranges = [_merged(loops.bounds[part == k]) for k in range(3)]
+    return Split(*ranges, counts=(int(counts[0]), int(counts[1]), int(counts[2])), of=loops.kind)
+
+
+def segments(ranges: Iterable[Range], length_samples: int, stride: int | None = None, valid: np.ndarray | None = None) -> np.ndarray:
+    """Start indices (K,) of segments of `length_samples` steps (one sample more) inside one range each, ascending.
+
+    Without `stride` the segments share at most their end samples and are spread evenly over each range; with it they start
+    every `stride` samples. valid: (N,) bool; a segment holds valid samples only.
+    """
+    if length_samples < 1 or (stride is not None and stride < 1):
+        raise BadInput(f"segments of {length_samples} steps with stride {stride}", do="Both must be at least 1 sample.")
+    starts = []
+    for first, last in ranges:
+        pieces = [(first, last)] if valid is None else [(first + a, first + b) for a, b in runs_of(valid[first:last])]
+        for low, high in pieces:
+            room = high - low - 1 - length_samples
+            if room < 0:
+                continue
+            if stride is None:
+                count = room // length_samples + 1
+                starts.append(low + np.floor(np.linspace(0, room, count) if count > 1 else np.array([room / 2])).astype(int))
+            else:
+                starts.append(np.arange(low, low + room + 1, stride))
+    return np.concatenate(starts).astype(int) if starts else np.empty(0, dtype=int)
+
+
+def _counts(count: int, shares: np.ndarray) -> np.ndarray:
+    """Whole numbers (3,) that add up to `count`, at least 1 each, as near to the shares as they can be."""
+    counts = np.maximum(np.floor(shares * count), 1).astype(int)
+    while counts.sum() < count:
+        counts[np.argmax(shares * count - counts)] += 1
+    while counts.sum() > count:
+        counts[np.argmax(np.where(counts > 1, counts - shares * count, -np.inf))] -= 1
+    return counts
+
+
+def _dealt(counts: np.ndarray) -> np.ndarray:
+    """Part of every loop (K,), each part spread evenly: loop after loop goes to the part that lags most behind its share."""
+    total, given, part = counts.sum(), np.zeros(3), []
+    for k in range(total):
+        behind = np.where(given < counts, counts / total * (k + 1) - given, -np.inf)
+        part.append(int(np.argmax(behind)))
+        given[part[-1]] += 1
+    return np.array(part)
+
+
+def _merged(bounds: np.ndarray) -> tuple[Range, ...]:
+    """Ranges with adjoining ones made one."""
+    merged: list[Range] = []
+    for first, last in bounds.tolist():
+        if merged and merged[-1][1] == first:
+            merged[-1] = (merged[-1][0], last)
+        else:
+            merged.append((first, last))
+    return tuple(merged)

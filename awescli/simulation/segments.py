@@ -1,0 +1,96 @@
+"""Cut a log into re-initialised segments: inputs, set-points, starts, measured outputs and their weights."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from awescli.notation.quantities import ANGLES, OUTPUTS, STATES
+from awescli.physics.declaration import Noise
+from awescli.physics.kite import Kite
+from awescli.simulation.rollout import Segments, inputs_of, setpoints_of
+
+SMOOTHING = 0.3
+"""[s] window of the local quadratic that gives the first guess of a segment's start."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Segments of a log with what was measured on them.
+
+    segments: to simulate; outputs: names of the compared channels; measured: (K, N+1, n_out); sigma: (K, N+1, n_out) standard
+    deviation of the measurement noise, inf where a sample must not count.
+    """
+
+    segments: Segments
+    outputs: tuple[str, ...]
+    measured: np.ndarray
+    sigma: np.ndarray
+
+    def pick(self, which) -> "Observed":
+        return Observed(self.segments.pick(which), self.outputs, self.measured[which], self.sigma[which])
+
+    def starting_at(self, starts: np.ndarray) -> "Observed":
+        return Observed(self.segments.starting_at(starts), self.outputs, self.measured, self.sigma)
+
+    def residual(self, trajectories) -> np.ndarray:
+        """(measured - simulated) / sigma, (K, N+1, n_out); angles wrapped; 0 where a sample does not count or the rollout has ended."""
+        index = [OUTPUTS.index(name) for name in self.outputs]
+        error = self.measured - trajectories.outputs[:, :, index]
+        for i, name in enumerate(self.outputs):
+            if name in ANGLES:
+                error[:, :, i] = wrap(error[:, :, i])
+        steps = np.arange(error.shape[1])[None, :, None]
+        return np.where(steps < trajectories.alive[:, None, None], error / self.sigma, 0.0)
+
+
+def wrap(angle):
+    """An angle difference in (-pi, pi]."""
+    return np.pi - (np.pi - angle) % (2 * np.pi)
+
+
+def noise_std(noise: Noise, name: str, signal: np.ndarray) -> np.ndarray:
+    """Standard deviation of the measurement noise of one channel, per sample [SI]."""
+    axis = {"n": 0, "e": 1, "d": 2}
+    if name in ("p_n", "p_e", "p_d"):
+        value = noise.position[axis[name[-1]]]
+    elif name in ("v_n", "v_e", "v_d"):
+        value = noise.velocity
+    elif name in ("phi", "theta", "psi"):
+        value = noise.euler
+    elif name in ("p", "q", "r"):
+        value = noise.rates
+    elif name in ("a_x", "a_y", "a_z"):
+        value = noise.acceleration
+    elif name in ("alpha", "beta"):
+        value = noise.flow_angles
+    elif name == "V_a":
+        value = noise.airspeed
+    elif name == "tension":
+        return np.maximum(noise.load_relative * np.abs(signal), 0.1 * noise.load_relative * np.abs(signal).mean() + 1e-3)
+    else:
+        value = np.ptp(signal) * 0.01 or 1.0
+    return np.full_like(signal, value)
+
+
+def observe(log, kite: Kite, first: np.ndarray, steps: int, outputs, values=None) -> Observed:
+    """Segments of `steps` samples that begin at samples `first` of the log, with starts from a local quadratic through the log.
+
+    values: parameter name -> (K,) values that differ from segment to segment.
+    """
+    first = np.asarray(first, dtype=int)
+    U, SP = inputs_of(log, kite), setpoints_of(log)
+    rows = first[:, None] + np.arange(steps + 1)[None]
+    outputs = tuple(name for name in outputs if name in log)
+    measured = np.stack([log[name] for name in outputs], axis=1)
+    sigma = np.stack([noise_std(kite.declaration.noise, name, log[name]) for name in outputs], axis=1)
+    sigma[~log.valid] = np.inf
+    segments = Segments(first, smooth_states(log)[first], SP[rows], U[rows], log.dt, values or {})
+    return Observed(segments, outputs, measured[rows], sigma[rows])
+
+
+def smooth_states(log) -> np.ndarray:
+    """(N, 12) states of the log by a local quadratic in time: a start that is less noisy than one sample."""
+    window = max(5, 2 * int(round(SMOOTHING / log.dt / 2)) + 1)
+    z = np.stack([np.unwrap(log[n]) if n in ANGLES else log[n] for n in STATES], axis=1)
+    return savgol_filter(z, window, 2, axis=0) if len(log) >= window else z

@@ -1,0 +1,147 @@
+"""The command line, through its front door, with dummy stages."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from stages.dummy_stages import DUMMIES, make_folder
+from typer.testing import CliRunner
+
+from awescli.cli import build_app
+
+APP = build_app(DUMMIES)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    make_folder(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def awes(*arguments):
+    result = CliRunner().invoke(APP, list(arguments))
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result
+
+
+def test_the_users_own_sequence(folder):
+    for command in (["identify"], ["trace-residual"], ["evaluate", "--report"]):
+        result = awes(*command)
+        assert result.exit_code == 0, result.stderr
+    assert (folder / "out" / "evaluate" / "report.html").is_file()
+    assert "identify: skipped, unchanged" in awes("identify").stdout
+
+
+def test_run_says_why_and_shows_the_summary(folder):
+    result = awes("run", "--set", "identify.horizon=4.0")
+    assert result.exit_code == 0
+    assert "identify: runs (first run)" in result.stdout and "test error 0.0361, outcome converged" in result.stdout
+    assert "\x1b" not in result.stdout
+    table = result.stdout[result.stdout.index("evaluate: errors") :].split("\n")
+    assert [line.split() for line in table[1:4]] == [["mean"], ["initial", "0.1"], ["identified", "0.0361"]]
+    again = awes("run")
+    assert "identify: runs (setting horizon changed 4.0 -> 5.0)" in again.stdout
+    assert "evaluate: errors" in awes("run").stdout  # also when nothing had to run
+
+
+def test_dry_run_quiet_and_json(folder):
+    result = awes("run", "--dry-run")
+    assert "identify: would run (first run)" in result.stdout and not (folder / "out").exists()
+    assert awes("run", "--quiet").stdout == ""
+    result = awes("run", "--json", "--from", "evaluate")
+    answer = json.loads(result.stdout)
+    assert [s["status"] for s in answer["stages"]] == ["skipped", "skipped", "ran"]
+    assert answer["stages"][2]["summary"]["errors"]["initial"] == {"mean": 0.1}
+
+
+@pytest.mark.parametrize(
+    "arguments, code, message",
+    [
+        (["run", "--stages", "none.yaml"], 2, "none.yaml: there is no such file"),
+        (["run", "--set", "identify.horizonn=1"], 2, "--set identify.horizonn: unknown key\n  Did you mean 'horizon'?"),
+        (["run", "--set", "identify.horizon"], 2, "not KEY=VALUE"),
+        (["run", "--from", "evalute"], 2, "Did you mean 'evaluate'?"),
+        (["trace-residual"], 2, "Make it first: awes identify"),
+        (["identify", "--set", "identify.end=diverge"], 3, "identify: the cost is infinite\n  Start closer."),
+        (["identify", "--set", "identify.end=interrupt"], 130, "interrupted during identify"),
+        (["identify", "--set", "identify.end=fault"], 1, "ZeroDivisionError"),
+        (["identfy"], 2, "identfy"),
+        (["run", "--frm", "x"], 2, "--frm"),
+    ],
+)
+def test_exit_codes(folder, arguments, code, message):
+    result = awes(*arguments)
+    assert result.exit_code == code and message in result.stderr and "Traceback" not in result.stderr
+
+
+def test_init_writes_a_plan_that_runs_and_overwrites_nothing(folder):
+    result = awes("init", "new", "--flight", "flight", "--kite", "kite.yaml")
+    assert result.exit_code == 0, result.stderr
+    text = (folder / "new" / "stages.yaml").read_text()
+    assert "flight: " in text and "../flight" in text and "# horizon: 5.0    # seconds between re-initialisations" in text
+    assert awes("run", "--stages", "new/stages.yaml").exit_code == 0
+    assert (folder / "new" / "out" / "evaluate" / "metrics.json").is_file()
+    again = awes("init", "new", "--flight", "flight", "--kite", "kite.yaml")
+    assert again.exit_code == 2 and "not overwritten" in again.stderr
+    assert awes("init", "new2", "--flight", "no", "--kite", "kite.yaml").exit_code == 2 and not (folder / "new2").exists()
+
+
+def test_help_names_every_stage_and_setting():
+    text = awes("--help").stdout
+    assert all(stage.name in text and stage.help in text for stage in DUMMIES)
+    text = awes("evaluate", "--help").stdout
+    assert "--report" in text and "evaluate.report (False): also write report.html" in text
+    assert "--report" not in awes("identify", "--help").stdout
+    assert awes("--version").stdout.startswith("awes ")
+
+
+def test_help_answers_at_once():
+    """0.3 s is the promise; the best of several, since the machine may be busy. Heavy packages stay out in any case."""
+    code = "import sys; from awescli.cli import main; sys.argv = ['awes', '--help']\ntry: main()\nexcept SystemExit: pass\n"
+    code += "heavy = {'numpy', 'scipy', 'torch', 'polars', 'numba', 'llvmlite', 'plotly'} & set(sys.modules)\nassert not heavy, heavy"
+    times = []
+    for _ in range(5):
+        began = time.perf_counter()
+        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+        times.append(time.perf_counter() - began)
+    assert min(times) < 0.3, times
+
+
+WAITING = """
+import sys, time
+sys.path.insert(0, {tests!r})
+from stages.dummy_stages import DUMMIES, Fit
+from awescli.cli import build_app
+
+class Slow(Fit):
+    def run(self, context, config):
+        print("waiting", flush=True)
+        time.sleep(30)
+
+build_app((Slow(), *DUMMIES[1:]))(["run"])
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_interrupt_cleanly(folder, number):
+    code = WAITING.format(tests=os.path.dirname(os.path.dirname(__file__)))
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while "waiting" not in process.stdout.readline():
+        pass
+    process.send_signal(number)
+    _, stderr = process.communicate(timeout=20)
+    assert process.returncode == 130 and "interrupted during identify" in stderr and "Traceback" not in stderr
+    assert not list((folder / "out").glob(".*partial*"))
+
+
+def test_two_runs_in_one_folder(folder):
+    from awescli.artifacts import locked
+
+    with locked(folder / "out"):
+        result = awes("run")
+    assert result.exit_code == 2 and "another awes" in result.stderr

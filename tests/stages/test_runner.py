@@ -1,0 +1,199 @@
+"""What runs, what does not, and why."""
+
+import os
+
+import pytest
+from stages.dummy_stages import DUMMIES, make_folder
+
+from awescli import artifacts
+from awescli.artifacts import read_json
+from awescli.notation.errors import BadInput, NumericalFailure
+from awescli.stages import runner
+from awescli.stages.base import Silent
+from awescli.stages.plan import read_plan
+from awescli.stages.runner import run_plan
+
+
+class Notes(Silent):
+    def __init__(self):
+        self.notes = []
+
+    def note(self, text):
+        self.notes.append(text)
+
+
+@pytest.fixture
+def file(tmp_path):
+    return make_folder(tmp_path)
+
+
+def go(file, *only, **options):
+    runner._input_hash.cache_clear()
+    notes = Notes()
+    overrides = options.pop("overrides", {})
+    results = run_plan(read_plan(file, DUMMIES, overrides), DUMMIES, only or None, progress=notes, **options)
+    return {r.stage: r.reason for r in results}, notes.notes
+
+
+UNCHANGED = {"identify": "unchanged", "trace-residual": "unchanged", "evaluate": "unchanged"}
+
+
+def test_first_run_then_unchanged(file):
+    # "upstream ran" is said only of what had been there before
+    assert go(file)[0] == {"identify": "first run", "trace-residual": "first run", "evaluate": "first run"}
+    out = file.parent / "out"
+    assert sorted(os.listdir(out)) == [".lock", "evaluate", "identify", "trace-residual"]
+    before = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file()}
+    assert go(file)[0] == UNCHANGED
+    assert {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file()} == before
+    assert read_json(out / "evaluate" / "metrics.json") == {"kite": "from: trace-residual 3\n"}
+    provenance = read_json(out / "identify" / "provenance.json")
+    assert provenance["stamp"]["settings"]["horizon"] == 5.0 and provenance["timing"]["duration_s"] >= 0
+    assert set(provenance["stamp"]["inputs"]) == {"flight", "kite"} and "numpy" in provenance["versions"]
+
+
+@pytest.mark.parametrize(
+    "change, expected",
+    [
+        ("setting", "setting horizon changed 5.0 -> 4.0"),
+        ("seed", "seed changed 0 -> 7"),
+        ("split", "split train changed 0.5 -> 0.4; split validation changed 0.2 -> 0.3"),
+        ("kite", "input kite changed"),
+        ("flight", "input flight changed"),
+        ("missing", "artifact params.json missing"),
+        ("edited", "artifact params.json changed since it was written"),
+        ("provenance", "provenance.json missing or not readable"),
+        ("code", "code changed"),
+        ("gone", "first run"),
+    ],
+)
+def test_why_it_runs(file, change, expected, monkeypatch):
+    go(file)
+    out, overrides = file.parent / "out", {}
+    if change == "setting":
+        overrides = {"identify.horizon": "4.0"}
+    elif change == "seed":
+        overrides = {"seed": "7"}
+    elif change == "split":
+        overrides = {"split.train": "0.4", "split.validation": "0.3"}
+    elif change == "kite":
+        (file.parent / "kite.yaml").write_text("other")
+    elif change == "flight":
+        (file.parent / "flight" / "winch.csv").write_text("3")
+    elif change == "missing":
+        (out / "identify" / "params.json").unlink()
+    elif change == "edited":
+        (out / "identify" / "params.json").write_text("{}")
+    elif change == "provenance":
+        (out / "identify" / "provenance.json").write_text("{")
+    elif change == "code":
+        monkeypatch.setattr(runner, "code_hash", lambda: "other")
+    elif change == "gone":
+        artifacts.remove(out / "identify")
+    dry, _ = go(file, dry_run=True, overrides=overrides)
+    reasons, _ = go(file, overrides=overrides)
+    assert dry == reasons
+    assert reasons["identify"] == expected
+    assert reasons["trace-residual"] == "upstream identify ran"
+    assert reasons["evaluate"] == "upstream identify, trace-residual ran"
+    assert go(file, overrides=overrides)[0] == UNCHANGED
+
+
+def test_force_and_from(file):
+    go(file)
+    assert set(go(file, force=True)[0].values()) == {"--force"}
+    reasons, _ = go(file, begin="trace-residual")
+    begun = "--from trace-residual"
+    assert reasons == {"identify": f"before {begun}", "trace-residual": begun, "evaluate": begun}
+    with pytest.raises(BadInput, match="Did you mean 'identify'"):
+        go(file, begin="identfy")
+
+
+def test_dry_run_touches_nothing(file):
+    assert set(go(file, dry_run=True)[0].values()) == {"first run"}
+    assert not (file.parent / "out").exists()
+
+
+def test_one_stage_after_the_other(file):
+    with pytest.raises(BadInput, match=f"Make it first: awes identify --stages {file}"):
+        go(file, "trace-residual")
+    go(file, "evaluate")
+    metrics = file.parent / "out" / "evaluate" / "metrics.json"
+    assert read_json(metrics)["kite"] == "from: declared\n"
+    go(file, "identify")
+    assert go(file, "evaluate")[0] == {"evaluate": "upstream identify changed"}
+    assert read_json(metrics)["kite"] == "from: identify 5.0\n"
+    go(file, "trace-residual")
+    go(file, "evaluate")
+    assert read_json(metrics)["kite"] == "from: trace-residual 3\n"
+
+
+def test_a_model_older_than_what_it_was_made_from_is_not_used_silently(file):
+    go(file)
+    go(file, "identify", overrides={"identify.horizon": "4.0"})
+    reasons, notes = go(file, "evaluate", overrides={"identify.horizon": "4.0"})
+    assert notes == [
+        "evaluate does without trace-residual: identify has changed since trace-residual ran. "
+        f"To use it: awes trace-residual --stages {file}"
+    ]
+    assert reasons["evaluate"] == "upstream identify changed; upstream trace-residual is no longer used"
+    assert read_json(file.parent / "out" / "evaluate" / "metrics.json")["kite"] == "from: identify 4.0\n"
+
+
+def test_a_model_made_with_other_settings_is_used_but_not_silently(file):
+    go(file)
+    _, notes = go(file, "trace-residual", overrides={"identify.horizon": "4.0"})
+    assert len(notes) == 1 and notes[0].startswith("identify was made before setting horizon changed 5.0 -> 4.0.")
+
+
+def test_a_damaged_model_is_not_used(file):
+    go(file)
+    (file.parent / "out" / "identify" / "kite.yaml").write_text("x")
+    with pytest.raises(BadInput, match="kite.yaml changed since it was written"):
+        go(file, "trace-residual")
+
+
+@pytest.mark.parametrize("end, error", [("diverge", NumericalFailure), ("fault", ZeroDivisionError), ("interrupt", KeyboardInterrupt)])
+def test_a_stage_that_does_not_end_well_leaves_the_old_artifacts(file, end, error):
+    go(file)
+    out = file.parent / "out"
+    before = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file()}
+    with pytest.raises(error):
+        go(file, overrides={"identify.end": end})
+    after = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file() and ".identify.scratch" not in p.parts}
+    assert after == before
+    assert (out / ".identify.scratch").exists() == (end == "interrupt")
+    assert go(file)[0] == UNCHANGED
+
+
+def test_an_interrupted_stage_continues_from_its_checkpoint(file, monkeypatch):
+    overrides = {"identify.end": "interrupt"}
+    with pytest.raises(KeyboardInterrupt):
+        go(file, overrides=overrides)
+    assert go(file, overrides=overrides)[1] == ["from step 2"]
+    with pytest.raises(KeyboardInterrupt):
+        go(file, overrides=overrides, force=True)
+    assert go(file)[1] == ["from step 0"]  # other settings: not its checkpoint
+    assert not (file.parent / "out" / ".identify.scratch").exists()
+
+
+def test_a_file_named_in_the_settings_is_an_input(file):
+    (file.parent / "w").write_text("1")
+    overrides = {"identify.weights": "w"}
+    go(file, overrides=overrides)
+    assert go(file, overrides=overrides)[0] == UNCHANGED
+    (file.parent / "w").write_text("2")
+    assert go(file, overrides=overrides)[0]["identify"].startswith("setting weights changed")
+
+
+def test_a_plan_without_stages(file):
+    file.write_text("flight: flight\nkite: kite.yaml\n")
+    with pytest.raises(BadInput, match="names no stages"):
+        go(file)
+    assert go(file, "identify")[0] == {"identify": "first run"}
+
+
+def test_a_stage_that_does_not_write_what_it_promises(file, monkeypatch):
+    monkeypatch.setattr(type(DUMMIES[0]), "makes", ("other.json",))
+    with pytest.raises(RuntimeError, match="identify did not write other.json"):
+        go(file)
