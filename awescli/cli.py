@@ -204,29 +204,40 @@ def _check(screen: "Screen", stages: tuple[Stage, ...], file: Path, settings: Se
         errors.append(e)
     try:
         log = read_flight(plan.flight)
-        screen.line(f"flight  {plan.flight}: good, {len(log)} samples")
+        screen.line(f"flight  {plan.flight}: readable, {len(log)} samples in {len(log) * log.dt:.1f} s at {1 / log.dt:.4g} Hz")
     except BadInput as e:
         errors.append(e)
     if log is not None:
         quality = data_quality(log)
-        for title, content in _sections(quality).items():
+        for title, content in _quality_sections(quality).items():
             screen.section(title, content)
-        for note in log.notes:
-            screen.line(f"note: {note}")
-        screen.answer({"plan": str(plan.file), "quality": _json_safe(_sections(quality)), "notes": list(log.notes)})
+        screen.answer({"plan": str(plan.file), "quality": _json_safe(quality.as_dict())})
     if errors:
         raise errors[0] if len(errors) == 1 else BadInputs(errors)
 
 
-def _sections(quality: Any) -> dict[str, Any]:
-    """The data-quality result, whatever small class it is, as title -> content."""
-    import dataclasses
-
-    if dataclasses.is_dataclass(quality):
-        return {f.name: getattr(quality, f.name) for f in dataclasses.fields(quality)}
-    if hasattr(quality, "model_dump"):
-        return quality.model_dump()
-    return dict(quality) if isinstance(quality, Mapping) else {"quality": quality}
+def _quality_sections(quality: Any) -> dict[str, Any]:
+    """A DataQuality (flightlog/quality.py) as title -> table, list or sentence."""
+    sections: dict[str, Any] = {
+        "signals": {
+            c.name: {"unit": c.unit, "low": c.low, "high": c.high, "noise": "" if c.noise is None else c.noise, "clock": c.group}
+            for c in quality.channels
+        },
+        "checks": {
+            c.name: {"value": c.value, "limit": c.threshold, "unit": c.unit, "": "good" if c.ok else "NOT GOOD", "means": c.sentence}
+            for c in quality.checks
+        },
+        "phases [s]": dict(quality.phases),
+        "left out [s]": dict(quality.left_out),
+        "loops": quality.loops,
+    }
+    if counted := {name: number for name, number in quality.counters.items() if number}:
+        sections["counted while reading"] = counted
+    lists = {"missing for a model": quality.missing, "notes": quality.notes}
+    sections |= {title: list(items) for title, items in lists.items() if items}
+    bad = [c.name for c in quality.checks if not c.ok]
+    sections["verdict"] = "good" if quality.ok else "look at " + ", ".join([*bad, *(["what is missing"] if quality.missing else [])])
+    return sections
 
 
 def _init(screen: "Screen", stages: tuple[Stage, ...], folder: Path, flight: Path, kite: Path) -> None:
@@ -408,7 +419,8 @@ class Screen:
         if self.quiet:
             return
         if isinstance(content, Mapping) and content:
-            self.console.print(_table(title, content))
+            self.line(title)
+            self.console.print(_table(content))
         elif isinstance(content, (list, tuple)):
             self.line(f"{title}:" + ("" if content else " none"))
             for item in content:
@@ -453,20 +465,21 @@ class _PlainTask:
             self.screen.line(f"  {self.description}{steps} {self.text}".rstrip())
 
 
-def _table(title: str, content: Mapping[str, Any]) -> Any:
+def _table(content: Mapping[str, Any]) -> Any:
     """A rich table: rows of columns, or names and values."""
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=Text(title), title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    rows = {name: row for name, row in content.items() if isinstance(row, Mapping)}
-    columns = list(dict.fromkeys(key for row in rows.values() for key in row)) if rows else [""]
+    rows = [row for row in content.values() if isinstance(row, Mapping)]
+    columns = list(dict.fromkeys(key for row in rows for key in row)) or [""]
+    table = Table(box=None, show_header=bool(rows), padding=(0, 2, 0, 0))
     table.add_column("")
-    for column in columns:
-        table.add_column(Text(str(column)), justify="right")
-    for name, row in content.items():
-        cells = [row.get(c, "") for c in columns] if isinstance(row, Mapping) else [row, *[""] * (len(columns) - 1)]
-        table.add_row(Text(str(name)), *(Text(_text(cell)) for cell in cells))
+    cells = [[row.get(c, "") for c in columns] if isinstance(row, Mapping) else [row] for row in content.values()]
+    for i, column in enumerate(columns):
+        sentences = any(len(_text(row[i])) > 24 for row in cells if i < len(row))
+        table.add_column(Text(str(column)), justify="left" if sentences else "right")
+    for name, row in zip(content, cells, strict=True):
+        table.add_row(Text(f"  {name}"), *(Text(_text(cell)) for cell in row))
     return table
 
 

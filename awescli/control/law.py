@@ -47,6 +47,9 @@ class Law(ABC):
     metrics: Mapping = field(default_factory=dict)
 
     def __post_init__(self):
+        # plain floats: a numpy scalar would make numpy the first to answer when it meets a recorded scalar
+        for name in ("centre", "scale"):
+            object.__setattr__(self, name, tuple(float(x) for x in getattr(self, name)))
         check_features(self.features)
         for name in self.surfaces:
             if name not in SURFACES or name not in self.limits:

@@ -46,7 +46,7 @@ class ControllerConfig:
     alphas: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)
     outliers: float = 0.05
     gamma_share: float = 0.5
-    gain_quantile: float = 0.99
+    gain_quantile: float = 1.0
     convex_samples: int = 300
     convex_pairs: int = 200
     smooth_window_s: float = 0.34

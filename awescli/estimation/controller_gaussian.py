@@ -27,8 +27,8 @@ def fit_gaussian(problem: Problem, config) -> tuple[dict, dict]:
     convex = _convex_step(problem, candidates, width, config)
     trials += _trials(problem, candidates, width, convex["support"], "convex, then greedy", config)
     best = min(t["score"].value for t in trials)
-    # the sparsest of those that cannot be told from the best; the convex support first where it is as good
-    chosen = min((t for t in trials if t["score"].value <= 1.02 * best), key=lambda t: (t["order"].size, t["score"].value))
+    # the sparsest of those that can hardly be told from the best, and of these the widest: it bends least between and beyond the data
+    chosen = min((t for t in trials if t["score"].value <= 1.05 * best), key=lambda t: (t["order"].size, -t["width"], t["score"].value))
     order, ridge, w = chosen["order"], chosen["ridge"], chosen["width"]
 
     def solve(order):
@@ -115,6 +115,6 @@ def _gains(problem: Problem, fitted: np.ndarray, convex: dict, config) -> list[d
     """The small-gain condition per surface; fitted: (n, S) at convex['rows']."""
     errors = problem.U[convex["rows"]] - fitted
     return [
-        small_gain(lipschitz_of_error(errors[:, s], convex["pairs"], min(eps, float(np.abs(errors[:, s]).max())), config.gain_quantile), config.plant_gain)
+        small_gain(lipschitz_of_error(errors[:, s], convex["pairs"], eps, config.gain_quantile), config.plant_gain)
         for s, (eps, _) in enumerate(convex["bounds"])
     ]

@@ -66,7 +66,13 @@ def _train(problem: Problem, rows: np.ndarray, decay: float, config, iterations:
         value.backward()
         return value
 
-    solver.step(closure)
+    # a second thread gains nothing on matrices this small, changes the order of sums, and waits for cores that others use
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        solver.step(closure)
+    finally:
+        torch.set_num_threads(threads)
     fields = {k: v.detach().numpy().copy() for k, v in p.items()}
     for name in ("weights_3", "affine"):
         fields[name] = fields[name] * unit[:, None]

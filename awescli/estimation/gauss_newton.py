@@ -27,6 +27,8 @@ class Solution:
 
 def bounded_step(H: np.ndarray, b: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """argmin 1/2 d'Hd - b'd with lower <= d <= upper, H positive definite. Scaled to unit diagonal first."""
+    if not len(b):
+        return np.zeros(0)
     scale = 1 / np.sqrt(np.diag(H))
     Hs = H * scale * scale[:, None]
     L = cholesky(Hs + 1e-13 * np.eye(len(b)), lower=True)
@@ -40,7 +42,7 @@ def bounded_step(H: np.ndarray, b: np.ndarray, lower: np.ndarray, upper: np.ndar
 
 
 def minimise(
-    linearise: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]],
+    linearise: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray, float]],
     move: Callable[[np.ndarray, float], float],
     accept: Callable[[], None],
     x: np.ndarray,
@@ -53,12 +55,13 @@ def minimise(
 ) -> Solution:
     """Minimise a sum of squares over lower <= x <= upper.
 
-    linearise(x) -> (cost, b, H): cost at x, gradient -dcost/dx / 2 = J'r, Gauss-Newton Hessian J'J; move(step, share) -> cost at
+    linearise(x) -> (cost, b, H, own_gain): cost at x, -dcost/dx / 2 = J'r, Gauss-Newton Hessian J'J (inner unknowns eliminated), and
+    what the inner unknowns alone would still gain; move(step, share) -> cost at
     x + share * step (inner unknowns moved along); accept() makes the last move the new point. Stops when the decrement falls below
     `tolerance` (in units of the cost, so in units of chi-square for whitened residuals).
     """
     damping, history, outcome, decrement = 0.0, [], "iteration_limit", np.inf
-    cost, b, H = linearise(x)
+    cost, b, H, own_gain = linearise(x)
     for iteration in range(iterations):
         history.append(cost)
         on_iteration(iteration, cost)
@@ -66,7 +69,7 @@ def minimise(
         for _ in range(8):
             damped = H + damping * np.diag(np.diag(H))
             step = bounded_step(damped, b, lower - x, upper - x)
-            decrement = float(b @ step - 0.5 * step @ H @ step)
+            decrement = float(2 * b @ step - step @ H @ step) + own_gain
             if damping == 0 and decrement < tolerance:
                 outcome = "converged"
                 break
@@ -88,5 +91,5 @@ def minimise(
         accept()
         x = np.clip(x + share * step, lower, upper)
         damping = 0.0 if damping < 1e-3 else damping / 10
-        cost, b, H = linearise(x)
+        cost, b, H, own_gain = linearise(x)
     return Solution(x, float(cost), H, outcome, decrement, tuple(history))

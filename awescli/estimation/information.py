@@ -32,11 +32,12 @@ class Information:
         return cho_solve(factor, M_lr - M_lg @ change)
 
 
-def reduce(J: np.ndarray, r: np.ndarray, sigma: np.ndarray, n_own: int, own_prior: np.ndarray) -> Information:
+def reduce(J: np.ndarray, r: np.ndarray, sigma: np.ndarray, n_own: int, own_prior: np.ndarray, own_value: np.ndarray) -> Information:
     """Eliminate the first n_own columns of every segment.
 
     J: (K, N, n_out, n_own + n) sensitivities; r: (K, N, n_out) whitened residual (0 where a sample does not count);
-    sigma: (K, N, n_out), inf where it does not; own_prior: (n_own,) prior precision of the own unknowns (0: nothing known), mean 0.
+    sigma: (K, N, n_out), inf where it does not; own_prior: (n_own, n_own) prior precision of the own unknowns (0: nothing known), mean 0;
+    own_value: (K, n_own) their present values.
     """
     K, N, n_out, columns = J.shape
     n = columns - n_own
@@ -48,16 +49,16 @@ def reduce(J: np.ndarray, r: np.ndarray, sigma: np.ndarray, n_own: int, own_prio
         A[:, :columns] = W.reshape(-1, columns)
         A[:, columns] = r[k].reshape(-1)
         G = A.T @ A
-        M = G[:n_own, :n_own].copy()
-        M[np.diag_indices(n_own)] += own_prior
+        M = G[:n_own, :n_own] + own_prior
         # a own unknown that nothing depends on (a state that no output sees) must not make the factorisation fail
         M[np.diag_indices(n_own)] += 1e-12 * (1 + np.diag(M))
         factor = cho_factor(M)
-        M_lg, M_lr = G[:n_own, n_own:columns], G[:n_own, columns]
+        pull = own_prior @ own_value[k]
+        M_lg, M_lr = G[:n_own, n_own:columns], G[:n_own, columns] - pull
         X = cho_solve(factor, np.column_stack([M_lg, M_lr]))
         H[k] = G[n_own:columns, n_own:columns] - M_lg.T @ X[:, :-1]
         b[k] = G[n_own:columns, columns] - M_lg.T @ X[:, -1]
-        cost[k] = G[columns, columns] - M_lr @ X[:, -1]
-        dof[k] = np.count_nonzero(weight[k]) - np.count_nonzero(own_prior == 0)
+        cost[k] = G[columns, columns] + own_value[k] @ pull - M_lr @ X[:, -1]
+        dof[k] = np.count_nonzero(weight[k]) - np.count_nonzero(np.diag(own_prior) == 0)
         back.append((factor, M_lg, M_lr))
     return Information(H, b, cost, dof, back)

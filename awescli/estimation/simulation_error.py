@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from awescli.estimation.gauss_newton import Solution, minimise
 from awescli.estimation.information import Information, reduce
@@ -18,85 +19,115 @@ DIVERGED_COST = 25.0
 
 @dataclass(frozen=True)
 class Gusts:
-    """Nuisance wind: its error is constant over windows of `window` seconds with standard deviation `std` [m/s] per axis."""
+    """Nuisance wind: what the recorded wind leaves out, per axis with standard deviation `std` [m/s].
+
+    Constant over windows of `window` seconds; windows are correlated as exp(-|dt| / memory) (Dryden: memory = L / V_a).
+    window = inf: one constant error of the recorded wind per segment.
+    """
 
     std: float
     window: float = np.inf
+    memory: float = 3.0
 
     def columns(self, steps: int, dt: float) -> tuple[tuple[str, int, int], ...]:
+        """(parameter, first step, last step) of every window and axis."""
         if self.std <= 0:
             return ()
         length = max(1, int(round(min(self.window, steps * dt) / dt)))
         return tuple((f"gust.{axis}", a, min(a + length, steps + 1)) for a in range(0, steps, length) for axis in "ned")
 
+    def precision(self, steps: int, dt: float) -> np.ndarray:
+        """Prior precision of the windows, in the order of `columns`."""
+        columns = self.columns(steps, dt)
+        if not columns:
+            return np.zeros((0, 0))
+        start = np.array([a for _, a, _ in columns[::3]]) * dt
+        correlation = np.exp(-np.abs(start[:, None] - start) / self.memory)
+        return np.kron(np.linalg.inv(correlation), np.eye(3)) / self.std**2
+
 
 @dataclass(frozen=True)
 class Fit:
-    """What a fit found: parameters (all rows, new values for the free ones), starts (K, 12), solution, information at the solution.
+    """What a fit found: parameters (all rows, new values for the free ones), own (K, n_own) unknowns of the segments (starts first),
+    solution, information at the solution.
 
     covariance: (n, n) of the free parameters in the order `names`, prior included; chi2: squared whitened residual per degree of freedom.
     """
 
     names: tuple[str, ...]
     parameters: ParameterTable
-    starts: np.ndarray
+    own: np.ndarray
     solution: Solution
     information: Information
     covariance: np.ndarray
     chi2: float
     alive: np.ndarray
 
+    @property
+    def starts(self) -> np.ndarray:
+        """(K, 12) fitted states at the segments' starts."""
+        return self.own[:, :12]
+
 
 class SimulationError:
-    """The misfit of one simulator to observed segments, as a function of parameters; starts are moved along as inner unknowns."""
+    """The misfit of one simulator to observed segments, as a function of parameters and of the segments' own unknowns.
 
-    def __init__(self, simulator: Simulator, observed: Observed, names: Sequence[str], gusts: Gusts, *, estimate_starts: bool = True):
-        self.simulator, self.observed, self.names, self.gusts = simulator, observed, tuple(names), gusts
-        self.own_states = STATES if estimate_starts else ()
-        windows = gusts.columns(observed.segments.steps, observed.segments.dt)
-        self.windows = windows
-        self.own_prior = np.concatenate([np.zeros(len(self.own_states)), np.full(len(windows), 1 / gusts.std**2 if windows else 0.0)])
-        self.starts = observed.segments.starts.copy()
+    own: (K, n_own) the segments' unknowns: start (12 states), then the nuisance wind in its windows.
+    """
+
+    def __init__(self, simulator: Simulator, observed: Observed, names: Sequence[str], gusts: Gusts):
+        self.simulator, self.observed, self.names = simulator, observed, tuple(names)
+        segments = observed.segments
+        self.windows = gusts.columns(segments.steps, segments.dt)
+        self.own_prior = block_diag(np.zeros((12, 12)), gusts.precision(segments.steps, segments.dt))
+        self.own = np.concatenate([segments.starts, np.zeros((len(segments), len(self.windows)))], axis=1)
+        first = simulator.kite.input_names.index("gust_n")
+        self._gust_inputs = slice(first, first + 3)
+
+    @property
+    def starts(self) -> np.ndarray:
+        return self.own[:, :12]
 
     def values(self, x) -> dict[str, float]:
         return dict(zip(self.names, x, strict=True))
 
-    def information(self, x: np.ndarray, parameters: Sequence[str] | None = None) -> tuple[Information, object]:
-        """Reduced information on `parameters` (default: the free names) at parameter values x and the present starts."""
+    def segments(self, own: np.ndarray):
+        """The segments from their own starts, in their own wind."""
+        segments = self.observed.segments.starting_at(own[:, :12])
+        if not self.windows:
+            return segments
+        wind = np.zeros((len(own), segments.steps + 1, 3))
+        for i, (_, first, last) in enumerate(self.windows):
+            wind[:, first:last, i % 3] = own[:, None, 12 + i]
+        return segments.with_inputs(self._gust_inputs, wind)
+
+    def information(self, x: np.ndarray, parameters: Sequence[str] | None = None, extra: np.ndarray | None = None, values=None):
+        """(Information, Trajectories) on `parameters` (default: the free names) at parameter values x and the present own unknowns.
+
+        extra: (K, N+1, n_out, n) further columns (secants) behind those of the parameters; values: further parameter values.
+        """
         names = self.names if parameters is None else tuple(parameters)
         # windows come last in `Columns`; own unknowns must come first in the Gram matrix
-        columns = Columns(self.own_states, names, self.windows)
-        segments = self.observed.segments.starting_at(self.starts)
-        trajectories, J = self.simulator.sensitivities(segments, columns, self.observed.outputs, self.values(x))
-        s, g = len(self.own_states), len(names)
-        J = np.concatenate([J[..., :s], J[..., s + g :], J[..., s : s + g]], axis=-1) if self.windows and g else J
+        columns = Columns(STATES, names, self.windows)
+        trajectories, J = self.simulator.sensitivities(
+            self.segments(self.own), columns, self.observed.outputs, {**self.values(x), **(values or {})}
+        )
+        s, g = len(STATES), len(names)
+        blocks = [J[..., :s], J[..., s + g :], J[..., s : s + g]] + ([extra] if extra is not None else [])
         r = self.observed.residual(trajectories)
         sigma = np.where(self._reached(trajectories)[:, :, None], self.observed.sigma, np.inf)
-        self.last_J_own = J[..., : s + len(self.windows)]
-        return reduce(J, r, sigma, s + len(self.windows), self.own_prior), trajectories
+        information = reduce(np.concatenate(blocks, axis=-1), r, sigma, s + len(self.windows), self.own_prior, self.own)
+        return information, trajectories
 
     def _reached(self, trajectories) -> np.ndarray:
         return np.arange(self.observed.measured.shape[1])[None] < trajectories.alive[:, None]
 
-    def penalty(self, trajectories) -> float:
-        """Cost of the samples that diverged rollouts never reached."""
-        missing = (~self._reached(trajectories)).sum() * len(self.observed.outputs)
-        return DIVERGED_COST * float(missing)
-
-    def cost(self, x: np.ndarray, starts: np.ndarray) -> float:
-        """Cost at other parameters and starts, the nuisance wind at its best for the last linearisation."""
-        trajectories = self.simulator.rollout(self.observed.segments.starting_at(starts), self.values(x))
+    def costs(self, x: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """(K,) cost of every segment at other parameters and own unknowns: whitened squares, prior of the own wind, divergence."""
+        trajectories = self.simulator.rollout(self.segments(own), self.values(x))
         r = self.observed.residual(trajectories)
-        total = float((r * r).sum()) + self.penalty(trajectories)
-        if self.windows:
-            s = len(self.own_states)
-            weight = np.where(np.isfinite(self.observed.sigma), 1 / self.observed.sigma, 0.0)
-            for k in range(len(r)):
-                A = (self.last_J_own[k][..., s:] * weight[k][..., None]).reshape(-1, len(self.windows))
-                projected = A.T @ r[k].reshape(-1)
-                M = A.T @ A + np.diag(self.own_prior[s:])
-                total -= float(projected @ np.linalg.solve(M, projected))
-        return total
+        missing = (~self._reached(trajectories)).sum(axis=1) * len(self.observed.outputs)
+        return (r * r).sum(axis=(1, 2)) + np.einsum("ki,ij,kj->k", own, self.own_prior, own) + DIVERGED_COST * missing
 
 
 def fit(
@@ -110,51 +141,50 @@ def fit(
     prior_table: ParameterTable | None = None,
     iterations: int = 30,
     tolerance: float = 1e-2,
-    estimate_starts: bool = True,
+    own: np.ndarray | None = None,
     on_iteration: Callable[[int, float], None] = lambda i, c: None,
 ) -> Fit:
     """Fit the free parameters `names`, and the segments' starts, to observed segments (seed eq. 11, weights from the noise).
 
+    own: (K, n_own) start values of the segments' unknowns, from an earlier fit of the same segments.
     prior: weigh deviations from `prior_table` (default: `parameters`) with each row's `prior_std` (maximum a posteriori).
     """
-    problem = SimulationError(simulator, observed, names, gusts, estimate_starts=estimate_starts)
+    problem = SimulationError(simulator, observed, names, gusts)
     names = problem.names
     rows = [parameters[n] for n in names]
     x0 = np.array([r.value for r in rows])
+    lower, upper = np.array([r.lower for r in rows]), np.array([r.upper for r in rows])
     centre = np.array([(prior_table or parameters)[n].value for n in names])
     precision = np.array([1 / r.prior_std**2 if prior else 0.0 for r in rows])
-    state = {"x": x0, "pending": None}
+    if own is not None:
+        problem.own = own.copy()
+    # the own unknowns move along with every step; what a trial would make of them waits until the step is accepted
+    here: dict = {}
+
+    def total(x, own):
+        return float(problem.costs(x, own).sum() + precision @ (centre - x) ** 2)
 
     def linearise(x):
-        state["x"] = x
         info, trajectories = problem.information(x)
-        state["info"], state["alive"] = info, trajectories.alive
+        here.update(x=x, info=info, alive=trajectories.alive)
         b = info.b.sum(0) + precision * (centre - x)
-        H = info.H.sum(0) + np.diag(precision)
-        cost = float(info.cost.sum()) + problem.penalty(trajectories) + float(precision @ (centre - x) ** 2)
-        # move the starts to their best for these parameters: `own` at zero change
-        state["best"] = info
-        return _total(x, problem.starts), b, H if len(x) else np.zeros((0, 0)) if cost is None else H
-
-    def _total(x, starts):
-        return problem.cost(x, starts) + float(precision @ (centre - x) ** 2)
+        # what the own unknowns alone can still gain counts as progress too
+        own_gain = float((problem.costs(x, problem.own) - info.cost).sum())
+        return total(x, problem.own), b, info.H.sum(0) + np.diag(precision), own_gain
 
     def move(step, share):
-        starts = problem.starts.copy()
-        for k in range(len(starts)):
-            if state["alive"][k] > observed.segments.steps:
-                starts[k, : len(problem.own_states)] += share * state["info"].own(k, step)[: len(problem.own_states)]
-        x = np.clip(state["x"] + share * step, [r.lower for r in rows], [r.upper for r in rows])
-        state["pending"] = starts
-        return _total(x, starts)
+        moved = problem.own.copy()
+        for k in np.flatnonzero(here["alive"] > observed.segments.steps):
+            moved[k] += share * here["info"].own(k, step)
+        here["moved"] = moved
+        return total(np.clip(here["x"] + share * step, lower, upper), moved)
 
     def accept():
-        problem.starts = state["pending"]
+        problem.own = here["moved"]
 
-    lower, upper = np.array([r.lower for r in rows]), np.array([r.upper for r in rows])
     solution = minimise(linearise, move, accept, x0, lower, upper, tolerance=tolerance, iterations=iterations, on_iteration=on_iteration)
-    info = state["info"]
+    info = here["info"]
     table = parameters.with_values(dict(zip(names, solution.x, strict=True)))
     covariance = np.linalg.inv(solution.H) if len(names) else np.zeros((0, 0))
     chi2 = float(info.cost.sum() / max(info.dof.sum() - len(names), 1))
-    return Fit(names, table, problem.starts, solution, info, covariance, chi2, state["alive"])
+    return Fit(names, table, problem.own, solution, info, covariance, chi2, here["alive"])

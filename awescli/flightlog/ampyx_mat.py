@@ -81,7 +81,9 @@ def read_ampyx(path: Path, max_gap: float = 0.2, late: Mapping[str, float] | Non
             )
     signals["tether_length"] = _tether_length(seconds, signals, late["winch"])
     notes.append("tether_length is the integrated winch speed; its start makes it the range where the line is taut, on average.")
-    groups = {name: "winch" if name in ("tension", "reel_out_speed", "tether_length") else "onboard" for name in signals} | {"wind": "weather"}
+    groups = {name: "winch" if name in ("tension", "reel_out_speed", "tether_length") else "onboard" for name in signals} | {
+        "wind": "weather"
+    }
     wind = wind_record(seconds, air, float(-signals["p_d"].mean()))
     raw = RawFlight(path.resolve().parent.name, start, seconds - seconds[0], signals, str(path), groups, late, wind, tuple(notes))
     return uniform_log(raw, max_gap)
@@ -124,7 +126,9 @@ def _load(path: Path):
             raise BadInput(f"the file is larger than {MAX_BYTES / 1e9:g} GB", str(path), do)
         contents = {name: kind for name, _, kind in whosmat(path)}
         if refused := [f"{name} ({kind})" for name, kind in contents.items() if kind not in PLAIN]:
-            raise BadInput(f"MATLAB objects are not read: {', '.join(refused)[:200]}", str(path), "Save plain structs and numbers (save -v6).")
+            raise BadInput(
+                f"MATLAB objects are not read: {', '.join(refused)[:200]}", str(path), "Save plain structs and numbers (save -v6)."
+            )
         if STRUCT not in contents:
             raise BadInput(f"there is no struct '{STRUCT}'", str(path), f"It holds: {', '.join(contents) or 'nothing'}."[:200])
         data = loadmat(path, variable_names=[STRUCT], struct_as_record=True, squeeze_me=True)[STRUCT]

@@ -107,7 +107,9 @@ def _tether_range(log: FlightLog, where: Signal) -> list[Check]:
 
 def _reeling(log: FlightLog, where: Signal) -> list[Check]:
     error = np.gradient(log["tether_length"], log.dt) - log["reel_out_speed"]
-    return [_check("reel-out speed against length", _rms(log, [error], where), "m/s", 0.3, "RMS of d(tether length)/dt minus reel-out speed.")]
+    return [
+        _check("reel-out speed against length", _rms(log, [error], where), "m/s", 0.3, "RMS of d(tether length)/dt minus reel-out speed.")
+    ]
 
 
 def _winch_clock(log: FlightLog, where: Signal) -> list[Check]:

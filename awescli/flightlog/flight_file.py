@@ -102,7 +102,9 @@ class FlightFile(_Strict):
             raise ValueError("format csv needs `time: {column: ..., unit: ...}`")
         if self.format == "csv" and not (self.signals or self.position or self.velocity):
             raise ValueError("format csv maps no signal: fill `signals`, `position` and `velocity`")
-        if self.format != "csv" and (used := [n for n in ("time", "position", "velocity", "acceleration", "signals", "wind") if getattr(self, n)]):
+        if self.format != "csv" and (
+            used := [n for n in ("time", "position", "velocity", "acceleration", "signals", "wind") if getattr(self, n)]
+        ):
             raise ValueError(f"{', '.join(used)} belong to format csv, this is format {self.format}")
         if self.format != "kitemill" and self.units:
             raise ValueError("`units` belongs to format kitemill; in format csv the unit stands at each signal")

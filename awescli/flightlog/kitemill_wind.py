@@ -24,7 +24,9 @@ def find_weather(folder: Path) -> Path | None:
         return folder / "lista_fyr_lighthouse.csv"
     found = sorted(folder.glob("wind*.csv"))
     if len(found) > 1:
-        raise BadInput(f"several weather files: {', '.join(p.name for p in found)}", str(folder), "Keep the one that belongs to the flight.")
+        raise BadInput(
+            f"several weather files: {', '.join(p.name for p in found)}", str(folder), "Keep the one that belongs to the flight."
+        )
     return found[0] if found else None
 
 
@@ -38,7 +40,9 @@ def read_wind(path: Path, start: float, flight: tuple[float, float], station_hei
     columns, notes = dict(table.columns), list(table.notes)
     check_clock(columns["_time"], "ns", f"{path}: column _time")
     columns.setdefault("height", np.full(len(table), station_height))
-    usable = np.isfinite(columns["_time"]) & np.isfinite(columns["direction"]) & np.isfinite(columns["speed"]) & np.isfinite(columns["height"])
+    usable = (
+        np.isfinite(columns["_time"]) & np.isfinite(columns["direction"]) & np.isfinite(columns["speed"]) & np.isfinite(columns["height"])
+    )
     if not usable.any():
         raise BadInput("no row has time, direction and speed", str(path), "Is the file complete?")
     if not usable.all():
@@ -52,7 +56,9 @@ def read_wind(path: Path, start: float, flight: tuple[float, float], station_hei
     if seconds.min() > flight[1] + FAR or seconds.max() < flight[0] - FAR:
         apart = (seconds.min() - flight[1]) if seconds.min() > flight[1] else (flight[0] - seconds.max())
         raise BadInput(
-            f"the weather is {apart / 3600:.1f} h away from the flight", f"{path}: column _time", "Put the weather file of this flight here."
+            f"the weather is {apart / 3600:.1f} h away from the flight",
+            f"{path}: column _time",
+            "Put the weather file of this flight here.",
         )
     if "height" in header and "rho" not in header:
         notes.append(f"{path.name}: no air density.")

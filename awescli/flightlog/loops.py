@@ -91,4 +91,6 @@ def _blocks(log: FlightLog, labels: np.ndarray) -> Loops:
         count = int((last - first) * log.dt / seconds + 1e-9)
         edges = np.linspace(first, last, count + 1).astype(int) if count else ()
         bounds += list(zip(edges[:-1], edges[1:], strict=True))
-    return Loops("blocks", np.array(bounds, dtype=int).reshape(-1, 2), f"{len(bounds)} blocks of {seconds:.1f} s (the flight does not loop)")
+    return Loops(
+        "blocks", np.array(bounds, dtype=int).reshape(-1, 2), f"{len(bounds)} blocks of {seconds:.1f} s (the flight does not loop)"
+    )

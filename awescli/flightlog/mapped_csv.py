@@ -10,12 +10,12 @@ from awescli.flightlog.clocks import clock_offset
 from awescli.flightlog.flight_file import OF_VECTOR, Column, FlightFile, Spherical, Vector
 from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.flightlog.plausible_units import check_units
-from awescli.flightlog.resample import RawFlight, sample_interval, uniform_log, usable_stamps, wrap
+from awescli.flightlog.resample import RawFlight, sample_interval, uniform_log, usable_stamps
 from awescli.flightlog.table import Table, read_header, read_table
 from awescli.flightlog.units import VOCABULARY, factor_to_si
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
-from awescli.notation.quantities import ANGLES, UNITS
+from awescli.notation.quantities import UNITS
 
 WINCH = ("tether_length", "reel_out_speed")
 """Quantities that belong to the winch's clock unless the mapping says otherwise."""
@@ -87,8 +87,7 @@ def _signals(reader: _Reader, mapping: FlightFile) -> tuple[dict[str, np.ndarray
     """(quantity -> (N,) SI, NED/FRD; quantity -> clock group)."""
     signals, groups = {}, {}
     for quantity, spec in mapping.signals.items():
-        values = reader.column(spec, UNITS[quantity], f"signals.{quantity}")
-        signals[quantity] = wrap(values) if quantity in ANGLES else values
+        signals[quantity] = reader.column(spec, UNITS[quantity], f"signals.{quantity}")
         groups[quantity] = spec.group or ("winch" if quantity in WINCH else "onboard")
     for name, quantities in OF_VECTOR.items():
         spec = getattr(mapping, name)
@@ -170,7 +169,9 @@ def _log_file(declaration: Path, mapping: FlightFile) -> Path:
         path = declaration.parent / mapping.file
         if not path.is_file():
             near = [p.name for p in declaration.parent.glob("*.csv")]
-            raise BadInput(f"there is no file {path}", f"{declaration}: file", did_you_mean(mapping.file, near) if near else "Check the path.")
+            raise BadInput(
+                f"there is no file {path}", f"{declaration}: file", did_you_mean(mapping.file, near) if near else "Check the path."
+            )
         return path
     found = sorted(declaration.parent.glob("*.csv"))
     if len(found) != 1:

@@ -41,7 +41,7 @@ def check_clock(stamps: np.ndarray, unit: str, where: str) -> None:
         return
     for other in ("s", "ms", "us", "ns"):
         if YEARS[0] <= middle * factor_to_si(other, "s") <= YEARS[1]:
-            do = f"Convert the column; for the flight's own clock `units: {{epoch_ms: {other}}}` in flight.yaml (format: kitemill) also does."
+            do = f"Convert the column, or, for the kite's clock, add `units: {{epoch_ms: {other}}}` to a flight.yaml (format: kitemill)."
             raise BadInput(f"the stamps look like unix time in {other}, expected {unit}", where, do)
     raise BadInput(f"{middle:g} is no unix time in {unit}", where, "Expected the years 2000 to 2100.")
 
@@ -61,7 +61,15 @@ def check_units(
     if ordinary.size < 50:
         return
     s = {name: values for name, values in signals.items() if np.isfinite(values).mean() > 0.5}
-    found = [*_angles(s), *_rates(s, ordinary, step), *_positions(s, ordinary, step), *_height(s), *_airspeed(s), *_tension(s), *_surfaces(s)]
+    found = [
+        *_angles(s),
+        *_rates(s, ordinary, step),
+        *_positions(s, ordinary, step),
+        *_height(s),
+        *_airspeed(s),
+        *_tension(s),
+        *_surfaces(s),
+    ]
     errors = []
     for quantity, looks, why in found:
         where, column = places.get(quantity, (quantity, quantity))

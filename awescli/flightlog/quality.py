@@ -7,7 +7,7 @@ from math import comb
 import numpy as np
 
 from awescli.flightlog.consistency import Check, consistency_checks
-from awescli.flightlog.faults import find_faults, runs_of
+from awescli.flightlog.faults import runs_of
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.phases import phase_durations, phases
@@ -47,7 +47,6 @@ class DataQuality:
     counters: Mapping[str, int]
     channels: tuple[Channel, ...]
     checks: tuple[Check, ...]
-    faults: tuple[str, ...]
     phases: Mapping[str, float]
     loops: str
     loop_count: int
@@ -74,6 +73,7 @@ def data_quality(log: FlightLog) -> DataQuality:
     longest = runs_of(~log.valid)
     checks = (
         Check("invalid samples", 100 * invalid, "%", 100 * MAX_INVALID, invalid <= MAX_INVALID, "Filled over gaps, or faulty."),
+        _sensor_faults(log),
         *consistency_checks(log, airborne),
     )
     channels = []
@@ -83,7 +83,9 @@ def data_quality(log: FlightLog) -> DataQuality:
         # set-points are exact: their steps are no noise
         noise = white_noise(log[name], log.valid) if name in log.measured else None
         shown = None if noise is None else noise * factor
-        channels.append(Channel(name, unit, float(values.min()) * factor, float(values.max()) * factor, shown, log.groups.get(name, "onboard")))
+        channels.append(
+            Channel(name, unit, float(values.min()) * factor, float(values.max()) * factor, shown, log.groups.get(name, "onboard"))
+        )
     in_loops = np.zeros(len(log), bool)
     for first, last in loops.bounds:
         in_loops[first:last] = True
@@ -95,9 +97,16 @@ def data_quality(log: FlightLog) -> DataQuality:
     }
     return DataQuality(
         name=log.name, rate=1 / log.dt, duration=len(log) * log.dt, samples=len(log), counters=dict(log.counters), channels=tuple(channels),
-        checks=checks, faults=tuple(f.sentence for f in find_faults(log)), phases=phase_durations(labels, log.dt), loops=loops.sentence,
+        checks=checks, phases=phase_durations(labels, log.dt), loops=loops.sentence,
         loop_count=len(loops) if loops.kind == "loops" else 0, left_out=left_out, missing=tuple(missing_for_model(log)), notes=log.notes,
     )  # fmt: skip
+
+
+def _sensor_faults(log: FlightLog) -> Check:
+    """What `faults.mark_faults` found, as a check; its sentences stand in the notes."""
+    seconds, dead = log.counters.get("faulty_samples", 0) * log.dt, log.counters.get("dead_signals", 0)
+    sentence = f"Stuck or saturated sensors; {dead} signals left out as dead." if dead else "Time with a stuck or saturated sensor."
+    return Check("sensor faults", seconds, "s", 0.0, seconds == 0 and dead == 0, sentence)
 
 
 def white_noise(signal: np.ndarray, valid: np.ndarray | None = None, order: int = NOISE_ORDER) -> float | None:

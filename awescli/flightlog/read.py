@@ -35,11 +35,15 @@ def read_flight(flight: Path, max_gap: float = 0.2) -> FlightLog:
         if found := sorted(flight.glob(pattern)):
             if len(found) > 1:
                 names = ", ".join(p.name for p in found[:8])
-                raise BadInput(f"several logs: {names}", str(flight), "Say which one in a flight.yaml (`file: NAME`), or give each its folder.")
+                raise BadInput(
+                    f"several logs: {names}", str(flight), "Say which one in a flight.yaml (`file: NAME`), or give each its folder."
+                )
             return mark_faults(read(found[0], max_gap))
     there = ", ".join(sorted(p.name for p in flight.iterdir())[:12]) or "nothing"
     raise BadInput(
-        "no flight log that awes knows", str(flight), f"Looked for {', '.join(p for p, _ in READERS)}; there is: {there}. Map a CSV in flight.yaml."
+        "no flight log that awes knows",
+        str(flight),
+        f"Looked for {', '.join(p for p, _ in READERS)}; there is: {there}. Map a CSV in flight.yaml.",
     )
 
 

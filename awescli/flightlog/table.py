@@ -44,7 +44,9 @@ def read_header(path: Path) -> tuple[str, tuple[str, ...]]:
     except (OSError, ValueError) as e:
         raise BadInput(f"cannot be read ({getattr(e, 'strerror', None) or e})", str(path), "Check the path and its permissions.") from None
     if not first.strip():
-        raise BadInput("the file is empty" if not first else "the first line is empty", f"{path}:1", "The first line must name the columns.")
+        raise BadInput(
+            "the file is empty" if not first else "the first line is empty", f"{path}:1", "The first line must name the columns."
+        )
     if len(first) > HEADER_LIMIT or b"\0" in first:
         raise BadInput("this is not a CSV file", str(path), "Expected text: a line of column names, then one row a sample.")
     text = first.decode("utf-8-sig", errors="replace").strip("\r\n")
@@ -87,20 +89,34 @@ def _read_columns(path: Path, separator: str, names: tuple[str, ...], wanted: li
     schema = {f"column_{i}": pl.String for i in range(len(names))}
     picked = [f"column_{names.index(name)}" for name in wanted]
     schema.update(dict.fromkeys(picked, dtype))
+    first = _first_row(path)
     try:
         frame = pl.read_csv(
-            path, has_header=False, skip_lines=1, schema=schema, columns=picked, separator=separator, ignore_errors=True, truncate_ragged_lines=True,
-            encoding="utf8-lossy", decimal_comma=separator == ";" and dtype == pl.Float64 and _has_decimal_commas(path),
-        )  # fmt: skip
+            path,
+            has_header=False,
+            skip_lines=1,
+            schema=schema,
+            columns=picked,
+            separator=separator,
+            ignore_errors=True,
+            truncate_ragged_lines=True,
+            encoding="utf8-lossy",
+            decimal_comma=separator == ";" and dtype == pl.Float64 and b"," in first,
+            # a stray quote in a file of bare numbers must not swallow the rows after it
+            quote_char='"' if first.count(b'"') and first.count(b'"') % 2 == 0 else None,
+        )
     except (pl.exceptions.PolarsError, OSError, ValueError, OverflowError) as e:
-        raise BadInput(f"not a readable CSV file ({str(e).splitlines()[0][:120]})", str(path), "Open it in an editor; export it again.") from None
+        raise BadInput(
+            f"not a readable CSV file ({str(e).splitlines()[0][:120]})", str(path), "Open it in an editor; export it again."
+        ) from None
     return frame.select(picked)
 
 
-def _has_decimal_commas(path: Path) -> bool:
+def _first_row(path: Path) -> bytes:
+    """The line after the header: it shows how the file writes its cells."""
     with open(path, "rb") as file:
         file.readline(HEADER_LIMIT)
-        return b"," in file.readline(HEADER_LIMIT)
+        return file.readline(HEADER_LIMIT)
 
 
 def _refuse_truncated(path: Path, separator: str, width: int) -> None:
@@ -125,6 +141,8 @@ def _refuse_truncated(path: Path, separator: str, width: int) -> None:
 def _explain_missing(path: Path, separator: str, names: tuple[str, ...], name: str, column: pl.Series) -> list[str]:
     """Notes about the null cells of a column: empty ones, and unreadable ones with the line of the first."""
     text = _read_columns(path, separator, names, [name], pl.String).to_series()
+    if len(text) != len(column):
+        raise BadInput("the rows cannot be told apart (quotes that do not close)", f"{path}: column {name}", "Export it without quotes.")
     missing = column.is_null()
     cells = text.filter(missing).fill_null("").str.strip_chars()
     unreadable = ~cells.str.to_lowercase().is_in(list(MISSING))

@@ -20,8 +20,9 @@ from awescli.physics.rigid_body import state_derivative
 REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz", "d_t", "CtD", "rtx", "rty", "rtz", "k_v", "c_v", "dl")
 """Parameters that every kite file names: mass, gravity, geometry, inertia, tether (see effects/tether.py)."""
 GUSTS = ("gust.n", "gust.e", "gust.d")
-"""Nuisance wind [m/s] that every kite carries at null: the error of the recorded wind, and gusts, are estimated through it."""
-_SIGNALS = ("tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate", "turbulence_n", "turbulence_e", "turbulence_d")
+"""Nuisance wind [m/s] that every kite carries at null: the error of the recorded wind, and gusts, are differentiated through it."""
+_SIGNALS = ("tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate", "turbulence_n", "turbulence_e", "turbulence_d",
+            "gust_n", "gust_e", "gust_d")  # fmt: skip
 
 
 def make_effect(key: str, declaration: KiteDeclaration) -> Effect:
@@ -113,7 +114,8 @@ class Kite:
             at.deflections = e.actuate(at.deflections, at, e.own(at))
         # air
         wind = wind_vector(*declared_wind(self.declaration.wind, self.heights, -z.p_d, inputs), inputs["density"])
-        wind = wind._replace(n=wind.n + values["gust.n"], e=wind.e + values["gust.e"], d=wind.d + values["gust.d"])
+        # the estimated error of the recorded wind: a signal, and the parameters through which it is differentiated
+        wind = wind._replace(**{axis: getattr(wind, axis) + (inputs[f"gust_{axis}"] + values[f"gust.{axis}"]) for axis in "ned"})
         for e in self._at("airflow"):
             wind = e.airflow(wind, at, e.own(at))
         at.wind = wind

@@ -1,7 +1,8 @@
 """Rollouts of a kite over segments of a flight: the closed loop simulated from given starts, and its exact sensitivities."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,7 +43,13 @@ class Segments:
 
     def starting_at(self, starts: np.ndarray) -> "Segments":
         """The same segments from other starts."""
-        return Segments(self.first, starts, self.setpoints, self.inputs, self.dt, self.values)
+        return replace(self, starts=starts)
+
+    def with_inputs(self, columns: slice, signals: np.ndarray) -> "Segments":
+        """The same segments with some input columns replaced by `signals` (K, N+1, n)."""
+        inputs = self.inputs.copy()
+        inputs[:, :, columns] = signals
+        return replace(self, inputs=inputs)
 
 
 @dataclass(frozen=True)
@@ -93,6 +100,12 @@ class Simulator:
         self.f, self.g, self.initial = (compile_program(fn, *sizes, index) for fn in (kite.derivative, kite.outputs, kite.initial))
         self.law: Program | None = compile_program(law, *sizes, index) if law else None
         self.n_s = len(kite.state_names)
+
+    def holding(self, table) -> "Simulator":
+        """The same compiled simulator with its kite at the values of a parameter table."""
+        other = copy(self)
+        other.kite = self.kite.with_values({name: table[name].value for name in self.kite.parameter_names})
+        return other
 
     def _grouped(self, a: np.ndarray) -> np.ndarray:
         """(K, ...) -> (G, ..., LANES), the last segment repeated to fill the last group."""
@@ -186,7 +199,7 @@ def inputs_of(log, kite: Kite) -> np.ndarray:
         "density": wind["density"],
         "tension": tension,
         "tension_rate": _smooth_rate(tension, log.dt),
-        **{f"turbulence_{axis}": zero for axis in "ned"},
+        **{f"{kind}_{axis}": zero for kind in ("turbulence", "gust") for axis in "ned"},
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
         **wind,
     }

@@ -33,6 +33,10 @@ class Observed:
     def starting_at(self, starts: np.ndarray) -> "Observed":
         return Observed(self.segments.starting_at(starts), self.outputs, self.measured, self.sigma)
 
+    def with_sigma(self, sigma: np.ndarray) -> "Observed":
+        """The same observations with other noise standard deviations."""
+        return Observed(self.segments, self.outputs, self.measured, sigma)
+
     def residual(self, trajectories) -> np.ndarray:
         """(measured - simulated) / sigma, (K, N+1, n_out); angles wrapped; 0 where a sample does not count or the rollout has ended."""
         index = [OUTPUTS.index(name) for name in self.outputs]

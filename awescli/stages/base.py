@@ -54,7 +54,7 @@ class Split(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     train: float = Field(0.5, gt=0, lt=1, description="share of loops that models are fitted to")
-    validation: float = Field(0.2, ge=0, lt=1, description="share of loops that choices are made on")
+    validation: float = Field(0.2, gt=0, lt=1, description="share of loops that choices are made on")
     test: float = Field(0.3, gt=0, lt=1, description="share of loops that nothing is fitted to or chosen on")
     order: Literal["chronological", "interleaved"] = Field(
         "chronological", description="chronological: train first, test last; interleaved: spread over the flight"

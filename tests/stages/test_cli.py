@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 from stages.dummy_stages import DUMMIES, make_folder
@@ -91,6 +90,38 @@ def test_init_writes_a_plan_that_runs_and_overwrites_nothing(folder):
     assert awes("init", "new2", "--flight", "no", "--kite", "kite.yaml").exit_code == 2 and not (folder / "new2").exists()
 
 
+def test_check_tells_all_that_is_wrong_with_the_inputs(folder):
+    result = awes("check")
+    assert result.exit_code == 2 and "plan    stages.yaml: good, runs identify, trace-residual, evaluate" in result.stdout
+    assert "kite.yaml:1: from: unknown key" in result.stderr and "flight" in result.stderr and "Traceback" not in result.stderr
+
+
+def test_every_part_of_the_data_quality_is_shown(capsys):
+    import numpy as np
+
+    from awescli.cli import Screen, _quality_sections
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.quality import data_quality
+
+    time = np.arange(3000) / 50
+    turn = 2 * np.pi * time / 10
+    circle = {"p_n": 300 + 60 * np.cos(turn), "p_e": 60 * np.sin(turn), "p_d": -200 + 0 * time}
+    circle |= {"v_n": -12 * np.pi * np.sin(turn), "v_e": 12 * np.pi * np.cos(turn), "v_d": 0 * time}
+    angles = {name: 0 * time for name in ("phi", "theta", "psi", "p", "q", "r")}
+    log = FlightLog("circle", 0.0, 0.02, time, circle | angles, {"rudder": 0 * time}, np.ones(3000, bool), notes=("made up",))
+    sections = _quality_sections(data_quality(log))
+    for title, content in sections.items():
+        Screen().section(title, content)
+    shown = capsys.readouterr().out
+    for name in ("p_n", "position against velocity", "made up", "verdict: "):
+        assert name in shown
+
+
+def test_schema_prints_both_schemas(folder):
+    schema = json.loads(awes("schema").stdout)
+    assert set(schema) == {"stages", "kite"} and "flight" in schema["stages"]["properties"]
+
+
 def test_help_names_every_stage_and_setting():
     text = awes("--help").stdout
     assert all(stage.name in text and stage.help in text for stage in DUMMIES)
@@ -101,14 +132,16 @@ def test_help_names_every_stage_and_setting():
 
 
 def test_help_answers_at_once():
-    """0.3 s is the promise; the best of several, since the machine may be busy. Heavy packages stay out in any case."""
+    """0.3 s is the promise. Processor time is measured, best of three: wall time on a busy machine says nothing about awes.
+    (--help waits for nothing, so on an idle machine the two are the same.)"""
     code = "import sys; from awescli.cli import main; sys.argv = ['awes', '--help']\ntry: main()\nexcept SystemExit: pass\n"
     code += "heavy = {'numpy', 'scipy', 'torch', 'polars', 'numba', 'llvmlite', 'plotly'} & set(sys.modules)\nassert not heavy, heavy"
     times = []
-    for _ in range(5):
-        began = time.perf_counter()
+    for _ in range(3):
+        before = os.times()
         subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
-        times.append(time.perf_counter() - began)
+        after = os.times()
+        times.append(after.children_user + after.children_system - before.children_user - before.children_system)
     assert min(times) < 0.3, times
 
 
@@ -136,6 +169,21 @@ def test_signals_interrupt_cleanly(folder, number):
     process.send_signal(number)
     _, stderr = process.communicate(timeout=20)
     assert process.returncode == 130 and "interrupted during identify" in stderr and "Traceback" not in stderr
+    assert not list((folder / "out").glob(".*partial*"))
+
+
+def test_a_killed_run_leaves_nothing_in_the_way(folder):
+    assert awes("run").exit_code == 0
+    before = (folder / "out" / "identify" / "params.json").read_bytes()
+    code = WAITING.format(tests=os.path.dirname(os.path.dirname(__file__))).replace('["run"]', '["run", "--force"]')
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    while "waiting" not in process.stdout.readline():
+        pass
+    process.kill()
+    process.communicate(timeout=20)
+    assert list((folder / "out").glob(".identify.partial-*"))
+    assert (folder / "out" / "identify" / "params.json").read_bytes() == before
+    assert "identify: skipped, unchanged" in awes("run").stdout
     assert not list((folder / "out").glob(".*partial*"))
 
 

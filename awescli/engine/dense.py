@@ -1,0 +1,185 @@
+"""Print a small tanh network, with its fading outside a box, as LLVM IR on `lanes` evaluations at once.
+
+Weights are plain numbers shared by all lanes: one is broadcast as it is used, so 1,800 of them stay in the nearest cache (lane by
+lane they would fill the second). The network is `n` inputs -> tanh layers -> `m` linear outputs, times fade and scale:
+
+    z_i = (s_i - mean_i) / deviation_i
+    fade = exp(-sum_i e_i^2),  e_i = max(0, |z_i - middle_i| / half_i - 1) / width
+    y_k = scale_k fade (W z + b)_k                                          of the last layer; tanh before
+
+    value(s, constants, weights, y, kept)            kept: z, activations of the hidden layers, outputs, fade (rows of lanes)
+    backward(constants, weights, kept, ybar, delta, sbar)    delta: derivatives at the layers' sums, hidden ones first; sbar: at s
+
+weights: per layer W (out, in) by rows, then b (out). constants: mean, 1/deviation, middle, 1/half (n each), scale (m), 1/width.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from awescli.engine.call import _caller
+from awescli.engine.llvm_ir import Printer, hexadecimal, print_functions
+from awescli.engine.machine import LANES, _compile
+from awescli.engine.record import Tape
+
+call_network = _caller(5)
+"""call_network(address, (s, constants, weights, y, kept)): the `value` function; arguments are addresses of arrays."""
+call_network_backward = _caller(6)
+"""call_network_backward(address, (constants, weights, kept, ybar, delta, sbar)): the `backward` function."""
+
+TOGETHER = 8
+"""Sums accumulated side by side: enough to hide the latency of a multiply-add, few enough for the registers."""
+
+
+@dataclass(frozen=True)
+class DenseProgram:
+    """A compiled network of layer widths `sizes`. value, backward: addresses; kept, deltas: rows that they store."""
+
+    sizes: tuple[int, ...]
+    value: int
+    backward: int
+
+    @property
+    def kept(self) -> int:
+        return sum(self.sizes) + 1
+
+    @property
+    def deltas(self) -> int:
+        return sum(self.sizes[1:])
+
+
+def weight_count(sizes: Sequence[int]) -> int:
+    """Number of weights and biases of a network with these layer widths."""
+    return sum((a + 1) * b for a, b in zip(sizes, sizes[1:], strict=False))
+
+
+def layer_slices(sizes: Sequence[int]) -> list[tuple[slice, slice]]:
+    """Where W and b of each layer stand in the weights."""
+    places, at = [], 0
+    for a, b in zip(sizes, sizes[1:], strict=False):
+        places.append((slice(at, at + a * b), slice(at + a * b, at + (a + 1) * b)))
+        at += (a + 1) * b
+    return places
+
+
+def compile_network(sizes: Sequence[int]) -> DenseProgram:
+    """Print and compile a network of these widths (inputs, hidden layers, outputs)."""
+    sizes = tuple(int(n) for n in sizes)
+    engine = _compile(print_network(sizes, LANES) + print_backward(sizes, LANES) + print_functions({"exp"}, LANES))
+    return DenseProgram(sizes, engine.get_function_address("value"), engine.get_function_address("backward"))
+
+
+class _Writer(Printer):
+    """Lines of vector arithmetic without a tape."""
+
+    def __init__(self, lanes: int):
+        super().__init__(Tape(), lanes)
+
+    def op(self, name: str, a: str, b: str) -> str:
+        return self.line(f"{name} contract {self.type} {a}, {b}")
+
+    def number(self, value: float) -> str:
+        return f"<{', '.join([f'double {hexadecimal(value)}'] * self.lanes)}>"
+
+    def broadcast(self, block: str, at: int) -> str:
+        """Number `at` of a block of plain doubles, on all lanes."""
+        pointer = self.line(f"getelementptr double, ptr %{block}, i64 {at}")
+        scalar = self.line(f"load double, ptr {pointer}, align 8")
+        first = self.line(f"insertelement {self.type} poison, double {scalar}, i64 0")
+        return self.line(f"shufflevector {self.type} {first}, {self.type} poison, <{self.lanes} x i32> zeroinitializer")
+
+    def exp(self, a: str) -> str:
+        return self.line(f"call {self.type} @exp_({self.type} {a})")
+
+    def tanh(self, a: str) -> str:
+        """1 - 2 / (exp(2 a) + 1)"""
+        e = self.op("fadd", self.exp(self.op("fmul", a, self.number(2.0))), self.number(1.0))
+        return self.op("fsub", self.number(1.0), self.op("fdiv", self.number(2.0), e))
+
+    def sums(self, inputs: list[str], count: int, weight_at, start) -> list[str]:
+        """[start(i) + sum_j weight(i, j) inputs[j] for i], a few i side by side."""
+        out = []
+        for first in range(0, count, TOGETHER):
+            rows = range(first, min(first + TOGETHER, count))
+            totals = {i: start(i) for i in rows}
+            for j, a in enumerate(inputs):
+                for i in rows:
+                    totals[i] = self.op("fadd", totals[i], self.op("fmul", self.broadcast("weights", weight_at(i, j)), a))
+            out += totals.values()
+        return out
+
+    def excess(self, z: str, i: int, n: int) -> tuple[str, str]:
+        """(how far input i is outside the box, its derivative with respect to z_i)"""
+        t = self.type
+        inverse_half, inverse_width = self.broadcast("constants", 3 * n + i), self.inverse_width
+        d = self.op("fsub", z, self.broadcast("constants", 2 * n + i))
+        positive = self.line(f"fcmp ogt {t} {d}, zeroinitializer")
+        slope = self.op("fmul", inverse_half, inverse_width)
+        signed = self.line(f"select <{self.lanes} x i1> {positive}, {t} {slope}, {t} {self.op('fsub', 'zeroinitializer', slope)}")
+        e = self.op("fsub", self.op("fmul", d, signed), inverse_width)
+        outside = self.line(f"fcmp ogt {t} {e}, zeroinitializer")
+        keep = lambda v: self.line(f"select <{self.lanes} x i1> {outside}, {t} {v}, {t} zeroinitializer")  # noqa: E731
+        return keep(e), keep(signed)
+
+
+def print_network(sizes: Sequence[int], lanes: int) -> str:
+    """The function `value`."""
+    w, n, m = _Writer(lanes), sizes[0], sizes[-1]
+    w.inverse_width = w.broadcast("constants", 4 * n + m)
+    layer, row = [], 0
+    fading = "zeroinitializer"
+    for i in range(n):
+        centred = w.op("fsub", w.load("s", str(i)), w.broadcast("constants", i))
+        layer.append(w.op("fmul", centred, w.broadcast("constants", n + i)))
+        w.store(layer[-1], "kept", str(row))
+        row += 1
+        e, _ = w.excess(layer[-1], i, n)
+        fading = w.op("fadd", fading, w.op("fmul", e, e))
+    fade = w.exp(w.op("fsub", "zeroinitializer", fading))
+    for number, (W, b) in enumerate(layer_slices(sizes)):
+        a = len(layer)
+        layer = w.sums(layer, sizes[number + 1], lambda i, j, W=W, a=a: W.start + i * a + j, lambda i, b=b: w.broadcast("weights", b.start + i))
+        if number < len(sizes) - 2:
+            layer = [w.tanh(s) for s in layer]
+        for value in layer:
+            w.store(value, "kept", str(row))
+            row += 1
+    w.store(fade, "kept", str(row))
+    for k, out in enumerate(layer):
+        w.store(w.op("fmul", w.op("fmul", w.broadcast("constants", 4 * n + k), fade), out), "y", str(k))
+    return _function("value", ("s", "constants", "weights", "y", "kept"), w)
+
+
+def print_backward(sizes: Sequence[int], lanes: int) -> str:
+    """The function `backward`."""
+    w, n, m = _Writer(lanes), sizes[0], sizes[-1]
+    w.inverse_width = w.broadcast("constants", 4 * n + m)
+    starts = [sum(sizes[:k]) for k in range(len(sizes) + 1)]  # rows of `kept` where each layer begins, then fade
+    fade = w.load("kept", str(starts[-1]))
+    delta, fadebar = [], "zeroinitializer"
+    for k in range(m):
+        scaled = w.op("fmul", w.load("ybar", str(k)), w.broadcast("constants", 4 * n + k))
+        delta.append(w.op("fmul", scaled, fade))
+        fadebar = w.op("fadd", fadebar, w.op("fmul", scaled, w.load("kept", str(starts[-2] + k))))
+    places = layer_slices(sizes)
+    for number in range(len(places) - 1, -1, -1):
+        for i, d in enumerate(delta):
+            w.store(d, "delta", str(starts[number + 1] - n + i))
+        W, a = places[number][0], sizes[number]
+        back = w.sums(delta, a, lambda i, j, W=W, a=a: W.start + j * a + i, lambda i: "zeroinitializer")
+        if number == 0:
+            break
+        delta = []
+        for i, abar in enumerate(back):
+            h = w.load("kept", str(starts[number] + i))
+            delta.append(w.op("fmul", abar, w.op("fsub", w.number(1.0), w.op("fmul", h, h))))
+    steep = w.op("fmul", w.op("fmul", fadebar, fade), w.number(-2.0))
+    for i, zbar in enumerate(back):
+        e, slope = w.excess(w.load("kept", str(i)), i, n)
+        total = w.op("fadd", zbar, w.op("fmul", steep, w.op("fmul", e, slope)))
+        w.store(w.op("fmul", total, w.broadcast("constants", n + i)), "sbar", str(i))
+    return _function("backward", ("constants", "weights", "kept", "ybar", "delta", "sbar"), w)
+
+
+def _function(name: str, arguments: Sequence[str], w: Printer) -> str:
+    lines = "\n".join(w.lines)
+    return f"define void @{name}({', '.join(f'ptr noalias %{a}' for a in arguments)}) {{\nentry:\n{lines}\n  ret void\n}}\n"

@@ -1,0 +1,219 @@
+"""Controller fits against known laws, and on the clean development flights."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from awescli.control.features import evaluate
+from awescli.control.law import deflections_of_log, state_mapping
+from awescli.control.laws import LAWS, from_artifact, to_artifact
+from awescli.estimation.controller_bounds import Pairs, estimate_bounds, neighbour_pairs, small_gain
+from awescli.estimation.controller_centres import farthest_points
+from awescli.estimation.controller_fit import ControllerConfig, fit_controller
+from awescli.estimation.controller_greedy import greedy_order
+from awescli.estimation.controller_lp import sparse_coefficients
+from awescli.estimation.controller_noise import NOISE
+from awescli.estimation.controller_pattern import fit_pattern
+from awescli.estimation.controller_ridge import solve_ridge, triangle
+from awescli.flightlog.log import FlightLog
+from awescli.notation.errors import BadInput
+
+SHARED = Path(__file__).parents[2].parent / "shared"
+
+
+def circling(n=6000, noise=0.0, seed=0, surfaces=("rudder",)):
+    """A kite on a wobbling circle of 50 m around 35 deg elevation, kinematically consistent where it matters, at 50 Hz, and a law known in closed form."""
+    r = np.random.default_rng(seed)
+    t = np.arange(n) * 0.02
+
+    def wobble(size, k):
+        return size * sum(np.sin(2 * np.pi * f * t + r.uniform(0, 7)) for f in np.linspace(0.03, 0.21, k))
+
+    angle, length = 2 * np.pi * t / 9 + wobble(0.05, 4), 250 + t
+    rho = (50 + wobble(1.0, 5)) / length
+    c, east, up = np.array([np.cos(0.6), 0, -np.sin(0.6)]), np.array([0, 1.0, 0]), np.array([-np.sin(0.6), 0, -np.cos(0.6)])
+    P = length[:, None] * (np.cos(rho)[:, None] * c + np.sin(rho)[:, None] * (np.sin(angle)[:, None] * east + np.cos(angle)[:, None] * up))
+    V = np.gradient(P, 0.02, axis=0)
+    m = dict(zip(("p_n", "p_e", "p_d", "v_n", "v_e", "v_d"), [*P.T, *V.T], strict=True))
+    m |= {"phi": 0.5 + wobble(0.1, 3), "theta": wobble(0.2, 3), "psi": wobble(0.5, 4)}
+    m |= {k: wobble(0.05, 6) for k in "pqr"}
+    still = np.zeros(n)
+    log = FlightLog("circling", 0.0, 0.02, t, m, {"tether_length": length, "reel_out_speed": np.ones(n), "aileron": still + 0.02}, np.ones(n, bool))
+    z = state_mapping(log)
+    # the law knows the circle that its flight shows (its mean over the training part), so that it lies in the class that is fitted
+    radius, course, speed, turn = evaluate(("radius_error", "course_error", "speed", "r"), z, fit_pattern(z, np.arange(n) < 3000))
+    truth = {"rudder": 0.02 * radius + 0.4 * course + 0.3 * turn + 0.1 * np.tanh(4 * course) * 40 / speed, "elevator": 0.05 - 0.01 * radius + 0.2 * turn}
+    shaken = {k: s + noise * NOISE.get(k, 0) * r.normal(size=n) for k, s in m.items()}
+    return replace(log, measured=shaken, inputs=dict(log.inputs) | {s: truth[s] for s in surfaces})
+
+
+PARTS = ([(0, 3000)], [(3000, 4200)])
+FIXED = ("radius_error", "course_error", "speed", "r")
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_recovers_a_known_law(kind):
+    fit = fit_controller(circling(), *PARTS, ControllerConfig(kind=kind, features=FIXED, smooth_window_s=0.0))
+    assert fit.report["nrmse"]["test"]["rudder"] < {"gaussian": 0.002, "network": 0.004, "linear": 0.03}[kind]
+    assert fit.law.pattern.radius == pytest.approx(50, abs=1.0) and fit.law.pattern.turn == 1.0
+    assert fit.law.constants["aileron"] == pytest.approx(0.02)
+
+
+def test_gaussian_is_sparse_and_well_conditioned_and_its_noise_is_told():
+    fit = fit_controller(circling(noise=1.0), *PARTS, ControllerConfig(features=FIXED))
+    report = fit.report
+    assert report["nonzeros"] < 80 and report["condition_raw"] < 1e6
+    assert report["nrmse_smoothed"]["test"]["rudder"] < report["nrmse"]["test"]["rudder"]
+    # the error with noisy states is what the noise alone does, and little more
+    assert report["nrmse"]["test"]["rudder"] < 1.3 * report["noise_nrmse"]["test"]["rudder"]
+
+
+def test_several_surfaces_at_once():
+    log = circling(surfaces=("rudder", "elevator"))
+    fit = fit_controller(log, *PARTS, ControllerConfig(features=FIXED, smooth_window_s=0.0))
+    assert fit.law.surfaces == ("elevator", "rudder")
+    assert max(fit.report["nrmse"]["test"].values()) < 0.004
+    found = deflections_of_log(from_artifact(*to_artifact(fit.law)), log)
+    assert np.abs(found["elevator"] - log["elevator"]).max() < 0.02
+
+
+def test_auto_keeps_what_the_law_uses_and_says_why():
+    fit = fit_controller(circling(noise=0.3), *PARTS, ControllerConfig(kind="linear", additions=("height",)))
+    reasons = fit.report["features"]["reasons"]
+    assert {"radius_error", "course_error", "r"} <= set(fit.law.features)
+    assert reasons["r"]["cost_of_omission"] > 0.2
+    assert set(fit.report["features"]["sets"]) == {"state", "state_ned", "invariant"}
+
+
+def test_a_delayed_law_is_found_delayed():
+    log = circling()
+    late = replace(log, inputs=dict(log.inputs) | {"rudder": np.concatenate([np.full(4, log["rudder"][0]), log["rudder"][:-4]])})
+    config = ControllerConfig(kind="linear", features=FIXED, smooth_window_s=0.0)
+    assert fit_controller(late, *PARTS, config).law.delay_s == pytest.approx(0.08)
+    assert fit_controller(log, *PARTS, config).law.delay_s == 0.0
+
+
+def test_limits_from_a_saturated_log():
+    log = circling()
+    cut = replace(log, inputs=dict(log.inputs) | {"rudder": np.clip(log["rudder"], -0.1, 0.05)})
+    law = fit_controller(cut, *PARTS, ControllerConfig(kind="linear", features=FIXED)).law
+    assert law.limits["rudder"] == (-0.1, 0.05)
+    assert fit_controller(log, *PARTS, ControllerConfig(kind="linear", features=FIXED, limits={"rudder": (-1, 1)})).law.limits["rudder"] == (-1.0, 1.0)
+
+
+def test_fit_is_deterministic():
+    a, b = (fit_controller(circling(noise=1.0), *PARTS, ControllerConfig(features=FIXED)).law for _ in range(2))
+    np.testing.assert_array_equal(a.coefficients, b.coefficients)
+
+
+@pytest.mark.parametrize(
+    ("change", "config", "message"),
+    [
+        (lambda log: replace(log, inputs={k: s for k, s in log.inputs.items() if k != "rudder"}), {}, "no surface moves"),
+        (lambda log: log, {"surfaces": ("aileron",)}, "'aileron' never moves"),
+        (lambda log: log, {"surfaces": ("flaps",)}, "logs no set-point of 'flaps'"),
+        (lambda log: log, {"folds": 40}, "fewer than 40 folds"),
+        (lambda log: log, {"features": "invarant"}, "Did you mean 'invariant'"),
+        (lambda log: log, {"features": ("downwind_azimuth",)}, "no feature is left"),
+        (lambda log: log, {"features": ("reel_out_speed",)}, "constant"),
+    ],
+)
+def test_bad_settings_say_so(change, config, message):
+    with pytest.raises(BadInput, match=message):
+        fit_controller(change(circling()), *PARTS, ControllerConfig(**config))
+
+
+def test_bad_kind_and_overlap():
+    with pytest.raises(BadInput, match="Did you mean 'gaussian'"):
+        ControllerConfig(kind="gausian")
+    with pytest.raises(BadInput, match="overlap"):
+        fit_controller(circling(), [(0, 3000)], [(2000, 4000)])
+
+
+def test_a_constant_feature_is_dropped_with_a_note():
+    fit = fit_controller(circling(), *PARTS, ControllerConfig(kind="linear", features=(*FIXED, "reel_out_speed")))
+    assert fit.law.features == FIXED and "reel_out_speed" in fit.report["features"]["notes"][0]
+
+
+def test_lp_finds_the_sparse_truth_and_keeps_its_bound():
+    r = np.random.default_rng(0)
+    phi, affine = r.normal(size=(120, 60)), np.ones((120, 1))
+    truth = np.zeros(60)
+    truth[[3, 17, 41]] = [1.0, -2.0, 0.5]
+    u = phi @ truth + 0.7 + r.uniform(-0.01, 0.01, 120)
+    pairs = Pairs(np.arange(0, 119), np.arange(1, 120), np.ones(119))
+    answer = sparse_coefficients(phi, affine, u, 0.01, pairs, 0.005, 0.01)
+    error = u - phi @ answer.coefficients - affine @ answer.affine
+    assert answer.worst_slack < 1e-7 and np.abs(error).max() <= 0.01 + 1e-7
+    assert np.abs(np.diff(error)).max() <= 0.005 + 0.02 + 1e-7
+    np.testing.assert_allclose(answer.coefficients[[3, 17, 41]], [1.0, -2.0, 0.5], atol=0.03)
+    assert np.abs(np.delete(answer.coefficients, [3, 17, 41])).sum() < 0.05
+
+
+def test_lp_stays_feasible_with_an_outlier():
+    r = np.random.default_rng(0)
+    phi, u = r.normal(size=(50, 20)), np.zeros(50)
+    u[7] = 5.0
+    answer = sparse_coefficients(phi, np.ones((50, 1)), u, 0.01, Pairs(*3 * [np.array([], int)]), 1.0, 0.01)
+    assert answer.exceeding <= 0.1 and np.abs(answer.coefficients).max() < 5
+
+
+def test_greedy_takes_the_columns_that_made_the_signal():
+    r = np.random.default_rng(0)
+    phi = r.normal(size=(200, 50))
+    u = (phi[:, [5, 9, 30]] @ [3.0, 2.0, 1.0] + 0.01 * r.normal(size=200))[:, None]
+    assert greedy_order(phi, np.ones((200, 1)), u, np.array([], int), 3, 1e6).tolist() == [5, 9, 30]
+
+
+def test_noise_bound_and_slope_from_neighbours():
+    r = np.random.default_rng(0)
+    X = r.uniform(-1, 1, (3000, 2))
+    u = 0.5 * X[:, 0] + r.uniform(-0.02, 0.02, 3000)
+    pairs = neighbour_pairs(X, r.integers(0, 10, 3000))
+    eps, gamma = estimate_bounds(u, pairs)
+    assert 0.01 < eps < 0.025 and gamma < 0.5
+    assert small_gain(0.1, 5.0)["holds"] is True and small_gain(0.1, 20.0)["holds"] is False
+
+
+def test_neighbours_come_from_other_loops():
+    X = np.random.default_rng(0).normal(size=(300, 3))
+    loop = np.repeat([0, 1, 2], 100)
+    pairs = neighbour_pairs(X, loop)
+    assert (loop[pairs.a] != loop[pairs.b]).all()
+    np.testing.assert_allclose(pairs.distance, np.linalg.norm(X[pairs.a] - X[pairs.b], axis=1))
+
+
+def test_ridge_in_blocks_is_ridge_at_once():
+    r = np.random.default_rng(0)
+    A, u = r.normal(size=(500, 8)), r.normal(size=(500, 2))
+    R, n = triangle((A[i : i + 70], u[i : i + 70]) for i in range(0, 500, 70))
+    x, report = solve_ridge(R, 2, 1e-9)
+    assert n == 500
+    np.testing.assert_allclose(x, np.linalg.lstsq(A, u, rcond=None)[0], atol=1e-9)
+    assert report["condition_raw"] == pytest.approx(np.linalg.cond(A / np.linalg.norm(A, axis=0)))
+
+
+def test_farthest_points_cover():
+    X = np.random.default_rng(0).uniform(size=(2000, 2))
+    chosen = X[farthest_points(X, 100)]
+    assert np.linalg.norm(X[:, None] - chosen[None], axis=2).min(axis=1).max() < 0.12
+
+
+@pytest.mark.parametrize("flight", ["d01", "d02"])
+def test_development_flights(flight):
+    """Issue 4: rudder NRMSE <= 0.009 on the unseen last 30 %, measured noisy states, fewer than 80 centres, condition below 1e6."""
+    folder = SHARED / "flights" / "dev" / flight
+    if not folder.exists():
+        pytest.skip("the development flights are not here (../shared/flights/dev)")
+    from awescli.flightlog.read import read_flight
+
+    log = read_flight(folder)
+    n = len(log)
+    fit = fit_controller(log, [(0, n // 2)], [(n // 2, 7 * n // 10)], ControllerConfig(compare=True))
+    report = fit.report
+    assert report["nrmse"]["test"]["rudder"] <= 0.009
+    assert report["nonzeros"] < 80 and report["condition_raw"] < 1e6
+    assert report["comparison"]["linear"]["nrmse"]["test"]["rudder"] > report["nrmse"]["test"]["rudder"]
+    assert report["nrmse_smoothed"]["test"]["rudder"] < report["nrmse"]["test"]["rudder"]
