@@ -40,9 +40,9 @@ def _horizontal(z):
 def _course(z):
     """(right, up, norm): velocity in the tangent plane against the local horizontal and the local meridian [m/s]."""
     (n, e, d), (v_n, v_e, v_d) = position(z), velocity_ned(z)
-    h, l = _horizontal(z), distance(z)
+    h, length = _horizontal(z), distance(z)
     right = (v_e * n - v_n * e) / h
-    up = (d * (n * v_n + e * v_e) / h - h * v_d) / l
+    up = (d * (n * v_n + e * v_e) / h - h * v_d) / length
     return right, up, sqrt(right * right + up * up + 1e-12)
 
 
@@ -87,7 +87,7 @@ FEATURES: dict[str, Feature] = {
     "elevation": Feature(lambda z, _: atan2(-z["p_d"], _horizontal(z)), "rad", "elevation of the line"),
     "azimuth": Feature(lambda z, _: atan2(z["p_e"], z["p_n"]), "rad", "azimuth of the line from north", periodic=True),
     "downwind_azimuth": Feature(lambda z, _: _downwind(z), "rad", "azimuth of the line from downwind", needs=("wind_direction",)),
-    "sin_course": Feature(lambda z, _: _course(z)[0] / _course(z)[2], "-", "sine of the course in the tangent plane, 0 = up, right positive"),
+    "sin_course": Feature(lambda z, _: _course(z)[0] / _course(z)[2], "-", "sine of the course in the tangent plane, 0 = up"),
     "cos_course": Feature(lambda z, _: _course(z)[1] / _course(z)[2], "-", "cosine of the course in the tangent plane"),
     "nose_along_line": Feature(lambda z, _: _line(z, 0), "-", "body x along the line"),
     "wing_along_line": Feature(lambda z, _: _line(z, 1), "-", "body y along the line: bank against the line"),
@@ -97,7 +97,7 @@ FEATURES: dict[str, Feature] = {
     "radius_error": Feature(lambda z, c: arc(z, c) - c.radius, "m", "distance from the circle, outward", of_pattern=True),
     "course_error": Feature(_course_error, "rad", "course against the circle's tangent, outward", of_pattern=True),
     "sin_course_error": Feature(lambda z, c: sin(_course_error(z, c)), "-", "sine of the course error", of_pattern=True),
-    "sin_phase": Feature(lambda z, c: place(z, c)[1] / place(z, c)[3], "-", "sine of the phase on the circle, 0 = top, right positive", of_pattern=True),
+    "sin_phase": Feature(lambda z, c: place(z, c)[1] / place(z, c)[3], "-", "sine of the phase, 0 = top, right > 0", of_pattern=True),
     "cos_phase": Feature(lambda z, c: place(z, c)[2] / place(z, c)[3], "-", "cosine of the phase on the circle", of_pattern=True),
 }  # fmt: skip
 

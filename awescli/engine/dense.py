@@ -68,11 +68,16 @@ def compile_network(sizes: Sequence[int]) -> DenseProgram:
     return DenseProgram(sizes, engine.get_function_address("value"), engine.get_function_address("backward"))
 
 
-class _Writer(Printer):
-    """Lines of vector arithmetic without a tape."""
+FARTHEST = 100.0
+"""The exponent of the fade is kept below this: exp(-100) is nothing, and products with it are no slow denormal numbers."""
 
-    def __init__(self, lanes: int):
+
+class _Writer(Printer):
+    """Lines of vector arithmetic without a tape. inverse_width: the name of 1/width once it is loaded."""
+
+    def __init__(self, lanes: int, sizes: Sequence[int]):
         super().__init__(Tape(), lanes)
+        self.inverse_width = self.broadcast("constants", 4 * sizes[0] + sizes[-1])
 
     def op(self, name: str, a: str, b: str) -> str:
         return self.line(f"{name} contract {self.type} {a}, {b}")
@@ -123,8 +128,7 @@ class _Writer(Printer):
 
 def print_network(sizes: Sequence[int], lanes: int) -> str:
     """The function `value`."""
-    w, n, m = _Writer(lanes), sizes[0], sizes[-1]
-    w.inverse_width = w.broadcast("constants", 4 * n + m)
+    w, n, m = _Writer(lanes, sizes), sizes[0], sizes[-1]
     layer, row = [], 0
     fading = "zeroinitializer"
     for i in range(n):
@@ -134,6 +138,8 @@ def print_network(sizes: Sequence[int], lanes: int) -> str:
         row += 1
         e, _ = w.excess(layer[-1], i, n)
         fading = w.op("fadd", fading, w.op("fmul", e, e))
+    far = w.line(f"fcmp ogt {w.type} {fading}, {w.number(FARTHEST)}")
+    fading = w.line(f"select <{lanes} x i1> {far}, {w.type} {w.number(FARTHEST)}, {w.type} {fading}")
     fade = w.exp(w.op("fsub", "zeroinitializer", fading))
     for number, (W, b) in enumerate(layer_slices(sizes)):
         a = len(layer)
@@ -151,8 +157,7 @@ def print_network(sizes: Sequence[int], lanes: int) -> str:
 
 def print_backward(sizes: Sequence[int], lanes: int) -> str:
     """The function `backward`."""
-    w, n, m = _Writer(lanes), sizes[0], sizes[-1]
-    w.inverse_width = w.broadcast("constants", 4 * n + m)
+    w, n, m = _Writer(lanes, sizes), sizes[0], sizes[-1]
     starts = [sum(sizes[:k]) for k in range(len(sizes) + 1)]  # rows of `kept` where each layer begins, then fade
     fade = w.load("kept", str(starts[-1]))
     delta, fadebar = [], "zeroinitializer"

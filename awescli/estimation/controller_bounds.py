@@ -65,4 +65,9 @@ def small_gain(gamma_error: float, plant_gain: float | None) -> dict:
     """
     admissible = float("inf") if gamma_error <= 0 else 1.0 / gamma_error
     holds = None if plant_gain is None else bool(plant_gain < admissible)
-    return {"gamma_error": gamma_error, "admissible_plant_gain": admissible if np.isfinite(admissible) else None, "plant_gain": plant_gain, "holds": holds}
+    return {
+        "gamma_error": gamma_error,
+        "admissible_plant_gain": admissible if np.isfinite(admissible) else None,
+        "plant_gain": plant_gain,
+        "holds": holds,
+    }

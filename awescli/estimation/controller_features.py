@@ -111,16 +111,19 @@ def estimate_delay(samples: Samples, features, folds: int, most_steps: int = 6) 
 
 
 def observed_rates(samples: Samples) -> dict[str, dict]:
-    """Fastest set-point change per surface, and whether it is a limit: a rate limiter makes many samples move at exactly the fastest rate."""
+    """Fastest set-point change per surface, and whether it is a limit: a limiter makes many samples move at exactly that rate."""
     rows = np.flatnonzero(samples.train[1:] & samples.train[:-1])
     rates = np.abs(np.diff(samples.set_points, axis=0))[rows] / samples.dt
     top = rates.max(axis=0)
     share = (rates > 0.999 * top).mean(axis=0)
-    return {s: {"fastest": float(t), "share_at_fastest": float(h), "limited": bool(h > 0.01)} for s, t, h in zip(samples.surfaces, top, share, strict=True)}
+    return {
+        s: {"fastest": float(t), "share_at_fastest": float(h), "limited": bool(h > 0.01)}
+        for s, t, h in zip(samples.surfaces, top, share, strict=True)
+    }
 
 
 def observed_limits(samples: Samples, given: dict, margin: float) -> dict[str, tuple[float, float]]:
-    """Saturation [rad] per surface: as given, else where set-points pile up (1 % at the extreme), else the flown range and a margin of it."""
+    """Saturation [rad] per surface: as given, else where set-points pile up (1 % at the extreme), else the flown range and a margin."""
     rows = thin(np.flatnonzero(samples.train | samples.validation), 50_000)
     result = {}
     for i, surface in enumerate(samples.surfaces):

@@ -1,6 +1,7 @@
 """The door: fit a flight controller to a log, choose what is open by held-out flight, say how good it is and why."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from awescli.control.laws import LAWS
 from awescli.estimation.controller_centres import thin
 from awescli.estimation.controller_features import choose_features, estimate_delay, observed_limits, observed_rates
 from awescli.estimation.controller_gaussian import fit_gaussian
+from awescli.estimation.controller_hold import Hold, steering_hold
 from awescli.estimation.controller_linear import fit_linear
 from awescli.estimation.controller_network import fit_network
 from awescli.estimation.controller_noise import NOISE, noise_through_law
@@ -18,7 +20,7 @@ from awescli.estimation.controller_samples import Samples, gather
 from awescli.notation.errors import BadInput, did_you_mean
 
 FITS = {"gaussian": fit_gaussian, "network": fit_network, "linear": fit_linear}
-"""kind -> (problem, config) -> (fields of the law, report)."""
+"""kind -> (problem, config, hold) -> (fields of the law, report). Only the Gaussian law can be held (linear in its numbers)."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +28,12 @@ class ControllerConfig:
     """Settings of a controller fit.
 
     kind: one of LAWS; features: a set of FEATURE_SETS, 'auto', or names; surfaces: None for all that move; folds: of whole loops;
-    most_nonzeros, candidates, width_factors (times sqrt(number of features)), counts: the Gaussian basis; condition_limit: of its regression;
-    alphas: the convex step's tolerances in units of eps, the first taken that all but `outliers` of the samples meet; gamma_share: the error's
+    most_nonzeros, candidates, width_factors (times sqrt(number of features)), counts: its basis; condition_limit: of its regression;
+    alphas: the convex step's tolerances in units of eps, the first that all but `outliers` of the samples meet; gamma_share: the error's
     Lipschitz bound, as a share of gamma; smooth_window_s: 0 fits to the states as measured; refit_with_validation: after
     all choices are made, use the validation part too; limits: surface -> (lower, upper) [rad]; limit_margin: share of the flown range
-    granted beyond it; noise: sensor standard deviations, SI; plant_gain: see controller_bounds.small_gain; compare: fit all kinds.
+    granted beyond it; noise: sensor standard deviations, SI; plant_gain: see controller_bounds.small_gain; hold: strength of the
+    slopes of controller_hold where nothing is flown, hold_strengths: those tried where it is; compare: fit all kinds.
     """
 
     kind: str = "gaussian"
@@ -59,6 +62,8 @@ class ControllerConfig:
     network_width: int = 12
     network_iterations: int = 300
     seed: int = 0
+    hold_strengths: tuple[float, ...] = (0.03, 0.06, 0.12, 0.25)
+    hold: float = 0.03
     compare: bool = False
 
     def __post_init__(self):
@@ -76,11 +81,14 @@ class ControllerFit:
     report: dict
 
 
-def fit_controller(log, train_ranges, validation_ranges, config: ControllerConfig | None = None) -> ControllerFit:
+def fit_controller(
+    log, train_ranges, validation_ranges, config: ControllerConfig | None = None, fly: Callable[[Law], float] | None = None
+) -> ControllerFit:
     """Fit the controller of a FlightLog.
 
     train_ranges, validation_ranges: lists of (first, last) sample numbers, last excluded; every other valid sample is the test part, which
-    no choice ever sees: it is scored once, here at the end.
+    no choice ever sees: it is scored once, here at the end. fly: law -> share (0..1) of the asked time that it keeps the declared model in
+    the air from states of the log, handed down by who can simulate; with it, the strength of the hold is the smallest that flies.
     """
     config = config or ControllerConfig()
     begin = time.perf_counter()
@@ -105,8 +113,8 @@ def fit_controller(log, train_ranges, validation_ranges, config: ControllerConfi
     laws, reports = {}, {}
     for kind in kinds:
         begin = time.perf_counter()
-        fields, report = FITS[kind](problem, config)
-        laws[kind] = LAWS[kind](**common, **fields)
+        strengths = (config.hold,) if fly is None else config.hold_strengths if kind == "gaussian" else (0.0,)
+        laws[kind], report = _fit_until_it_flies(kind, problem, config, common, strengths, fly)
         reports[kind] = report | {"seconds": time.perf_counter() - begin, **_scores(laws[kind], samples, config)}
     report = {
         "kind": config.kind,
@@ -126,6 +134,25 @@ def fit_controller(log, train_ranges, validation_ranges, config: ControllerConfi
     return ControllerFit(replace(law, metrics=metrics), report)
 
 
+def _fit_until_it_flies(kind: str, problem, config: ControllerConfig, common: dict, strengths, fly) -> tuple[Law, dict]:
+    """The law with the weakest hold that flies all the time it is asked to. Where none does, the declared model may be at fault as well as
+    the law, and is no judge: the law with the default hold is kept, and its survival says that it does not fly."""
+    tried = []
+    for strength in strengths:
+        fields, report = FITS[kind](
+            problem, config, steering_hold(problem, common["pattern"].radius, strength) if strength > 0 else Hold({}, 0.0)
+        )
+        law = LAWS[kind](**common, **fields)
+        survival = None if fly is None else float(fly(law))
+        tried.append((law, report | {"hold": strength, "survival": survival}))
+        if survival is None or survival >= 1.0:
+            break
+    flies = fly is None or tried[-1][1]["survival"] >= 1.0
+    law, report = tried[-1] if flies else min(tried, key=lambda t: abs(t[1]["hold"] - config.hold))
+    flown = [{"hold": r["hold"], "survival": r["survival"], "nonzeros": r["nonzeros"], **r["chosen_by"]} for _, r in tried]
+    return law, report | {"flown": flown}
+
+
 def _rate_limit(rates: dict) -> float:
     """The fastest limited rate [rad/s], inf where no surface shows a limiter."""
     return max((r["fastest"] for r in rates.values() if r["limited"]), default=float("inf"))
@@ -133,7 +160,7 @@ def _rate_limit(rates: dict) -> float:
 
 def _line(report: dict) -> dict:
     """One row of the comparison."""
-    return {key: report[key] for key in ("nrmse", "nrmse_smoothed", "noise_nrmse", "nonzeros", "condition", "seconds")}
+    return {key: report[key] for key in ("nrmse", "nrmse_smoothed", "noise_nrmse", "nonzeros", "condition", "seconds", "survival")}
 
 
 def _scores(law: Law, samples: Samples, config: ControllerConfig) -> dict:
@@ -149,7 +176,9 @@ def _scores(law: Law, samples: Samples, config: ControllerConfig) -> dict:
             continue
         U = samples.set_points[rows]
         span = dict(zip(samples.surfaces, (float(s) or 1.0 for s in np.ptp(U, axis=0)), strict=True))
-        nrmse[part], clean[part] = ({s: e / span[s] for s, e in _rmse(law, z, rows, samples).items()} for z in (samples.measured, samples.smoothed))
+        nrmse[part], clean[part] = (
+            {s: e / span[s] for s, e in _rmse(law, z, rows, samples).items()} for z in (samples.measured, samples.smoothed)
+        )
         few = thin(rows, 4000)
         noise[part] = noise_through_law(law, _at(samples.smoothed, few), config.noise, span, config.seed)
     return {"nrmse": nrmse, "nrmse_smoothed": clean, "noise_nrmse": noise}

@@ -10,6 +10,7 @@ from awescli.control.gaussian_law import design
 from awescli.estimation.controller_bounds import estimate_bounds, lipschitz_of_error, neighbour_pairs, small_gain
 from awescli.estimation.controller_centres import farthest_points, thin
 from awescli.estimation.controller_greedy import greedy_order
+from awescli.estimation.controller_hold import Hold
 from awescli.estimation.controller_lp import sparse_coefficients
 from awescli.estimation.controller_problem import Problem, fit_on_everything, score_linear
 
@@ -17,22 +18,26 @@ RIDGES = (1e-4, 3e-5, 1e-5, 3e-6)
 SELECTION_ROWS = 2500
 
 
-def fit_gaussian(problem: Problem, config) -> tuple[dict, dict]:
-    """(fields of the GaussianLaw, report). config: a ControllerConfig."""
+def fit_gaussian(problem: Problem, config, hold: Hold) -> tuple[dict, dict]:
+    """(fields of the GaussianLaw, report). config: a ControllerConfig; hold: slopes asked for beside the samples."""
     candidates = problem.X[problem.rows][farthest_points(problem.X[problem.rows], config.candidates)]
     widths = [factor * np.sqrt(len(problem.features)) for factor in config.width_factors]
     nothing = np.array([], dtype=int)
-    trials = [trial for w in widths for trial in _trials(problem, candidates, w, nothing, "greedy", config)]
+    trials = [trial for w in widths for trial in _trials(problem, candidates, w, nothing, "greedy", config, hold)]
     width = min(trials, key=lambda t: t["score"].value)["width"]
     convex = _convex_step(problem, candidates, width, config)
-    trials += _trials(problem, candidates, width, convex["support"], "convex, then greedy", config)
+    trials += _trials(problem, candidates, width, convex["support"], "convex, then greedy", config, hold)
     best = min(t["score"].value for t in trials)
     # the sparsest of those that can hardly be told from the best, and of these the widest: it bends least between and beyond the data
     chosen = min((t for t in trials if t["score"].value <= 1.05 * best), key=lambda t: (t["order"].size, -t["width"], t["score"].value))
     order, ridge, w = chosen["order"], chosen["ridge"], chosen["width"]
 
+    rows = problem.everything if config.refit_with_validation else problem.train
+
     def solve(order):
-        return fit_on_everything(problem, lambda X: design(X, candidates[order], w), ridge, _final_rows(problem, config))
+        return fit_on_everything(
+            problem, lambda X: design(X, candidates[order], w), ridge, rows, hold.rows(problem, candidates[order], w, rows.size)
+        )
 
     coefficients, conditioning = solve(order)
     while conditioning["condition_raw"] > config.condition_limit and order.size > 1:
@@ -59,11 +64,7 @@ def _row(t: dict) -> dict:
             "cv_nrmse": t["score"].cv, "ahead_nrmse": t["score"].ahead}  # fmt: skip
 
 
-def _final_rows(problem: Problem, config) -> np.ndarray | None:
-    return None if config.refit_with_validation else problem.everything[np.isin(problem.everything, problem.ahead, invert=True)]
-
-
-def _trials(problem: Problem, candidates, width: float, preferred, basis: str, config) -> list[dict]:
+def _trials(problem: Problem, candidates, width: float, preferred, basis: str, config, hold: Hold) -> list[dict]:
     """Every number of centres at one width, each with its best ridge."""
     S, M, A = (design(x, candidates, width) for x in (problem.X[problem.rows], problem.M[problem.rows], problem.M[problem.ahead]))
     m = candidates.shape[0]
@@ -75,7 +76,14 @@ def _trials(problem: Problem, candidates, width: float, preferred, basis: str, c
         take = np.concatenate([order[:count], always])
         # the condition that may be had is also a bound on the ridge
         ridges = [r for r in RIDGES if 1.0 / r < config.condition_limit]
-        scores = score_linear(problem, S[:, take], M[:, take], A[:, take], ridges)
+        scores = score_linear(
+            problem,
+            S[:, take],
+            M[:, take],
+            A[:, take],
+            ridges,
+            extra=hold.rows(problem, candidates[order[:count]], width, problem.rows.size),
+        )
         ridge = min(scores, key=lambda r: scores[r].value)
         result.append({"basis": basis, "width": width, "order": order[:count], "ridge": ridge, "score": scores[ridge]})
     return result

@@ -3,7 +3,9 @@
 import numpy as np
 
 
-def greedy_order(phi: np.ndarray, always: np.ndarray, u: np.ndarray, preferred: np.ndarray, most: int, condition_limit: float) -> np.ndarray:
+def greedy_order(
+    phi: np.ndarray, always: np.ndarray, u: np.ndarray, preferred: np.ndarray, most: int, condition_limit: float
+) -> np.ndarray:
     """Column numbers of phi (N, M), best first, at most `most`; `preferred` columns (the support of the convex step) come first.
 
     always: (N, A) regressors that are in the model anyway; u: (N, S). Chen, Billings & Luo, Int. J. Control 50(5), 1989: each candidate

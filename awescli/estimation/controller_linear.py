@@ -12,13 +12,17 @@ def affine_design(X: np.ndarray) -> np.ndarray:
     return np.concatenate([np.ones((X.shape[0], 1)), X], axis=1)
 
 
-def fit_linear(problem: Problem, config) -> tuple[dict, dict]:
+def fit_linear(problem: Problem, config, _hold) -> tuple[dict, dict]:
     """(fields of the LinearLaw, report)."""
     scores = score_linear(
-        problem, affine_design(problem.X[problem.rows]), affine_design(problem.M[problem.rows]), affine_design(problem.M[problem.ahead]), RIDGES
+        problem,
+        affine_design(problem.X[problem.rows]),
+        affine_design(problem.M[problem.rows]),
+        affine_design(problem.M[problem.ahead]),
+        RIDGES,
     )
     ridge = min(scores, key=lambda r: scores[r].value)
-    rows = None if config.refit_with_validation else problem.rows
+    rows = None if config.refit_with_validation else problem.train
     coefficients, conditioning = fit_on_everything(problem, affine_design, ridge, rows)
     chosen = {"cv_nrmse": scores[ridge].cv, "ahead_nrmse": scores[ridge].ahead}
     return {"affine": coefficients.T}, {"nonzeros": int(coefficients.shape[0]), **conditioning, "chosen_by": chosen}

@@ -43,7 +43,14 @@ def sparse_coefficients(phi: np.ndarray, affine: np.ndarray, u: np.ndarray, boun
     price = np.concatenate([np.ones(2 * m), np.zeros(affine.shape[1]), np.full(V.size, 100.0 if penalty is None else penalty)])
     limits = [(0, None)] * (2 * m) + [(None, None)] * affine.shape[1] + [(0, None)] * V.size
     # the simplex ends at a vertex: as few coefficients as the program needs, where an interior point would leave many small ones
-    answer = linprog(price, A_ub=inequality, b_ub=np.concatenate([room - V, room + V]), bounds=limits, method="highs-ds", options={"time_limit": time_limit})
+    answer = linprog(
+        price,
+        A_ub=inequality,
+        b_ub=np.concatenate([room - V, room + V]),
+        bounds=limits,
+        method="highs-ds",
+        options={"time_limit": time_limit},
+    )
     if answer.x is None:
         return SparseSolution(np.zeros(m), np.zeros(affine.shape[1]), float("nan"), float("nan"), answer.message)
     a, b, slack = answer.x[:m] - answer.x[m : 2 * m], answer.x[2 * m : 2 * m + affine.shape[1]], answer.x[2 * m + affine.shape[1] :][:n]

@@ -12,7 +12,7 @@ from awescli.estimation.controller_problem import Problem
 DECAYS = (1e-6, 1e-5, 1e-4)
 
 
-def fit_network(problem: Problem, config) -> tuple[dict, dict]:
+def fit_network(problem: Problem, config, _hold) -> tuple[dict, dict]:
     """(fields of the NetworkLaw, report)."""
     train = thin(problem.rows, 2500)
     trials = []
@@ -27,7 +27,8 @@ def fit_network(problem: Problem, config) -> tuple[dict, dict]:
     final = thin(problem.everything, 4000) if config.refit_with_validation else train
     fields = _train(problem, final, decay, config, config.network_iterations)
     weights = sum(a.size for a in fields.values())
-    report = {"nonzeros": int(weights), "condition": None, "decay": decay, "samples": int(final.size), "chosen_by": {"cv_nrmse": None, "ahead_nrmse": ahead},
+    report = {"nonzeros": int(weights), "condition": None, "decay": decay, "samples": int(final.size),
+              "chosen_by": {"cv_nrmse": None, "ahead_nrmse": ahead},
               "trials": [{"decay": d, "ahead_nrmse": e} for e, d in trials]}  # fmt: skip
     return fields, report
 

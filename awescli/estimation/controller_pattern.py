@@ -18,7 +18,7 @@ def fit_pattern(z, keep: np.ndarray, most: int = 4000) -> Pattern:
     c = (P / np.linalg.norm(P, axis=1)[:, None]).mean(axis=0)
     start = np.array([np.arctan2(-c[2], np.hypot(c[0], c[1])), np.arctan2(c[1], c[0])])
     radius = arc(thin, Pattern(*start, 0.0)).mean()
-    # the radius in units of itself, so that all three unknowns are of order one; soft_l1: an entry or exit manoeuvre must not move the circle
+    # the radius in units of itself, so that all unknowns are of order one; soft_l1: an entry or exit manoeuvre must not move the circle
     fit = least_squares(
         lambda x: arc(thin, Pattern(x[0], x[1], 0.0)) / radius - x[2], [*start, 1.0], loss="soft_l1", f_scale=0.05, max_nfev=60
     )

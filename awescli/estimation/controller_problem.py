@@ -19,7 +19,7 @@ class Problem:
 
     X, M: (N, F) smoothed and measured features; U: (N, S) [rad]; span: (S,) max - min of U in train and validation [rad];
     rows: (n,) at most `most` train rows, evenly thinned; fold: (n,) fold of each; ahead: (m,) thinned validation rows;
-    everything: (K,) all train and validation rows; loop: (N,).
+    train: all train rows; everything: (K,) all train and validation rows; loop: (N,).
     """
 
     features: tuple[str, ...]
@@ -32,6 +32,7 @@ class Problem:
     rows: np.ndarray
     fold: np.ndarray
     ahead: np.ndarray
+    train: np.ndarray
     everything: np.ndarray
     loop: np.ndarray
 
@@ -45,7 +46,8 @@ def pose(samples: Samples, features: tuple[str, ...], folds: int, most: int) -> 
     known = samples.train | samples.validation
     return Problem(
         features, centre, scale, X, M, samples.set_points, np.ptp(samples.set_points[known], axis=0), rows,
-        loop_folds(samples.loop[rows], folds), thin(np.flatnonzero(samples.validation), most // 2), np.flatnonzero(known), samples.loop,
+        loop_folds(samples.loop[rows], folds), thin(np.flatnonzero(samples.validation), most // 2), np.flatnonzero(samples.train),
+        np.flatnonzero(known), samples.loop,
     )  # fmt: skip
 
 
@@ -62,17 +64,22 @@ class Score:
         return self.cv if self.ahead is None else float(np.sqrt((self.cv**2 + self.ahead**2) / 2))
 
 
-def score_linear(problem: Problem, smoothed: np.ndarray, measured: np.ndarray, ahead: np.ndarray, ridges, U=None) -> dict[float, Score]:
+def score_linear(
+    problem: Problem, smoothed: np.ndarray, measured: np.ndarray, ahead: np.ndarray, ridges, U=None, extra=None
+) -> dict[float, Score]:
     """Score of the regression on given regressors for each ridge.
 
-    smoothed, measured: regressors (n, M) at problem.rows; ahead: (m, M) measured regressors at problem.ahead; U: (N, S), default the set-points.
+    smoothed, measured: regressors (n, M) at problem.rows; ahead: (m, M) measured regressors at problem.ahead;
+    U: (N, S), default the set-points;
+    extra: (A, u) rows that every fit gets beside its samples, and no score counts.
     """
     U = problem.U if U is None else U
     u, v = U[problem.rows], U[problem.ahead]
     folds = [problem.fold == f for f in np.unique(problem.fold)]
     parts = [triangle([(smoothed[f], u[f])])[0] for f in folds]
-    left_out = [np.linalg.qr(np.concatenate(parts[:i] + parts[i + 1 :]), mode="r") if len(parts) > 1 else parts[0] for i in range(len(parts))]
-    whole = np.linalg.qr(np.concatenate(parts), mode="r")
+    always = [] if extra is None else [triangle([extra])[0]]
+    left_out = [np.linalg.qr(np.concatenate(always + parts[:i] + parts[i + 1 :]), mode="r") for i in range(len(parts))]
+    whole = np.linalg.qr(np.concatenate(always + parts), mode="r")
     result = {}
     for ridge in ridges:
         square = np.zeros(u.shape[1])
@@ -91,12 +98,14 @@ def blocks(rows: np.ndarray) -> Iterator[np.ndarray]:
     return (rows[i : i + BLOCK] for i in range(0, rows.size, BLOCK))
 
 
-def fit_on_everything(problem: Problem, regressors, ridge: float, rows: np.ndarray | None = None) -> tuple[np.ndarray, dict]:
+def fit_on_everything(problem: Problem, regressors, ridge: float, rows: np.ndarray | None = None, extra=None) -> tuple[np.ndarray, dict]:
     """(coefficients (M, S), conditioning) of the ridge regression on all train and validation samples, smoothed states.
 
-    regressors: X (n, F) -> (n, M). However long the flight, memory holds one block.
+    regressors: X (n, F) -> (n, M); extra: (A, u) rows beside the samples. However long the flight, memory holds one block.
     """
     rows = problem.everything if rows is None else rows
     R, count = triangle((regressors(problem.X[part]), problem.U[part]) for part in blocks(rows))
+    if extra is not None:
+        R, _ = triangle([(R[:, : -problem.U.shape[1]], R[:, -problem.U.shape[1] :]), extra])
     coefficients, conditioning = solve_ridge(R, problem.U.shape[1], ridge)
     return coefficients, conditioning | {"samples": count}

@@ -31,4 +31,8 @@ def solve_ridge(R: np.ndarray, outputs: int, ridge: float) -> tuple[np.ndarray, 
     t = ridge * s[0]
     x = Vt.T @ ((s / (s**2 + t**2))[:, None] * (U.T @ u))
     raw = float(s[0] / s[-1]) if s[-1] > 0 else float("inf")
-    return x / length[:, None], {"condition": float(np.sqrt((s[0] ** 2 + t**2) / (s[-1] ** 2 + t**2))), "condition_raw": raw, "ridge": ridge}
+    return x / length[:, None], {
+        "condition": float(np.sqrt((s[0] ** 2 + t**2) / (s[-1] ** 2 + t**2))),
+        "condition_raw": raw,
+        "ridge": ridge,
+    }

@@ -72,7 +72,9 @@ def moving_surfaces(log, train: np.ndarray, wanted, least: float) -> tuple[tuple
         if name not in span:
             raise BadInput(f"flight '{log.name}' logs no set-point of '{name}'", do=f"It logs: {', '.join(logged) or 'none'}.")
         if span[name] <= least:
-            raise BadInput(f"surface '{name}' never moves in the training part of '{log.name}'", do="Drop it from the list: it is kept as a constant.")
+            raise BadInput(
+                f"surface '{name}' never moves in the training part of '{log.name}'", do="Drop it from the list: it is kept as a constant."
+            )
     moving = tuple(wanted or (name for name in logged if span[name] > least))
     if not moving:
         raise BadInput(
@@ -135,5 +137,8 @@ def loop_folds(loop: np.ndarray, folds: int) -> np.ndarray:
     """Fold number (N,) of each sample: neighbouring loops stay together, so that a fold is flight the fit has not seen."""
     present = np.unique(loop)
     if present.size < folds:
-        raise BadInput(f"{present.size} loops in the training part, fewer than {folds} folds", do=f"Set folds to at most {present.size}, or give a longer training range.")
+        raise BadInput(
+            f"{present.size} loops in the training part, fewer than {folds} folds",
+            do=f"Set folds to at most {present.size}, or give a longer training range.",
+        )
     return (np.searchsorted(present, loop) * folds) // present.size

@@ -58,7 +58,7 @@ def minimise(
     linearise(x) -> (cost, b, H, own_gain): cost at x, -dcost/dx / 2 = J'r, Gauss-Newton Hessian J'J (inner unknowns eliminated), and
     what the inner unknowns alone would still gain; move(step, share) -> cost at
     x + share * step (inner unknowns moved along); accept() makes the last move the new point. Stops when the decrement falls below
-    `tolerance` (in units of the cost, so in units of chi-square for whitened residuals).
+    `tolerance` (in units of the cost, so in units of chi-square for whitened residuals), or below a millionth of the cost.
     """
     damping, history, outcome, decrement = 0.0, [], "iteration_limit", np.inf
     cost, b, H, own_gain = linearise(x)
@@ -66,11 +66,11 @@ def minimise(
         history.append(cost)
         on_iteration(iteration, cost)
         accepted = False
-        for _ in range(8):
+        for _ in range(5):
             damped = H + damping * np.diag(np.diag(H))
             step = bounded_step(damped, b, lower - x, upper - x)
             decrement = float(2 * b @ step - step @ H @ step) + own_gain
-            if damping == 0 and decrement < tolerance:
+            if damping == 0 and decrement < max(tolerance, 1e-6 * cost):
                 outcome = "converged"
                 break
             share = 1.0

@@ -45,3 +45,11 @@ def gust_level(log, kite: Kite) -> float:
     noise = kite.declaration.noise.airspeed**2 / size
     # one standard error of a variance estimate: below it the air is calm as far as this pitot can tell
     return float(np.sqrt(max(variance - noise * (1 + 3 * np.sqrt(2 / len(e))), 0.0)))
+
+
+def within_window(level: float, window: float, memory: float) -> float:
+    """Standard deviation of what a gust of standard deviation `level` does inside one window, about its mean there [m/s].
+
+    For the correlation exp(-t/memory) of Dryden's longitudinal gust and window << memory: level sqrt(window / (3 memory)).
+    """
+    return level * float(np.sqrt(min(window / (3 * memory), 1.0)))

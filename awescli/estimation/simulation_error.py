@@ -7,6 +7,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from awescli.estimation.gauss_newton import Solution, minimise
+from awescli.estimation.gust_level import within_window
 from awescli.estimation.information import Information, reduce
 from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import STATES
@@ -67,6 +68,36 @@ class Fit:
     def starts(self) -> np.ndarray:
         """(K, 12) fitted states at the segments' starts."""
         return self.own[:, :12]
+
+
+def with_gust_noise(simulator: Simulator, observed: Observed, gusts: Gusts, values=None) -> Observed:
+    """The observations with the noise of what gusts do inside a window added to their own.
+
+    Inside a window the wind is not constant; what is left shows at once in tension, accelerations and airspeed, through the
+    direct dependence of each output on the wind, taken where a window begins.
+    """
+    rest = within_window(gusts.std, gusts.window, gusts.memory) if np.isfinite(gusts.window) else 0.0
+    if rest == 0.0:
+        return observed
+    windows = gusts.columns(observed.segments.steps, observed.segments.dt)
+    _, J = simulator.sensitivities(observed.segments, Columns((), (), windows), observed.outputs, values)
+    starts = np.array([first for _, first, _ in windows])
+    direct = J[:, starts, :, np.arange(len(windows))]
+    variance = rest**2 * np.mean(direct**2, axis=(0, 1)) * 3
+    return observed.with_sigma(np.sqrt(observed.sigma**2 + variance))
+
+
+def with_residual_noise(observed: Observed, fit: "Fit", simulator: Simulator, gusts: Gusts) -> Observed:
+    """The observations with each channel's noise raised to the level of its own residual, where that is larger.
+
+    For gusty air only: gusts shorter than the windows move the kite, not only its sensors, and no window can follow them.
+    """
+    problem = SimulationError(simulator, observed, fit.names, gusts)
+    problem.own = fit.own
+    trajectories = simulator.rollout(problem.segments(fit.own), problem.values([fit.parameters[n].value for n in fit.names]))
+    r = observed.residual(trajectories)
+    level = np.sqrt(np.mean(r * r, axis=(0, 1)))
+    return observed.with_sigma(observed.sigma * np.maximum(level, 1.0))
 
 
 class SimulationError:

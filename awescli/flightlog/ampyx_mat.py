@@ -15,6 +15,7 @@ from scipy.io.matlab import MatReadError
 from awescli.flightlog.clocks import clock_offset
 from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.flightlog.resample import RawFlight, uniform_log
+from awescli.flightlog.table import ABSURD
 from awescli.notation.errors import BadInput, did_you_mean
 
 STRUCT = "validationData"
@@ -158,4 +159,5 @@ def _field(path: Path, data, parent: str, name: str, shape: tuple[int, ...] | No
         raise BadInput(f"{parent}.{name} does not hold numbers", str(path), "Is this the published file?")
     if value.shape != shape if shape is not None else value.ndim != 1 or value.size < 3:
         raise BadInput(f"{parent}.{name} has the shape {value.shape}, expected {shape or '(N,)'}", str(path), "Is the file complete?")
-    return value.astype(float)
+    value = value.astype(float)
+    return np.where(np.abs(value) < ABSURD, value, np.nan)

@@ -15,6 +15,9 @@ HEADER_LIMIT = 65536
 MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf", "infinity")
 """What loggers write where they have no value (compared in lower case)."""
 
+ABSURD = 1e20
+"""No sensor and no clock reports more (unix time in ns is 2e18): such a number is a broken cell, and its square would overflow."""
+
 GARBAGE_SHARE = 0.05
 """A column with more unreadable cells than this is not a column of numbers; with fewer, those cells are dropouts."""
 
@@ -78,7 +81,7 @@ def read_table(path: Path, wanted: Iterable[str]) -> Table:
         if column.null_count():
             notes += _explain_missing(path, separator, names, name, column)
         values = column.to_numpy().astype(float, copy=True)
-        values[~np.isfinite(values)] = np.nan
+        values[~(np.abs(values) < ABSURD)] = np.nan
         columns[name] = values
     return Table(path, columns, tuple(n for n in names if n not in wanted), tuple(notes))
 

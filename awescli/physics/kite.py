@@ -30,7 +30,7 @@ def make_effect(key: str, declaration: KiteDeclaration) -> Effect:
     name, _, target = key.partition(":")
     if name not in EFFECTS:
         raise BadInput(f"unknown effect '{name}'", where="effects", do=did_you_mean(name, EFFECTS))
-    if target not in (EFFECTS[name].targets or ("",)):
+    if not EFFECTS[name].accepts(target):
         known = [f"{name}:{t}" for t in EFFECTS[name].targets] or [name]
         raise BadInput(f"effect '{name}' cannot act on '{target}'", where="effects", do=did_you_mean(key, known))
     return EFFECTS[name](target, declaration)

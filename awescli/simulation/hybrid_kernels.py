@@ -88,8 +88,8 @@ def rollout(f, g, initial, law, network, n_s, n_in, rows, constants, weights, X0
 
 
 @njit(cache=True)
-def _pulled_back(f, network, x, u, c, constants, weights, kbar, n_s, rows, alive, k, w, ybar, v, kept, scratch, delta, delta_rows):
-    """v = (d corrected derivative / d x)^T kbar; leaves kept and delta_rows as (L, n) rows, zero where a lane no longer counts."""
+def _pulled_back(f, network, x, u, c, constants, weights, kbar, n_s, rows, alive, k, w, ybar, v, kept, delta):
+    """v = (d corrected derivative / d x)^T kbar, and delta at the network's sums; zero where a lane no longer counts."""
     L = x.shape[1]
     for j in range(rows.shape[0]):
         for lane in range(L):
@@ -99,21 +99,42 @@ def _pulled_back(f, network, x, u, c, constants, weights, kbar, n_s, rows, alive
             w[i, lane] = kbar[i, lane]
     call_network_backward(network, (constants, weights, kept.ctypes.data, ybar.ctypes.data, delta.ctypes.data, w[n_s:].ctypes.data))
     call_adjoint(f, (x.ctypes.data, u.ctypes.data, c, w.ctypes.data, v.ctypes.data))
-    # turned around in place: the weights' gradient is then one matrix product over all rows
-    n_kept, n_delta = kept.shape[0], delta.shape[0]
-    flat = kept.reshape(-1)
-    for i in range(n_kept):
-        for lane in range(L):
-            scratch[i, lane] = kept[i, lane]
     for lane in range(L):
-        counts = alive[lane] > k + 1
-        for i in range(n_kept):
-            flat[lane * n_kept + i] = scratch[i, lane] if counts else 0.0
-        for i in range(n_delta):
-            delta_rows[lane, i] = delta[i, lane] if counts else 0.0
-        if not counts:
-            for i in range(v.shape[0]):
-                v[i, lane] = 0.0
+        if alive[lane] <= k + 1:
+            for a in (v, delta, kept):
+                for i in range(a.shape[0]):
+                    a[i, lane] = 0.0
+
+
+@njit(cache=True)
+def _add_to_weights(total, sizes, kept, delta, a):
+    """total += sum over lanes of delta x activations, layer by layer: the network's vector-Jacobian product.
+
+    kept (n_kept, L) is turned into rows a (L, n_kept) first, so that the inner loop runs along a row of W: all of it stays in the
+    nearest cache, where one product over the whole rollout would fetch everything from memory again.
+    """
+    L = kept.shape[1]
+    for i in range(kept.shape[0]):
+        for lane in range(L):
+            a[lane, i] = kept[i, lane]
+    place = first_a = first_d = 0
+    for number in range(sizes.shape[0] - 1):
+        n, m = sizes[number], sizes[number + 1]
+        for i in range(m):
+            e = delta[first_d + i]
+            row = total[place + i * n : place + (i + 1) * n]
+            for lane in range(0, L, 4):
+                e0, e1, e2, e3 = e[lane], e[lane + 1], e[lane + 2], e[lane + 3]
+                for j in range(n):
+                    q = first_a + j
+                    row[j] += (e0 * a[lane, q] + e1 * a[lane + 1, q]) + (e2 * a[lane + 2, q] + e3 * a[lane + 3, q])
+            bias = 0.0
+            for lane in range(L):
+                bias += e[lane]
+            total[place + n * m + i] += bias
+        place += (n + 1) * m
+        first_a += n
+        first_d += m
 
 
 @njit(cache=True)
@@ -137,19 +158,20 @@ def _drop_ended(a, alive, k):
 
 
 @njit(parallel=True, cache=True)
-def gradient(f, g, initial, law, network, n_s, n_in, rows, constants, weights, SP, U, C, h, substeps, X, Ybar, stages, kept, deltas,
-             alive, X0bar):  # fmt: skip
+def gradient(f, g, initial, law, network, n_s, sizes, rows, constants, weights, SP, U, C, h, substeps, X, Ybar, stages, kept, alive,
+             X0bar, Wbar):  # fmt: skip
     """Reverse of `rollout` for d cost / d Y = Ybar (G, K+1, n_y, L). f, g, initial, law: `adjoint` addresses; network: `dense.backward`.
 
-    Fills deltas (G, K*substeps, 4, L, n_delta) and X0bar (G, 12, L) = d cost / d starts; kept is turned to (L, n_kept) rows.
+    sizes: layer widths. Fills X0bar (G, 12, L) = d cost / d starts and Wbar (G, n_weights), each group's d cost / d weights.
     """
     G, samples, n_x, L = X.shape
     step = h / substeps
     p_constants, p_weights = constants.ctypes.data, weights.ctypes.data
     for group in prange(G):
         u = np.empty((U.shape[2], L))
-        w, ybar, v = np.empty((n_s + n_in, L)), np.empty((rows.shape[0], L)), np.empty((n_x, L))
-        scratch, delta = np.empty((kept.shape[3], L)), np.empty((deltas.shape[4], L))
+        w, ybar, v = np.empty((n_s + sizes[0], L)), np.empty((rows.shape[0], L)), np.empty((n_x, L))
+        activations, delta = np.empty((L, kept.shape[3])), np.empty((kept.shape[3] - 1 - sizes[0], L))
+        total = np.zeros(Wbar.shape[1])
         xbar, before, kbar = np.zeros((n_s, L)), np.zeros((n_s, L)), np.zeros((n_s, L))
         setpointbar = np.zeros((n_x - n_s, L))
         c, ended = C[group].ctypes.data, alive[group]
@@ -158,7 +180,7 @@ def gradient(f, g, initial, law, network, n_s, n_in, rows, constants, weights, S
                 setpointbar[:] = 0.0
                 for sub in range(substeps - 1, -1, -1):
                     m = k * substeps + sub
-                    s, a, d = stages[group, m], kept[group, m], deltas[group, m]
+                    s, a = stages[group, m], kept[group, m]
                     before[:] = xbar
                     for j in range(3, -1, -1):
                         _inputs_at(u, U[group], k, (sub + (0.0 if j == 0 else 0.5 if j < 3 else 1.0)) / substeps)
@@ -167,20 +189,20 @@ def gradient(f, g, initial, law, network, n_s, n_in, rows, constants, weights, S
                         for i in range(n_s):
                             for lane in range(L):
                                 kbar[i, lane] = share * before[i, lane] + (onward * v[i, lane] if j < 3 else 0.0)
-                        _pulled_back(f, network, s[j], u, c, p_constants, p_weights, kbar, n_s, rows, ended, k, w, ybar, v, a[j],
-                                     scratch, delta, d[j])  # fmt: skip
+                        _pulled_back(f, network, s[j], u, c, p_constants, p_weights, kbar, n_s, rows, ended, k, w, ybar, v, a[j], delta)
+                        _add_to_weights(total, sizes, a[j], delta, activations)
                         _gather(xbar, setpointbar, v, n_s)
-                    _drop_ended(xbar, ended, k + 2)
             else:
                 setpointbar[:] = 0.0
             call_adjoint(g, (X[group, k].ctypes.data, U[group, k].ctypes.data, c, Ybar[group, k].ctypes.data, v.ctypes.data))
-            _drop_ended(v, ended, k + 1)
+            _drop_ended(v, ended, k)
             _gather(xbar, setpointbar, v, n_s)
             if law:
                 _through_law(law, X[group, k], SP[group, k], U[group, k], c, n_s, setpointbar, v)
                 for i in range(n_s):
                     for lane in range(L):
                         xbar[i, lane] += v[i, lane]
+        Wbar[group] = total
         x = X[group, 0].copy()
         call_adjoint(initial, (x.ctypes.data, U[group, 0].ctypes.data, c, xbar[12:].ctypes.data, v.ctypes.data))
         for i in range(12):

@@ -118,7 +118,7 @@ def fly(
     segments = Segments(np.zeros(K, dtype=int), starts, np.zeros((K, samples, len(SURFACES))), np.repeat(inputs[None], K, axis=0), dt)
     flown = Simulator(kite, wrt=(), law=law, substeps=substeps).rollout(segments)
     best = _best(flown, pattern, lead, dt, declaration)
-    outputs = {n: flown.outputs[best, lead : lead + samples - lead, i] for i, n in enumerate(OUTPUTS)}
+    outputs = {n: flown.outputs[best, lead:, i] for i, n in enumerate(OUTPUTS)}
     return _log(outputs, declaration, recorded_wind or wind, time[lead:], dt, length[lead:], speed[lead:], seed, noise, name)
 
 

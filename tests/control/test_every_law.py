@@ -17,7 +17,8 @@ F, S, M = len(FEATURES), 2, 7
 def a_law(kind, **changes):
     r = np.random.default_rng(1)
     own = {
-        "gaussian": lambda: {"centres": r.normal(size=(M, F)), "width": 3.0, "coefficients": r.normal(size=(S, M)), "affine": r.normal(size=(S, F + 1))},
+        "gaussian": lambda: {"centres": r.normal(size=(M, F)), "width": 3.0,
+                             "coefficients": r.normal(size=(S, M)), "affine": r.normal(size=(S, F + 1))},
         "linear": lambda: {"affine": 0.1 * r.normal(size=(S, F + 1))},
         "network": lambda: {
             "affine": r.normal(size=(S, F + 1)), "weights_1": r.normal(size=(5, F)), "bias_1": r.normal(size=5),
@@ -26,7 +27,8 @@ def a_law(kind, **changes):
     }[kind]()  # fmt: skip
     common = {
         "surfaces": ("elevator", "rudder"), "features": FEATURES, "centre": tuple(r.normal(size=F)), "scale": tuple(r.uniform(5, 50, F)),
-        "limits": {"elevator": (-9.0, 9.0), "rudder": (-9.0, 9.0)}, "constants": {"aileron": 0.01}, "pattern": Pattern(0.6, 0.1, 50.0, -1.0),
+        "limits": {"elevator": (-9.0, 9.0), "rudder": (-9.0, 9.0)}, "constants": {"aileron": 0.01},
+        "pattern": Pattern(0.6, 0.1, 50.0, -1.0),
     }  # fmt: skip
     return LAWS[kind](**(common | own | changes))
 

@@ -24,7 +24,7 @@ SHARED = Path(__file__).parents[2].parent / "shared"
 
 
 def circling(n=6000, noise=0.0, seed=0, surfaces=("rudder",)):
-    """A kite on a wobbling circle of 50 m around 35 deg elevation, kinematically consistent where it matters, at 50 Hz, and a law known in closed form."""
+    """A kite on a wobbling circle of 50 m around 35 deg elevation, at 50 Hz, flown by a law known in closed form."""
     r = np.random.default_rng(seed)
     t = np.arange(n) * 0.02
 
@@ -40,11 +40,16 @@ def circling(n=6000, noise=0.0, seed=0, surfaces=("rudder",)):
     m |= {"phi": 0.5 + wobble(0.1, 3), "theta": wobble(0.2, 3), "psi": wobble(0.5, 4)}
     m |= {k: wobble(0.05, 6) for k in "pqr"}
     still = np.zeros(n)
-    log = FlightLog("circling", 0.0, 0.02, t, m, {"tether_length": length, "reel_out_speed": np.ones(n), "aileron": still + 0.02}, np.ones(n, bool))
+    log = FlightLog(
+        "circling", 0.0, 0.02, t, m, {"tether_length": length, "reel_out_speed": np.ones(n), "aileron": still + 0.02}, np.ones(n, bool)
+    )
     z = state_mapping(log)
     # the law knows the circle that its flight shows (its mean over the training part), so that it lies in the class that is fitted
     radius, course, speed, turn = evaluate(("radius_error", "course_error", "speed", "r"), z, fit_pattern(z, np.arange(n) < 3000))
-    truth = {"rudder": 0.02 * radius + 0.4 * course + 0.3 * turn + 0.1 * np.tanh(4 * course) * 40 / speed, "elevator": 0.05 - 0.01 * radius + 0.2 * turn}
+    truth = {
+        "rudder": 0.02 * radius + 0.4 * course + 0.3 * turn + 0.1 * np.tanh(4 * course) * 40 / speed,
+        "elevator": 0.05 - 0.01 * radius + 0.2 * turn,
+    }
     shaken = {k: s + noise * NOISE.get(k, 0) * r.normal(size=n) for k, s in m.items()}
     return replace(log, measured=shaken, inputs=dict(log.inputs) | {s: truth[s] for s in surfaces})
 
@@ -100,7 +105,9 @@ def test_limits_from_a_saturated_log():
     cut = replace(log, inputs=dict(log.inputs) | {"rudder": np.clip(log["rudder"], -0.1, 0.05)})
     law = fit_controller(cut, *PARTS, ControllerConfig(kind="linear", features=FIXED)).law
     assert law.limits["rudder"] == (-0.1, 0.05)
-    assert fit_controller(log, *PARTS, ControllerConfig(kind="linear", features=FIXED, limits={"rudder": (-1, 1)})).law.limits["rudder"] == (-1.0, 1.0)
+    assert fit_controller(log, *PARTS, ControllerConfig(kind="linear", features=FIXED, limits={"rudder": (-1, 1)})).law.limits[
+        "rudder"
+    ] == (-1.0, 1.0)
 
 
 def test_fit_is_deterministic():
@@ -217,3 +224,32 @@ def test_development_flights(flight):
     assert report["nonzeros"] < 80 and report["condition_raw"] < 1e6
     assert report["comparison"]["linear"]["nrmse"]["test"]["rudder"] > report["nrmse"]["test"]["rudder"]
     assert report["nrmse_smoothed"]["test"]["rudder"] < report["nrmse"]["test"]["rudder"]
+
+
+def test_hold_asks_for_the_steering_slopes():
+    """With a strong hold the law answers a displaced kite by course slope / radius, whatever the flight shows."""
+    fit = fit_controller(circling(), *PARTS, ControllerConfig(features=FIXED, smooth_window_s=0.0, hold=30.0))
+    law, log = fit.law, circling()
+    z = state_mapping(log)
+    x0 = np.stack(evaluate(law.features, z, law.pattern), axis=1)[:3000:50]
+    slopes = []
+    for j in range(2):
+        step = np.zeros(len(law.features))
+        step[j] = 0.05 * law.scale[j]
+        up, down = (law.outputs_of_matrix((x0 + s * step - law.centre) / law.scale)[:, 0] for s in (1, -1))
+        slopes.append(((up - down) / (2 * step[j])).mean())
+    assert slopes[0] == pytest.approx(slopes[1] / law.pattern.radius, rel=0.2)
+
+
+def test_the_weakest_hold_that_flies_is_taken():
+    calls = []
+
+    def fly(law):
+        calls.append(law)
+        return 1.0 if len(calls) == 3 else 0.4
+
+    config = ControllerConfig(features=FIXED, hold_strengths=(0.01, 0.02, 0.05, 0.1), width_factors=(1.6,), candidates=80)
+    fit = fit_controller(circling(), *PARTS, config, fly)
+    assert fit.report["hold"] == 0.05 and fit.report["survival"] == 1.0 and len(fit.report["flown"]) == 3
+    never = fit_controller(circling(), *PARTS, config, lambda law: 0.2)
+    assert never.report["survival"] == 0.2 and never.report["hold"] == 0.02

@@ -8,6 +8,7 @@ from awescli.physics.effects.aeroelastic_twist import AeroelasticTwist
 from awescli.physics.effects.air_density import AirDensity
 from awescli.physics.effects.airspeed_scale import AirspeedScale
 from awescli.physics.effects.clock_offset import ClockOffset
+from awescli.physics.effects.custom_term import CustomTerm
 from awescli.physics.effects.gravity import Gravity
 from awescli.physics.effects.heading_bias import HeadingBias
 from awescli.physics.effects.imu_bias import ImuBias
@@ -45,5 +46,6 @@ EFFECTS = {
         ParasiticDrag, SideslipDrag, LiftStall, PitchCurvature, UnsteadyLift, AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, ActuatorLag, ActuatorDelay,
         VaneBias, AirspeedScale, LoadCellScale, LoadCellLag, PositionLatency, HeadingBias, ImuBias,
+        CustomTerm,
     )
 }  # fmt: skip

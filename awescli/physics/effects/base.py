@@ -16,7 +16,8 @@ class Effect:
     name: its row in the table; parameters: with null as `value`, plausible range as bounds; targets: where it may act
     (surfaces, axes, clock groups), empty if there is only one such place; always: part of every kite, not a candidate.
     plausible: parameter name -> largest size at which the effect is an explanation; probes: parameter name -> sizes at which
-    an effect that is flat at null (a lag, a threshold) is tried; shapes: parameters that only give form to another one.
+    an effect that is flat at null (a lag, a threshold) is tried; abrupt: its presence changes the start of a rollout so much that
+    only a re-fit from the probe can judge it; shapes: parameters that only give form to another one.
 
     Every method receives what stands at its place, the instant `at`, and `own`: the values of its parameters by short name.
     It must give back its input unchanged, to the last bit, when all parameters are null.
@@ -29,12 +30,18 @@ class Effect:
     states: tuple[str, ...] = ()
     probes: dict[str, tuple[float, ...]] = {}
     shapes: tuple[str, ...] = ()
+    abrupt: bool = False
     always: bool = False
     traceable: bool = True
 
     def __init__(self, target: str = "", declaration=None):
         """target: one of `targets`, or empty; declaration: the kite file (`declaration.KiteDeclaration`) it stands in."""
         self.target = target
+
+    @classmethod
+    def accepts(cls, target: str) -> bool:
+        """May an instance act on `target`?"""
+        return target in (cls.targets or ("",))
 
     @property
     def key(self) -> str:

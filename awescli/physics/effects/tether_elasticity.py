@@ -13,7 +13,8 @@ class TetherElasticity(Effect):
         Parameter("EA", 0.0, "N", 0.0, 6e6, source="0.6 MN for a 4 mm line"),
         Parameter("zeta", 0.0, "N s/m", 0.0, 2000.0, source="KiteModels.jl: damping 473 N s over the length"),
     )
-    probes = {"EA": (2e6, 8e5, 3e5), "zeta": (100.0,)}
+    probes = {"EA": (8e5,), "zeta": (100.0,)}
+    abrupt = True
     shapes = ("zeta",)
 
     def line(self, line, at, own):

@@ -1,0 +1,101 @@
+"""From a flight to an untrained correction: what its inputs range over, and how large its outputs may have to be."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
+
+from awescli.learning.correction import NETWORK_INPUTS, ROWS, Correction, check_inputs, initial_weights
+from awescli.notation.errors import BadInput
+from awescli.notation.quantities import STATES
+from awescli.physics.kite import Kite
+from awescli.simulation.rollout import inputs_of, setpoints_of
+from awescli.simulation.segments import SMOOTHING, smooth_states
+
+MARGIN = 0.15
+"""Share by which the box is wider than the training range on either side: a range seen in a minute is not the whole range."""
+DRIFT = 0.1
+"""An input that lies outside its box on more than this share of the validation samples is not used."""
+SLOW = 0.5
+"""[s] the residual acceleration is averaged over this before its size is taken: what is faster is mostly differentiated noise."""
+SMALLEST = (1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)
+"""[m/s2, rad/s2] least scale of an output: a model without any residual must not divide by it."""
+
+
+def instants(log, kite: Kite):
+    """The instant of the physics at every sample of the log (arrays (N,) instead of numbers), at smoothed measured states."""
+    U, SP, Z = inputs_of(log, kite).T, setpoints_of(log).T, smooth_states(log).T
+    c = [float(v) for v in kite.parameters.vector()]
+    own = len(kite.state_names) - 12
+    x = [*Z, *(np.zeros(len(log)) for _ in range(own)), *SP]
+    x[12 : 12 + own] = kite.initial(x, list(U), c)
+    return kite.instant(x, list(U), c), x, list(U), c
+
+
+def samples_of(ranges: Iterable[tuple[int, int]], valid: np.ndarray) -> np.ndarray:
+    """(N,) bool: valid samples inside the half-open ranges."""
+    inside = np.zeros(len(valid), bool)
+    for first, last in ranges:
+        inside[first:last] = True
+    return inside & valid
+
+
+def input_signals(log, kite: Kite, names: Sequence[str]) -> np.ndarray:
+    """(N, n) network inputs along the log."""
+    at, *_ = instants(log, kite)
+    return np.stack([np.broadcast_to(np.asarray(NETWORK_INPUTS[n](at), dtype=float), (len(log),)) for n in names], axis=1)
+
+
+def residual_acceleration(log, kite: Kite) -> np.ndarray:
+    """(N, 6) measured less modelled derivatives of (u, v, w, p, q, r), by a local quadratic through the measured states."""
+    at, *_ = instants(log, kite)
+    window = max(5, 2 * int(round(SMOOTHING / log.dt / 2)) + 1)
+    measured = savgol_filter(np.stack([log[STATES[r]] for r in ROWS], axis=1), window, 2, deriv=1, delta=log.dt, axis=0)
+    modelled = np.stack([np.broadcast_to(np.asarray(at.derivative[r], dtype=float), (len(log),)) for r in ROWS], axis=1)
+    return measured - modelled
+
+
+def drifting(log, kite: Kite, names: Sequence[str], train, validation) -> tuple[str, ...]:
+    """Inputs that leave their training range on the validation flight: a line that only gets longer tells the time, nothing else.
+
+    Kept, they would either be extrapolated or let the correction fade everywhere but in training.
+    """
+    use, later = samples_of(train, log.valid), samples_of(validation, log.valid)
+    if not (use.any() and later.any()):
+        return ()
+    signals = input_signals(log, kite, names)
+    low, high = signals[use].min(0), signals[use].max(0)
+    room = MARGIN * (high - low) + 1e-9 * np.abs(high)
+    outside = ((signals[later] < low - room) | (signals[later] > high + room)).mean(0)
+    return tuple(n for n, share in zip(names, outside, strict=True) if share > DRIFT)
+
+
+def untrained(log, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[int], seed: int) -> Correction:
+    """A null correction normalised on the training ranges; inputs that never change there are left out."""
+    check_inputs(names)
+    use = samples_of(ranges, log.valid)
+    if use.sum() < 50:
+        raise BadInput(f"only {int(use.sum())} valid training samples", do="Train on a longer flight, or enlarge split.train.")
+    signals = input_signals(log, kite, names)[use]
+    mean, deviation = signals.mean(0), signals.std(0)
+    moving = deviation > 1e-6 * np.maximum(1e-3, np.abs(signals).max(0))
+    if not moving.any():
+        raise BadInput("no network input changes on the training samples", do="Choose other inputs.")
+    names = tuple(n for n, m in zip(names, moving, strict=True) if m)
+    signals, mean, deviation = signals[:, moving], mean[moving], deviation[moving]
+    z = (signals - mean) / deviation
+    middle, half = (z.max(0) + z.min(0)) / 2, (z.max(0) - z.min(0)) / 2 * (1 + 2 * MARGIN)
+    slow = uniform_filter1d(residual_acceleration(log, kite), max(1, int(round(SLOW / log.dt))), axis=0)
+    scale = np.maximum(np.sqrt((slow[use] ** 2).mean(0)), SMALLEST)
+    hidden = tuple(int(h) for h in hidden)
+    weights = initial_weights((len(names), *hidden, len(ROWS)), seed)
+    return Correction(names, hidden, weights, mean, deviation, middle, half, scale)
+
+
+def outside_share(log, kite: Kite, correction: Correction, ranges) -> float:
+    """Share of samples in the ranges at which the correction has faded below one half."""
+    use = samples_of(ranges, log.valid)
+    z = (input_signals(log, kite, correction.inputs)[use] - correction.mean) / correction.deviation
+    e = np.maximum(np.abs(z - correction.middle) / correction.half - 1, 0) / correction.width
+    return float((np.exp(-(e * e).sum(1)) < 0.5).mean()) if use.any() else 0.0

@@ -1,0 +1,344 @@
+"""Train f_nn (seed section 5.1): Adam over growing horizons to a plateau of the validation error, then L-BFGS; the best weights win.
+
+Training is a list of rounds. A round estimates the segments' starts anew with the present weights, runs one optimiser for some
+iterations, and looks at validation. Between rounds all there is to know stands in `State`, so an interrupted run goes on exactly.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from awescli.learning.correction import DEFAULT_INPUTS, Correction
+from awescli.learning.hybrid_kite import HybridKite
+from awescli.learning.normalisation import drifting, outside_share, untrained
+from awescli.learning.optimisers import Adam, lbfgs
+from awescli.learning.problem import Data, Problem
+from awescli.notation.errors import BadInput, NumericalFailure
+from awescli.physics.kite import Kite
+
+OUTCOMES = {
+    "trained": "the correction lowers the error on flight it was not trained on",
+    "nothing_to_learn": "no correction that is better on validation than physics alone; the network stays null",
+    "budget_reached": "the time budget ended the training; the best weights so far are kept",
+    "diverged": "rollouts diverged with every correction that was tried; the network stays null",
+}
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """hidden: widths of the tanh layers; inputs: names in `correction.NETWORK_INPUTS`; horizons: predicted seconds, growing, the last
+    one is what counts; warmup: seconds before a prediction that fit its start; batch: segments per Adam step; rate: Adam's;
+    clip: greatest norm of a gradient; decay: weight decay; adam_iterations, lbfgs_iterations: per round; rounds: most rounds per
+    horizon and of L-BFGS; patience: rounds without progress that make a plateau; material: least relative gain on validation;
+    budget: seconds; compare: also run Adam alone for as many gradients."""
+
+    hidden: tuple[int, ...] = (16, 16)
+    inputs: tuple[str, ...] = DEFAULT_INPUTS
+    horizons: tuple[float, ...] = (1.0, 2.5, 5.0)
+    warmup: float = 1.0
+    batch: int = 32
+    rate: float = 0.01
+    clip: float = 5.0
+    decay: float = 1e-4
+    adam_iterations: int = 40
+    lbfgs_iterations: int = 30
+    rounds: int = 5
+    patience: int = 2
+    material: float = 0.03
+    budget: float = 60.0
+    seed: int = 0
+    compare: bool = False
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything between two rounds. phase: index of the horizon, or len(horizons) for L-BFGS, or one more when done; round: within
+    the phase; weights, adam: the present point; best, best_cost: lowest validation at the last horizon; idle: rounds without
+    progress; reference: what progress is measured against; switch: weights and Adam as they were when L-BFGS began;
+    evaluations: gradients (of all segments once) spent in each phase; seconds: spent; history: one row per round."""
+
+    weights: np.ndarray
+    adam: Adam
+    best: np.ndarray
+    best_cost: float
+    phase: int = 0
+    round: int = 0
+    idle: int = 0
+    reference: float = np.inf
+    switch: tuple[np.ndarray, Adam] | None = None
+    evaluations: float = 0.0
+    seconds: float = 0.0
+    history: tuple[tuple[float, ...], ...] = ()
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Named arrays, for a checkpoint."""
+        numbers = [self.best_cost, self.phase, self.round, self.idle, self.reference, self.evaluations, self.seconds, self.adam.count,
+                   self.adam.rate, self.adam.clip, -1 if self.switch is None else self.switch[1].count]  # fmt: skip
+        arrays = {
+            "weights": self.weights, "best": self.best, "first": self.adam.first, "second": self.adam.second,
+            "numbers": np.array(numbers, dtype=float), "history": np.array(self.history, dtype=float).reshape(-1, len(HISTORY)),
+        }  # fmt: skip
+        if self.switch is not None:
+            arrays |= {"switch_weights": self.switch[0], "switch_first": self.switch[1].first, "switch_second": self.switch[1].second}
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, a: Mapping[str, np.ndarray], n: int, where: str = "checkpoint") -> "State":
+        """What `to_arrays` gave, for a network of n weights. Raises BadInput for anything else."""
+        try:
+            best_cost, phase, round_, idle, reference, evaluations, seconds, count, rate, clip, switched = (float(v) for v in a["numbers"])
+            vectors = [np.asarray(a[k], dtype=float) for k in ("weights", "best", "first", "second")]
+            switch = None
+            if switched >= 0:
+                switch = (np.asarray(a["switch_weights"]), Adam(np.asarray(a["switch_first"]), np.asarray(a["switch_second"]), int(switched), rate, clip))
+            history = tuple(tuple(float(v) for v in row) for row in np.asarray(a["history"]).reshape(-1, len(HISTORY)))
+        except (KeyError, ValueError, TypeError) as e:
+            raise BadInput(f"not a training checkpoint: {e}", where, "Train from the beginning: --force.") from None
+        if any(v.shape != (n,) or not np.isfinite(v).all() for v in vectors):
+            raise BadInput(f"the checkpoint belongs to another network (this one has {n} weights)", where, "Train from the beginning: --force.")
+        weights, best, first, second = vectors
+        adam = Adam(first, second, int(count), rate, clip)
+        return cls(weights, adam, best, best_cost, int(phase), int(round_), int(idle), reference, switch, evaluations, seconds, history)
+
+
+HISTORY = ("phase", "round", "horizon", "train", "validation", "validation_last_horizon", "diverged", "evaluations", "seconds")
+"""Columns of `State.history`. Costs are in units of the physics' own squared error, 1 is pure physics."""
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What training gives back. correction: the network (null where nothing was learned); outcome: a name in OUTCOMES;
+    history: rows of HISTORY; metrics: plain numbers for metrics.json; state: the last one, to go on from."""
+
+    correction: Correction
+    outcome: str
+    history: tuple[tuple[float, ...], ...]
+    metrics: dict
+    state: State
+    adam_only: Correction | None = None
+    dropped: Mapping[str, str] = field(default_factory=dict)
+
+    def kite(self, physics: Kite) -> Kite | HybridKite:
+        """The model to go on with: the hybrid, or the physics itself where the correction is null."""
+        return physics if self.correction.is_zero else HybridKite(physics, self.correction)
+
+
+def train(
+    kite: Kite,
+    log,
+    train_ranges: Sequence[tuple[int, int]],
+    validation_ranges: Sequence[tuple[int, int]],
+    config: TrainingConfig = TrainingConfig(),
+    progress: Callable[[str, float], None] = lambda text, cost: None,
+    *,
+    law: Callable | None = None,
+    state: State | None = None,
+    checkpoint: Callable[[State], None] = lambda state: None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Trained:
+    """Learn what the physics of `kite` leaves on the training ranges (half-open samples), judged on the validation ranges.
+
+    law: closes the loop as in `Simulator` (None: recorded set-points); state: go on from there; checkpoint(state) after every round.
+    """
+    names, dropped = usable_inputs(kite, log, train_ranges, validation_ranges, config.inputs)
+    correction = untrained(log, kite, train_ranges, names, config.hidden, config.seed)
+    dropped |= {n: "never changes in training" for n in names if n not in correction.inputs}
+    problem = Problem(kite, log, correction, config.warmup, law=law, decay=config.decay)
+    sets = [_Horizon(problem, h, train_ranges, validation_ranges, correction.weights) for h in _usable(config.horizons, log, train_ranges, validation_ranges, config)]
+    n = correction.weights.size
+    if state is None:
+        adam = Adam.fresh(n, config.rate, config.clip)
+        state = State(correction.weights, adam, correction.weights, float(sets[-1].baseline.mean()))
+    elif state.weights.shape != (n,):
+        raise BadInput(f"the checkpoint has {state.weights.size} weights, this network has {n}", do="Train from the beginning: --force.")
+    began, before = clock(), state.seconds
+    out_of_time = False
+    while state.phase <= len(sets):
+        if state.seconds > config.budget:
+            out_of_time = True
+            break
+        state = _round(problem, sets, state, config, lambda: before + clock() - began)
+        last = dict(zip(HISTORY, state.history[-1], strict=True))
+        name = "L-BFGS" if last["phase"] == len(sets) else f"Adam, {last['horizon']:g} s"
+        progress(f"{name}, round {int(last['round']) + 1}: validation {last['validation_last_horizon']:.3f}", last["train"])
+        checkpoint(state)
+    return _concluded(problem, sets, state, config, correction, dropped, out_of_time, (train_ranges, validation_ranges))
+
+
+def usable_inputs(kite, log, train_ranges, validation_ranges, names) -> tuple[tuple[str, ...], dict[str, str]]:
+    """(names to use, left out: name -> reason)"""
+    drift = drifting(log, kite, names, train_ranges, validation_ranges)
+    return tuple(n for n in names if n not in drift), {n: "leaves its training range on validation" for n in drift}
+
+
+def _usable(horizons, log, train_ranges, validation_ranges, config) -> list[float]:
+    """Horizons that fit into the ranges, ascending; at least one."""
+    longest = min(max((b - a for a, b in ranges), default=0) for ranges in (train_ranges, validation_ranges)) * log.dt - config.warmup - 2 * log.dt
+    fit = [h for h in sorted(horizons) if h <= longest]
+    if not fit and longest <= 0.2:
+        raise BadInput("training and validation ranges are too short to predict anything", do="Use a longer flight or a shorter warmup.")
+    return fit or [float(longest)]
+
+
+class _Horizon:
+    """Training and validation segments of one horizon. The unit of error is the physics' own on the training segments."""
+
+    def __init__(self, problem: Problem, seconds: float, train_ranges, validation_ranges, null: np.ndarray):
+        self.problem, self.seconds = problem, seconds
+        steps = max(2, int(round(seconds / problem.log.dt)))
+        first = predictions(train_ranges, steps, problem.warmup, max(1, steps // 2), problem.log.valid)
+        later = predictions(validation_ranges, steps, problem.warmup, max(1, steps // 2), problem.log.valid)
+        if not len(first) or not len(later):
+            raise BadInput(f"no whole segment of {seconds:g} s in the training or validation ranges", do="Use shorter horizons.")
+        # neighbours share samples: spread them over the batches. An evenly mixed order that needs no random state
+        first = first[np.random.default_rng([len(first), steps]).permutation(len(first))]
+        self.train_observed, self.validation_observed = problem.observed(first, steps), problem.observed(later, steps)
+        self.sigma = problem.data(self.train_observed, null).sigma
+        self.baseline = problem.costs(self.validation(null), null)
+
+    def train(self, weights: np.ndarray) -> Data:
+        return self.problem.data(self.train_observed, weights, self.sigma)
+
+    def validation(self, weights: np.ndarray) -> Data:
+        return self.problem.data(self.validation_observed, weights, self.sigma)
+
+    def validation_costs(self, weights: np.ndarray) -> np.ndarray:
+        """(K, n_out)"""
+        return self.problem.costs(self.validation(weights), weights)
+
+
+def predictions(ranges, steps: int, warmup: int, stride: int, valid: np.ndarray) -> np.ndarray:
+    """First predicted samples of segments whose warm-up and horizon lie inside one range and are valid for the most part."""
+    found = [np.arange(a + warmup, b - steps - 1, stride) for a, b in ranges]
+    first = np.concatenate(found) if found else np.empty(0, int)
+    share = np.array([valid[k - warmup : k + steps + 1].mean() for k in first])
+    return first[share > 0.8].astype(int) if len(first) else first.astype(int)
+
+
+def _round(problem: Problem, sets: list[_Horizon], state: State, config: TrainingConfig, seconds) -> State:
+    """One round of the present phase, and the decision what comes next."""
+    second_order = state.phase == len(sets)
+    stage = sets[min(state.phase, len(sets) - 1)]
+    if second_order and state.switch is None:
+        # L-BFGS begins at the best point that Adam has found
+        state = replace(state, weights=state.best, switch=(state.best, state.adam))
+    data = stage.train(state.weights)
+    weights, adam, spent, diverged = state.weights, state.adam, 0.0, 0
+    if second_order:
+        weights, cost, evaluations = lbfgs(lambda w: problem.gradient(data, w)[:2], weights, config.lbfgs_iterations)
+        spent = float(evaluations)
+    else:
+        weights, adam, cost, spent, diverged = _adam(problem, data, weights, adam, config, [state.phase, state.round])
+    here = float(stage.validation_costs(weights).mean())
+    final = here if stage is sets[-1] else float(sets[-1].validation_costs(weights).mean())
+    best, best_cost = (weights, final) if final < state.best_cost else (state.best, state.best_cost)
+    better = here < 0.99 * state.reference
+    idle, reference = (0, here) if better else (state.idle + 1, state.reference)
+    row = (state.phase, state.round, stage.seconds, cost, here, final, diverged, spent, seconds())
+    state = replace(
+        state, weights=weights, adam=adam, best=best, best_cost=best_cost, round=state.round + 1, idle=idle, reference=reference,
+        evaluations=state.evaluations + spent, seconds=row[-1], history=(*state.history, row),
+    )  # fmt: skip
+    if idle >= config.patience or state.round >= config.rounds:
+        state = replace(state, phase=state.phase + 1, round=0, idle=0, reference=np.inf)
+    return state
+
+
+def _adam(problem: Problem, data: Data, weights, adam: Adam, config: TrainingConfig, place: Sequence[int]):
+    """A round of Adam on minibatches of lane groups, drawn by (seed, phase, round): no random state to carry."""
+    from awescli.engine.machine import LANES
+
+    groups, per_batch = len(data.prepared.count), max(1, config.batch // LANES)
+    rng = np.random.default_rng([config.seed, 1, *place])
+    costs, diverged, spent, queue = [], 0, 0.0, []
+    for _ in range(config.adam_iterations):
+        if len(queue) < per_batch:
+            queue += list(rng.permutation(groups))
+        batch, queue = sorted(queue[:per_batch]), queue[per_batch:]
+        cost, gradient, lost = problem.gradient(data, weights, None if len(batch) >= groups else batch)
+        if np.isfinite(gradient).all():
+            adam, weights = adam.step(weights, gradient)
+        costs.append(cost)
+        diverged = max(diverged, lost)
+        spent += len(batch) / groups
+    return weights, adam, float(np.mean(costs[-max(1, groups // per_batch) :])), spent, diverged
+
+
+def gate(baseline: np.ndarray, costs: np.ndarray, material: float) -> tuple[bool, dict]:
+    """Is a correction better than physics on validation? baseline, costs: (K, n_out) per segment and channel.
+
+    The mean gain over segments must exceed `material` of the physics' cost and two standard errors. Neighbouring segments overlap by
+    half, so the standard error is taken with half as many.
+    """
+    gain = baseline.mean(1) - costs.mean(1)
+    independent = max(len(gain) / 2, 1)
+    error = float(gain.std(ddof=1) / np.sqrt(independent)) if len(gain) > 1 else float("inf")
+    need = max(material * float(baseline.mean()), 2 * error)
+    return bool(gain.mean() > need), {"gain": float(gain.mean()), "standard_error": error if np.isfinite(error) else None, "needed": need if np.isfinite(need) else None}
+
+
+def _concluded(problem, sets, state, config, correction, dropped, out_of_time, ranges) -> Trained:
+    """The verdict on the best weights, and the numbers that go with it."""
+    last = sets[-1]
+    costs = last.validation_costs(state.best)
+    accepted, evidence = gate(last.baseline, costs, config.material)
+    trained = correction.with_weights(state.best if accepted else _nulled(correction))
+    outcome = "budget_reached" if out_of_time and accepted else "trained" if accepted else "nothing_to_learn"
+    if not accepted and state.history and min(row[HISTORY.index("validation_last_horizon")] for row in state.history) > 10:
+        outcome = "diverged"
+    if not np.isfinite(trained.weights).all():
+        raise NumericalFailure("not_finite", "training gave weights that are no numbers", do="Lower train-hybrid.rate.")
+    ratio = np.sqrt(costs.mean(0) / last.baseline.mean(0))
+    metrics = {
+        "outcome": outcome, "sentence": OUTCOMES[outcome], "validation": evidence,
+        "validation_rmse_ratio": {n: float(r) for n, r in zip(problem.outputs, ratio, strict=True)},
+        "horizons": [s.seconds for s in sets], "train_segments": len(last.train_observed.segments.first),
+        "validation_segments": len(last.validation_observed.segments.first), "weights": int(correction.weights.size),
+        "gradient_evaluations": state.evaluations, "seconds": state.seconds, "left_out_inputs": dict(dropped),
+        "outside_box_validation": outside_share(problem.log, problem.kite, correction, ranges[1]),
+    }  # fmt: skip
+    adam_only = None
+    if config.compare and state.switch is not None:
+        adam_only, metrics["comparison"] = compare(problem, last, state, config, correction, costs)
+    return Trained(trained, outcome, state.history, metrics, state, adam_only, dropped)
+
+
+def _nulled(correction: Correction) -> np.ndarray:
+    from awescli.engine.dense import layer_slices
+
+    weights = correction.weights.copy()
+    for part in layer_slices(correction.sizes)[-1]:
+        weights[part] = 0.0
+    return weights
+
+
+def compare(problem: Problem, last: _Horizon, state: State, config: TrainingConfig, correction: Correction, costs: np.ndarray):
+    """Adam alone, from where L-BFGS took over, for as many gradients of all segments: (its correction, numbers)."""
+    column = {name: i for i, name in enumerate(HISTORY)}
+    spent = sum(row[column["evaluations"]] for row in state.history if row[column["phase"]] == len(last_phases(state)))
+    weights, adam = state.switch
+    best, best_cost = weights, float(last.validation_costs(weights).mean())
+    done, every = 0, config.adam_iterations
+    while done < spent:
+        data = last.train(weights)
+        for _ in range(int(min(every, max(1, spent - done)))):
+            _, gradient, _ = problem.gradient(data, weights)
+            adam, weights = adam.step(weights, gradient)
+            done += 1
+        cost = float(last.validation_costs(weights).mean())
+        best, best_cost = (weights, cost) if cost < best_cost else (best, best_cost)
+    alone = last.validation_costs(best)
+    rows = {
+        n: {"adam": float(np.sqrt(a)), "adam_lbfgs": float(np.sqrt(b))}
+        for n, a, b in zip(problem.outputs, alone.mean(0), costs.mean(0), strict=True)
+    }
+    numbers = {"gradients": float(spent), "adam": float(alone.mean()), "adam_lbfgs": float(costs.mean()), "channels": rows}
+    return correction.with_weights(best), numbers
+
+
+def last_phases(state: State) -> list[int]:
+    """Phases of Adam that were run before the last one (L-BFGS)."""
+    phases = sorted({int(row[0]) for row in state.history})
+    return list(range(phases[-1])) if phases else []

@@ -1,0 +1,60 @@
+"""An empirical term: what repeats in the residual and no effect of the library explains. Never a claim about physics."""
+
+import re
+
+from awescli.notation.parameters import Parameter
+from awescli.notation.scalars import cos, sin
+from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Load
+
+CHANNELS = ("f_x", "f_y", "f_z", "m_x", "m_y", "m_z")
+FEATURES = {
+    "1": lambda at: 1.0,
+    "alpha": lambda at: at.alpha,
+    "beta": lambda at: at.beta,
+    "V_a": lambda at: at.V_a / 40.0,
+    "p": lambda at: at.z.p,
+    "q": lambda at: at.z.q,
+    "r": lambda at: at.z.r,
+    "rudder": lambda at: at.deflections["rudder"],
+    "elevator": lambda at: at.deflections["elevator"],
+    "aileron": lambda at: at.deflections["aileron"],
+    "elevation": lambda at: -at.p_hat[2],
+    "tether_length": lambda at: at.inputs["tether_length"] / 300.0,
+    "tension": lambda at: at.inputs["tension"] / 3000.0,
+    "sin_heading": lambda at: sin(at.z.psi),
+    "cos_heading": lambda at: cos(at.z.psi),
+}
+"""Dimensionless or O(1) features: V_a in units of 40 m/s, tether length of 300 m, (measured) tension of 3 kN, angles and rates in rad."""
+_TERM = re.compile(r"^([fm]_[xyz])\*(.+)$")
+
+
+def parse_term(target: str) -> tuple[str, list[str]] | None:
+    """`m_y*alpha*V_a` -> ("m_y", ["alpha", "V_a"]); None where it cannot be read."""
+    match = _TERM.match(target)
+    factors = match[2].split("*") if match else []
+    return (match[1], factors) if match and all(f in FEATURES for f in factors) else None
+
+
+class CustomTerm(Effect):
+    """force or moment channel += k qbar S (b or c for moments) * product of features. The target is the term, e.g. `m_y*alpha*V_a`."""
+
+    name = "custom_term"
+    doc = "empirical term found in a residual"
+    parameters = (Parameter("k", 0.0, "-", -1.0, 1.0, source="empirical"),)
+    traceable = False
+
+    @classmethod
+    def accepts(cls, target):
+        return parse_term(target) is not None
+
+    def load(self, at, own):
+        channel, factors = parse_term(self.target)
+        value = own.k * at.dynamic_pressure * at.values["S"]
+        for factor in factors:
+            value = value * FEATURES[factor](at)
+        if channel[0] == "m":
+            value = value * at.values["c" if channel == "m_y" else "b"]
+        vector = tuple(value if axis == channel[2] else 0.0 * value for axis in "xyz")
+        nothing = (0.0 * value,) * 3
+        return Load(vector, nothing) if channel[0] == "f" else Load(nothing, vector)

@@ -1,0 +1,97 @@
+"""Flights for campaigns: a truth, what its user would declare of it, and the flight, all drawn from one seed.
+
+Settings follow the development flights: line 260-400 m, V_a 25-57 m/s, one loop in about 9 s, rudder -7..18 deg, wind 8-10 m/s at 10 m.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from awescli.control.path_following import PathFollowing
+from awescli.control.pattern import Pattern
+from awescli.flightlog.log import FlightLog
+from awescli.notation.parameters import ParameterTable
+from awescli.physics.declaration import KiteDeclaration
+from awescli.simulation.made_wind import as_measured, wind_record
+from awescli.simulation.synthetic import ReelOut, fly, with_effects
+
+DEG = np.pi / 180
+HEIGHTS = (10.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0)
+"""[m] stations of a wind record with heights, as in the development flights."""
+SHEAR = (0.10, 0.15)
+"""Range of the power-law exponent of the wind over height (IEC 61400-1: 0.2 over land; less over sea)."""
+WIDTH = (0.55, 1.65)
+"""Bounds of a declared guess, as factors of it: they hold the truth for every guess that is up to 30 % off."""
+TIP = 0.44
+"""[rad] largest rudder, 25 deg."""
+
+
+@dataclass(frozen=True)
+class CampaignFlight:
+    """log: the flight; flown: the kite as it is, undeclared effects included; declared: what its user would declare; law: who flew it."""
+
+    log: FlightLog
+    flown: KiteDeclaration
+    declared: KiteDeclaration
+    law: PathFollowing
+
+
+def perturbed(declaration: KiteDeclaration, seed: int, spread: tuple[float, float] = (0.05, 0.3)) -> KiteDeclaration:
+    """What a user would declare of a kite: every free parameter's guess is off by a share from `spread`, up or down, with bounds WIDTH
+    around the guess. A parameter whose bounds lie on both sides of zero (an offset) is off by at most a quarter of its range and keeps its bounds."""
+    random = np.random.default_rng(seed)
+    rows = []
+    for p in declaration.table().rows:
+        share, sign, offset = random.uniform(*spread), random.choice((-1.0, 1.0)), random.uniform(-0.25, 0.25)
+        if not p.free:
+            rows.append(p)
+        elif p.lower < 0 < p.upper or p.value == 0:
+            width = p.upper - p.lower if np.isfinite(p.upper - p.lower) else 4 * p.prior_std
+            rows.append(replace(p, value=float(np.clip(p.value + offset * width, p.lower, p.upper))))
+        else:
+            guess = p.value * (1 + sign * share)
+            lower, upper = sorted((WIDTH[0] * guess, WIDTH[1] * guess))
+            rows.append(replace(p, value=guess, lower=lower, upper=upper, std=None, source=f"guess, seed {seed}"))
+    return declaration.with_parameters(ParameterTable(rows))
+
+
+def dev_like(
+    truth: KiteDeclaration,
+    seed: int,
+    effects: Mapping[str, Mapping[str, float]] | None = None,
+    *,
+    air: Literal["table", "power"] = "table",
+    duration: float = 150.0,
+    turn: float = -1.0,
+    noise: bool = True,
+    substeps: int = 4,
+    spread: tuple[float, float] = (0.05, 0.3),
+) -> CampaignFlight:
+    """A flight of the development kite `truth` (data/kites/development.yaml), flown with `effects` (key -> its values) that are not declared.
+
+    air: the wind's record has heights (table) or one station at 10 m and a declared exponent (power); turn: which way round, as
+    `Pattern.turn`. All else is drawn from the seed. Raises NumericalFailure("departed") where an effect is too large to fly with.
+    """
+    random = np.random.default_rng([seed, 1])
+    azimuth, speed, exponent = random.uniform(-np.pi, np.pi), random.uniform(8.3, 9.8), random.uniform(*SHEAR)
+    heights = np.array(HEIGHTS if air == "table" else HEIGHTS[:1])
+    trims = {"aileron": random.uniform(-0.5, 0.5), "elevator": random.uniform(-1.8, -1.0), "flaps": random.uniform(3.1, 4.5)}
+    law = PathFollowing(
+        Pattern(random.uniform(35.0, 36.0) * DEG, azimuth, random.uniform(50.0, 55.0), turn),
+        k_radius=0.7, k_course=1.5, k_rate=3.0, limit=TIP, trims={name: round(deg, 2) * DEG for name, deg in trims.items()},
+    )  # fmt: skip
+    reel_out = ReelOut(random.uniform(258.0, 280.0), random.uniform(0.82, 0.95), random.uniform(0.25, 0.4), random.uniform(8.0, 11.0))
+    law_of_wind = truth.wind.model_copy(update={"law": air, "exponent": round(exponent, 3) if air == "power" else 0.0, "reference_height": 10.0})
+    truth = truth.model_copy(update={"wind": law_of_wind})
+    wind = wind_record(
+        heights, speed * (heights / 10.0) ** round(exponent, 3), azimuth + np.pi, duration,
+        density=random.uniform(1.19, 1.24), drift=0.015, turn=0.01, seed=seed,
+    )  # fmt: skip
+    flown = with_effects(truth, effects or {})
+    log = fly(
+        flown, law.setpoints, wind, reel_out, pattern=law.pattern, duration=duration, seed=seed, noise=noise, substeps=substeps,
+        recorded_wind=as_measured(wind, seed + 1), name=f"development-{seed}",
+    )  # fmt: skip
+    return CampaignFlight(log, flown, perturbed(truth, seed, spread), law)

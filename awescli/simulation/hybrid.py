@@ -1,0 +1,164 @@
+"""Rollouts of a kite with a small network added to some of its derivatives, and the exact gradient of a cost on them.
+
+It knows the network as numbers (`engine.dense`); what goes into it and what it means is told by `learning`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from awescli.engine.adjoint import compile_reversible
+from awescli.engine.dense import compile_network, weight_count
+from awescli.engine.machine import LANES
+from awescli.notation.quantities import OUTPUTS
+from awescli.simulation.rollout import Segments
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Segments laid out for the kernels, LANES abreast in G groups. count: (G,) real segments of each group, the rest repeats."""
+
+    starts: np.ndarray  # (G, 12, L)
+    setpoints: np.ndarray  # (G, K+1, 4, L)
+    inputs: np.ndarray  # (G, K+1, n_u, L)
+    parameters: np.ndarray  # (G, n_c, L)
+    dt: float
+    count: np.ndarray
+
+    def groups(self, which) -> "Prepared":
+        """Some of the groups, by index."""
+        return Prepared(self.starts[which], self.setpoints[which], self.inputs[which], self.parameters[which], self.dt, self.count[which])
+
+    def __len__(self) -> int:
+        return int(self.count.sum())
+
+
+@dataclass
+class Run:
+    """One rollout, with what its reverse needs. outputs: (K, N+1, n_out); states: (K, N+1, n_x); alive: (K,) as in `Trajectories`."""
+
+    prepared: Prepared
+    weights: np.ndarray
+    constants: np.ndarray
+    X: np.ndarray
+    Y: np.ndarray
+    alive_lanes: np.ndarray
+    buffers: tuple = field(repr=False, default=())
+
+    @property
+    def outputs(self) -> np.ndarray:
+        return ungrouped(self.Y, self.prepared.count)
+
+    @property
+    def states(self) -> np.ndarray:
+        return ungrouped(self.X, self.prepared.count)
+
+    @property
+    def alive(self) -> np.ndarray:
+        return ungrouped(self.alive_lanes, self.prepared.count)
+
+
+def grouped(a: np.ndarray) -> np.ndarray:
+    """(K, ...) -> (G, ..., LANES), the last segment repeated to fill the last group."""
+    K = a.shape[0]
+    G = -(-K // LANES)
+    filled = np.concatenate([a, np.repeat(a[-1:], G * LANES - K, axis=0)]) if G * LANES > K else a
+    return np.ascontiguousarray(np.moveaxis(filled.reshape(G, LANES, *a.shape[1:]), 1, -1))
+
+
+def ungrouped(a: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """(G, ..., LANES) -> (K, ...), without the repeats."""
+    lanes_second = np.moveaxis(a, -1, 1)
+    keep = np.arange(LANES)[None] < count[:, None]
+    return lanes_second[keep]
+
+
+class CorrectedSimulator:
+    """A kite whose derivatives in `rows` have a network's outputs added, compiled for rollouts and gradients.
+
+    network_inputs: function (x, u, c) lists -> list of scalars, recorded with the physics; sizes: layer widths (inputs, hidden...,
+    outputs); outputs: names of the simulated channels that the cost sees; law: as `rollout.Simulator`.
+    """
+
+    def __init__(
+        self, kite, network_inputs: Callable, sizes: Sequence[int], rows: Sequence[int], outputs: Sequence[str],
+        law: Callable | None = None, substeps: int = 1,
+    ):  # fmt: skip
+        self.kite, self.substeps, self.outputs = kite, substeps, tuple(outputs)
+        places = [OUTPUTS.index(name) for name in outputs]
+        dimensions = (len(kite.x_names), len(kite.input_names), len(kite.parameter_names))
+
+        def right_hand_side(x, u, c):
+            return [*kite.derivative(x, u, c), *network_inputs(x, u, c)]
+
+        def compared(x, u, c):
+            reported = kite.outputs(x, u, c)
+            return [reported[i] for i in places]
+
+        self.f = compile_reversible(right_hand_side, *dimensions)
+        self.g = compile_reversible(compared, *dimensions)
+        self.initial = compile_reversible(kite.initial, *dimensions)
+        self.law = compile_reversible(law, *dimensions) if law else None
+        self.network = compile_network(sizes)
+        self.rows = np.array(rows, dtype=np.int64)
+        self.n_s = len(kite.state_names)
+        self.n_weights = weight_count(sizes)
+        self._buffers: dict[tuple, tuple] = {}
+
+    def prepare(self, segments: Segments) -> Prepared:
+        """Lay segments out for the kernels: once, for many rollouts."""
+        names = self.kite.parameter_names
+        c = np.repeat(self.kite.parameters.vector()[None], len(segments), axis=0)
+        for name, value in segments.values.items():
+            c[:, names.index(name)] = value
+        G = -(-len(segments) // LANES)
+        count = np.minimum(LANES, len(segments) - LANES * np.arange(G))
+        return Prepared(*(grouped(a) for a in (segments.starts, segments.setpoints, segments.inputs, c)), segments.dt, count)
+
+    def _storage(self, G: int, steps: int):
+        """Arrays that live from call to call: fresh pages of this size cost as much time as the rollout."""
+        key = (G, steps)
+        if key not in self._buffers:
+            if len(self._buffers) > 4:
+                self._buffers.clear()
+            n_x, m = len(self.kite.x_names), steps * self.substeps
+            self._buffers[key] = (
+                np.empty((G, m, 4, n_x, LANES)),
+                np.empty((G, m, 4, self.network.kept, LANES)),
+            )
+        return self._buffers[key]
+
+    def rollout(self, prepared: Prepared, weights: np.ndarray, constants: np.ndarray) -> Run:
+        """Simulate. The run may be reversed until the next rollout of the same size (they share storage)."""
+        from awescli.simulation import hybrid_kernels
+
+        G, samples = prepared.setpoints.shape[:2]
+        X, Y = np.empty((G, samples, len(self.kite.x_names), LANES)), np.empty((G, samples, len(self.outputs), LANES))
+        alive = np.full((G, LANES), samples)
+        stages, kept = self._storage(G, samples - 1)
+        hybrid_kernels.rollout(
+            self.f.value, self.g.value, self.initial.value, self.law.value if self.law else 0, self.network.value, self.n_s,
+            self.network.sizes[0], self.rows, constants, weights, prepared.starts, prepared.setpoints, prepared.inputs,
+            prepared.parameters, prepared.dt, self.substeps, X, Y, stages, kept, alive,
+        )  # fmt: skip
+        return Run(prepared, weights, constants, X, Y, alive, (stages, kept))
+
+    def gradient(self, run: Run, outputs_bar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(d cost / d weights (n,), d cost / d starts (K, 12)) for outputs_bar (K, N+1, n_out) = d cost / d outputs. Exact to rounding.
+
+        A run is reversed once: its storage is used up.
+        """
+        from awescli.simulation import hybrid_kernels
+
+        p = run.prepared
+        stages, kept = run.buffers
+        Ybar = np.zeros_like(run.Y)
+        np.moveaxis(Ybar, -1, 1)[np.arange(LANES)[None] < p.count[:, None]] = outputs_bar
+        X0bar, Wbar = np.zeros_like(p.starts), np.empty((len(p.count), self.n_weights))
+        hybrid_kernels.gradient(
+            self.f.adjoint, self.g.adjoint, self.initial.adjoint, self.law.adjoint if self.law else 0, self.network.backward, self.n_s,
+            np.array(self.network.sizes), self.rows, run.constants, run.weights, p.setpoints, p.inputs, p.parameters, p.dt, self.substeps,
+            run.X, Ybar, stages, kept, run.alive_lanes, X0bar, Wbar,
+        )  # fmt: skip
+        return Wbar.sum(0), ungrouped(X0bar, p.count)

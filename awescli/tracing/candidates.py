@@ -1,0 +1,60 @@
+"""Candidate effects as columns of a sensitivity: tangents where an effect is smooth at null, secants where it is flat there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from awescli.notation.quantities import OUTPUTS
+from awescli.physics.effects.base import Effect
+from awescli.physics.kite import Kite
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way in which an effect may be present.
+
+    key: the effect; moving: full names of the parameters that carry its strength; at: full name -> value at which the column is
+    taken (shape parameters, and probe sizes of secants); secant: whether the column is a difference over the probe.
+    """
+
+    key: str
+    moving: tuple[str, ...]
+    at: dict[str, float]
+    secant: bool
+
+    @property
+    def label(self) -> str:
+        return f"{self.key}{sorted(self.at.items())}"
+
+
+def variants(effect: Effect) -> list[Variant]:
+    """All variants of an effect: its grid of shapes times its grid of probes."""
+    strong = [p.name for p in effect.parameters if p.name not in effect.shapes]
+    names = list(effect.probes)
+    secant = any(name in strong for name in names)
+    result = []
+    for sizes in product(*(effect.probes[n] for n in names)):
+        at = {f"{effect.key}.{n}": v for n, v in zip(names, sizes, strict=True)}
+        moving = tuple(f"{effect.key}.{n}" for n in strong if not secant or n in names)
+        result.append(Variant(effect.key, moving, at, secant))
+    return result
+
+
+def parameters_of(kite: Kite, key: str) -> list[str]:
+    """Full names of an effect's parameters in a kite."""
+    effect = next(e for e in kite.effects if e.key == key)
+    return [p.name for p in effect.rows()]
+
+
+def null_values(kite: Kite, keys: Sequence[str]) -> dict[str, float]:
+    """Every parameter of the effects `keys` at null."""
+    return {p.name: p.value for e in kite.effects if e.key in keys for p in e.rows()}
+
+
+def outputs_at(problem, x: np.ndarray, values: dict[str, float]):
+    """Simulated outputs (K, N+1, n_out) of the compared channels with further parameter values, and which samples were reached."""
+    trajectories = problem.simulator.rollout(problem.segments(problem.own), {**problem.values(x), **values})
+    index = [OUTPUTS.index(n) for n in problem.observed.outputs]
+    return trajectories.outputs[:, :, index], trajectories.alive

@@ -1,0 +1,81 @@
+"""Race: the best candidates are re-fitted together with all free parameters and judged on loops they were not fitted to."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from awescli.estimation.simulation_error import Fit, Gusts, fit
+from awescli.notation.parameters import ParameterTable
+from awescli.simulation.rollout import Simulator
+from awescli.simulation.segments import Observed
+from awescli.tracing.screen import Score
+
+
+@dataclass(frozen=True)
+class Contest:
+    """Everything a re-fit needs: the compiled library simulator, segments to fit and to choose on, nuisance wind, prior."""
+
+    simulator: Simulator
+    fitted: Observed
+    choice: Observed
+    gusts: Gusts
+    prior: ParameterTable
+    iterations: int = 12
+
+
+@dataclass(frozen=True)
+class Runner:
+    """A model in the race: parameters, which are free, its fit, and its cost on every choice segment."""
+
+    keys: tuple[str, ...]
+    names: tuple[str, ...]
+    fit: Fit
+    choice_cost: np.ndarray
+    choice_dof: float
+
+    @property
+    def table(self) -> ParameterTable:
+        return self.fit.parameters
+
+    @property
+    def train_cost(self) -> np.ndarray:
+        return self.fit.information.cost
+
+    @property
+    def choice_chi2(self) -> float:
+        return float(self.choice_cost.sum() / max(self.choice_dof, 1))
+
+
+def run(contest: Contest, table: ParameterTable, keys, names, own=None, tolerance=0.1) -> Runner:
+    """Fit one model on the fit segments, then let it explain the choice segments (only their own starts and wind are fitted there)."""
+    fitted = fit(
+        contest.simulator.holding(table), contest.fitted, table, names, gusts=contest.gusts, prior_table=contest.prior,
+        iterations=contest.iterations, tolerance=tolerance, own=own,
+    )  # fmt: skip
+    judged = fit(
+        contest.simulator.holding(fitted.parameters), contest.choice, fitted.parameters, (), gusts=contest.gusts, prior=False,
+        iterations=6, tolerance=1.0,
+    )  # fmt: skip
+    diverged = judged.alive <= contest.choice.segments.steps
+    cost = np.where(diverged, 25.0 * contest.choice.measured[0].size, judged.information.cost)
+    return Runner(tuple(keys), tuple(names), fitted, cost, float(judged.information.dof.sum()))
+
+
+def enter(contest: Contest, null: Runner, score: Score) -> Runner:
+    """The null model with one candidate added, started from the one-step size of its score test."""
+    rows = null.table
+    own = list(score.moving)
+    start = {}
+    for i, name in enumerate(score.moving):
+        p = rows[name]
+        step = score.variant.at[name] * np.clip(score.size[i], 0.3, 3.0) if score.variant.secant else score.size[i]
+        start[name] = float(np.clip(p.value + step, p.lower, p.upper))
+    for name, value in score.variant.at.items():
+        if name not in start:
+            start[name] = value
+            if value != rows[name].value:
+                own.append(name)
+    table = rows.with_values(start)
+    table = table.with_rows(replace(table[n], free=True) for n in own)
+    names = tuple(dict.fromkeys((*null.names, *own)))
+    return run(contest, table, (*null.keys, score.key), names, own=null.fit.own)

@@ -1,0 +1,108 @@
+"""From a log and a kite to a contest: compile the library, cut the segments, settle the nuisance wind, fit the null model."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from awescli.estimation.gust_level import gust_level
+from awescli.estimation.simulation_error import Fit, Gusts, fit, with_gust_noise, with_residual_noise
+from awescli.flightlog.split import Split, segments
+from awescli.notation.errors import BadInput
+from awescli.notation.parameters import ParameterTable
+from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.kite import GUSTS, Kite
+from awescli.simulation.rollout import Simulator
+from awescli.simulation.segments import Observed, observe
+
+GUSTY = 0.15
+"""[m/s] above this the pitot says that the air was not calm: gusts are estimated in windows."""
+GUST_WINDOW = 0.5
+"""[s] over which a gust is held; 20 m of air at 40 m/s, short against Dryden's 60-150 m."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A flight cut up for one model: what to fit to, what to choose on, the nuisance wind, how gusty it was.
+
+    simulator holds the kite with all parameters; names: the free ones; prior: their table as declared.
+    """
+
+    simulator: Simulator
+    kite: Kite
+    fitted: Observed
+    choice: Observed
+    gusts: Gusts
+    gust: float
+    names: tuple[str, ...]
+    prior: ParameterTable
+
+
+def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None) -> Simulator:
+    """Compile the declared kite with `extra` effects at null, differentiable in its free parameters and in those of `extra`."""
+    heights = log.wind.height if log.wind is not None else (10.0,)
+    kite = Kite(declaration, heights, extra)
+    own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
+    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in GUSTS]
+    return Simulator(kite, wrt, law)
+
+
+def nuisance_wind(declaration: KiteDeclaration, log, kite: Kite) -> tuple[Gusts, float]:
+    """(Gusts, gust level [m/s]): the recorded wind's own error in calm air, gusts in windows otherwise."""
+    level = gust_level(log, kite)
+    return (Gusts(level, GUST_WINDOW) if level > GUSTY else Gusts(declaration.wind.std)), level
+
+
+def ask(simulator: Simulator, log, split: Split, horizon: float, outputs: Sequence[str], parts=("train", "validation")) -> Question:
+    """Cut the log into segments of `horizon` seconds for fitting and for choosing."""
+    kite = simulator.kite
+    gusts, level = nuisance_wind(kite.declaration, log, kite)
+    steps = int(round(horizon / log.dt))
+    observed = []
+    for part in parts:
+        first = segments(getattr(split, part), steps, valid=log.valid)
+        if not len(first):
+            raise BadInput(
+                f"no segment of {horizon:g} s fits into the {part} loops of flight '{log.name}'",
+                do="Use a shorter horizon, or a longer flight; `awes check` lists what was left out and why.",
+            )
+        observed.append(with_gust_noise(simulator, observe(log, kite, first, steps, outputs), gusts))
+    return Question(simulator, kite, observed[0], observed[1], gusts, level, kite.parameters.free, kite.parameters)
+
+
+def fit_in_stages(
+    question: Question, log, split: Split, horizons: Sequence[float], *, prior: bool = True,
+    on_iteration: Callable[[float, int, float], None] = lambda h, i, c: None,
+) -> tuple[Fit, Question]:  # fmt: skip
+    """Fit from short horizons to the whole one (a poor guess cannot follow five seconds), then settle the noise in gusty air.
+
+    Returns the fit and the question with the noise as finally used.
+    """
+    table, simulator = question.simulator.kite.parameters, question.simulator
+    outputs = question.fitted.outputs
+    for horizon in horizons:
+        short = ask(simulator.holding(table), log, split, horizon, outputs, parts=("train", "train"))
+        result = fit(
+            simulator.holding(table), short.fitted, table, question.names, gusts=question.gusts, prior=prior, prior_table=question.prior,
+            tolerance=1.0, on_iteration=lambda i, c, h=horizon: on_iteration(h, i, c),
+        )  # fmt: skip
+        table = result.parameters
+    length = question.fitted.segments.steps * question.fitted.segments.dt
+
+    def whole(observed, table, own=None):
+        return fit(
+            simulator.holding(table), observed, table, question.names, gusts=question.gusts, prior=prior, prior_table=question.prior,
+            tolerance=0.01, own=own, on_iteration=lambda i, c: on_iteration(length, i, c),
+        )  # fmt: skip
+
+    result = whole(question.fitted, table)
+    if np.isfinite(question.gusts.window):
+        raised = with_residual_noise(question.fitted, result, simulator.holding(result.parameters), question.gusts)
+        ratio = (raised.sigma / question.fitted.sigma)[0, 0]
+        ratio = np.where(np.isfinite(ratio), ratio, 1.0)
+        choice = question.choice.with_sigma(question.choice.sigma * ratio)
+        question = Question(
+            simulator, question.kite, raised, choice, question.gusts, question.gust, question.names, question.prior
+        )
+        result = whole(raised, result.parameters, result.own)
+    return result, question

@@ -1,0 +1,209 @@
+"""Trace a residual to the effect that is missing: gate, screen, race, accept, again; then the unknown, then the verdict."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from awescli.estimation.simulation_error import Gusts, SimulationError
+from awescli.physics.kite import Kite, candidates
+from awescli.tracing.race import Contest, Runner, enter, run
+from awescli.tracing.screen import Score, Screening, holm, screen
+
+COMPETITORS = 5
+"""How many of the best screened candidates are re-fitted in a round."""
+ROUNDS = 3
+"""At most so many effects are accepted one after the other."""
+MATERIAL = 0.01
+"""Least relative fall of the choice cost that counts as a gain ..."""
+MATERIAL_GAP = 0.1
+"""... or of its distance to the noise floor, when that distance is itself above `FLOOR_ERROR`."""
+FLOOR_ERROR = 0.02
+"""Relative error of the noise floor itself: a chi-square per degree of freedom within 1 +- this is at the floor."""
+DECISIVE = 10.0
+"""Least lead in cost (-2 log likelihood) over a rival, beside one standard error of the paired differences."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One candidate's record in the ranking."""
+
+    key: str
+    score: float
+    p_value: float
+    explained_share: float
+    plausible: bool
+    gain: float
+    chi2: float
+    outcome: str
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round: who was screened, who raced, who was accepted ("" for nobody), and its rivals."""
+
+    entries: tuple[Entry, ...]
+    accepted: str
+    rivals: tuple[str, ...]
+    untestable: tuple[str, ...]
+    chi2_before: float
+    chi2_after: float
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What tracing found. verdict: see `verdict.py`; null, final: the models before and after; rounds: the record."""
+
+    null: Runner
+    final: Runner
+    rounds: tuple[Round, ...]
+    detectable: dict[str, float] = field(default_factory=dict)
+
+
+def trace(
+    contest: Contest,
+    kite: Kite,
+    keys: list[str],
+    null: Runner,
+    *,
+    rounds: int = ROUNDS,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Trace:
+    """Search the effects `keys` of `kite` (which holds them at null) for what the fitted model `null` lacks."""
+    here, record = null, []
+    remaining = list(keys)
+    detectable: dict[str, float] = {}
+    for number in range(rounds):
+        progress(f"round {number + 1}: screening {len(remaining)} candidates")
+        screening = _screened(contest, here, kite, remaining)
+        if number == 0:
+            detectable = {s.key: float(3.5 * s.std[0] * (s.variant.at[s.moving[0]] if s.variant.secant else 1)) for s in screening.scores}
+        entries, best, rivals = _race(contest, here, kite, screening, progress)
+        chi2 = here.choice_chi2
+        record.append(
+            Round(entries, best.keys[-1] if best else "", rivals, screening.untestable, chi2, best.choice_chi2 if best else chi2)
+        )
+        if best is None:
+            break
+        here = _refined(contest, kite, best)
+        # what cannot be told from an accepted effect is its rival, not a further effect
+        remaining = [k for k in remaining if k != best.keys[-1] and k not in rivals]
+    return Trace(null, here, tuple(record), detectable)
+
+
+def _screened(contest: Contest, here: Runner, kite: Kite, keys: list[str]) -> Screening:
+    problem = SimulationError(contest.simulator.holding(here.table), contest.fitted, here.names, contest.gusts)
+    problem.own = here.fit.own
+    precision = np.array([1 / here.table[n].prior_std ** 2 for n in here.names])
+    centre = np.array([contest.prior[n].value for n in here.names])
+    x = np.array([here.table[n].value for n in here.names])
+    return screen(problem, x, precision, centre, kite, keys)
+
+
+def _race(contest: Contest, here: Runner, kite: Kite, screening: Screening, progress):
+    """(entries, winner or None, rivals of the winner)"""
+    scores = screening.scores
+    if not scores:
+        return (), None, ()
+    abrupt = {e.key for e in kite.effects if e.abrupt}
+    significant = dict(zip((s.key for s in scores), holm([s.p_value for s in scores]), strict=True))
+    # who is close to a leader in direction competes with it, whatever its rank
+    leaders = list(scores[:COMPETITORS])
+    near = [s for s in scores[COMPETITORS : COMPETITORS + 8] if any(screening.cosine(s, leader) > 0.9 for leader in leaders[:2])]
+    runners: dict[str, Runner] = {}
+    # an abrupt effect cannot be screened by a linear test: it races whenever there is something left to explain
+    switched = [s for s in scores if s.key in abrupt and s not in leaders and _gap(here) > FLOOR_ERROR]
+    for s in leaders + near[:3] + switched:
+        if not significant[s.key] and s not in switched:
+            continue
+        progress(f"re-fitting with {s.key}")
+        runners[s.key] = enter(contest, here, s)
+    entries = tuple(_entry(here, s, runners.get(s.key)) for s in scores)
+    admissible = {
+        s.key: runners[s.key]
+        for s, e in zip(scores, entries, strict=True)
+        if s.key in runners and e.plausible and _material(here, runners[s.key])
+    }
+    if not admissible:
+        return entries, None, ()
+    best_key = min(admissible, key=lambda k: _whole(admissible[k]))
+    best = admissible[best_key]
+    rivals = tuple(k for k, r in admissible.items() if k != best_key and not _ahead(best, r, here))
+    return entries, best, rivals
+
+
+def _gap(r: Runner) -> float:
+    """Distance of the chi-square per degree of freedom from its floor, fit and choice segments together."""
+    return _whole(r) / (r.fit.information.dof.sum() + r.choice_dof) - 1
+
+
+def _refined(contest: Contest, kite: Kite, best: Runner) -> Runner:
+    """The accepted effect with its shape parameters tried too: kept free where that lowers the cost decisively."""
+    effect = next(e for e in kite.effects if e.key == best.keys[-1])
+    for shape in effect.shapes:
+        name = f"{effect.key}.{shape}"
+        if name in best.names:
+            continue
+        for value in effect.probes.get(shape, ()):
+            if value == best.table[name].value:
+                continue
+            table = best.table.with_values({name: value})
+            trial = run(contest, table, best.keys, (*best.names, name), own=best.fit.own)
+            if _whole(trial) < _whole(best) - DECISIVE and trial.choice_cost.sum() < best.choice_cost.sum():
+                best = trial
+    return best
+
+
+def _whole(r: Runner) -> float:
+    return float(r.train_cost.sum() + r.choice_cost.sum())
+
+
+def _entry(here: Runner, s: Score, r: Runner | None) -> Entry:
+    gap = max(float(here.fit.information.cost.sum() - here.fit.information.dof.sum()), 1.0)
+    if r is None:
+        return Entry(s.key, s.drop, s.p_value, float(np.clip(s.drop / gap, 0, 1)), True, 0.0, here.choice_chi2, "not raced")
+    before, after = here.choice_cost.sum(), r.choice_cost.sum()
+    explained = float(np.clip((here.train_cost.sum() - r.train_cost.sum()) / gap, -1, 1))
+    return Entry(
+        s.key, s.drop, s.p_value, explained, _plausible(s, r), float((before - after) / before), r.choice_chi2, r.fit.solution.outcome
+    )
+
+
+def _plausible(s: Score, r: Runner) -> bool:
+    """No strength sits at the end of its plausible range."""
+    for name in s.moving:
+        p = r.table[name]
+        width = p.upper - p.lower
+        null_at_lower = abs(p.lower) < 1e-12
+        if p.value > p.upper - 1e-3 * width or (p.value < p.lower + 1e-3 * width and not null_at_lower):
+            return False
+    return True
+
+
+def _material(here: Runner, r: Runner) -> bool:
+    """A gain on unseen loops that is certain (block-wise) and worth having."""
+    before, after = here.choice_cost, r.choice_cost
+    gain = before - after
+    total = gain.sum()
+    K = len(gain)
+    # a log ratio per block: a few loud blocks must not decide alone
+    ratio = np.log(np.maximum(before, 1e-9) / np.maximum(after, 1e-9))
+    certain = ratio.mean() > 1.0 * ratio.std(ddof=1) / np.sqrt(K) if K > 2 else total > 0
+    gap = before.sum() - here.choice_dof
+    enough = total > MATERIAL * before.sum() or (gap > FLOOR_ERROR * here.choice_dof and total > MATERIAL_GAP * gap)
+    return bool(certain and enough and total > DECISIVE)
+
+
+def _ahead(best: Runner, rival: Runner, here: Runner) -> bool:
+    """Is the winner's lead more than chance, and more than a matter of form?"""
+    d = np.concatenate([rival.train_cost - best.train_cost, rival.choice_cost - best.choice_cost])
+    lead, chance = d.sum(), d.std(ddof=1) * np.sqrt(len(d))
+    return bool(lead > max(DECISIVE, chance))
+
+
+def library(declaration, log, moving) -> list[str]:
+    """Keys of the effects that could show in a log."""
+    return candidates(declaration, [n for n in log.measured], moving)
+
+
+__all__ = ["Contest", "Gusts", "Runner", "Trace", "library", "run", "trace"]

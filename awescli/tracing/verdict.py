@@ -1,0 +1,128 @@
+"""The verdict on a residual, and everything that stands in effects.json."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from awescli.estimation.simulation_error import SimulationError
+from awescli.flightlog.split import Split
+from awescli.notation.errors import BadInput
+from awescli.physics.effects.custom_term import CHANNELS, FEATURES
+from awescli.physics.kite import Kite, candidates
+from awescli.tracing.race import Contest, Runner, run
+from awescli.tracing.setup import GUSTY, Question, ask, simulator_of
+from awescli.tracing.trace import FLOOR_ERROR, Trace, trace
+
+NEAR_FLOOR = 0.02
+"""A chi-square per degree of freedom this close to 1 leaves nothing to explain."""
+BETTER_SHARE = 0.15
+"""By how much more of the gap empirical terms must explain than the library before the library's answer is doubted."""
+COLLINEAR = 0.95
+"""Cosine beyond which an effect and a parameter cannot be told apart."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """verdict: one of the contract's five; model: the final model; effects: accepted keys with their rivals; traces: library and bank."""
+
+    verdict: str
+    model: Runner
+    rivals: dict[str, tuple[str, ...]]
+    library: Trace
+    bank: Trace | None
+    suspects: tuple[tuple[str, str], ...]
+    gust: float
+
+
+def investigate(
+    question: Question, null: Runner, keys: list[str], log, split: Split, horizon: float, *, rounds: int = 3,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Finding:  # fmt: skip
+    """Trace with the library, then with the bank of empirical terms where something is left, and weigh the two."""
+    contest = Contest(question.simulator, question.fitted, question.choice, question.gusts, question.prior)
+    library = trace(contest, question.kite, keys, null, rounds=rounds, progress=progress)
+    rivals = {r.accepted: r.rivals for r in library.rounds if r.accepted}
+    bank, unexplained = None, False
+    if _left(library.final) > NEAR_FLOOR and question.gust <= GUSTY:
+        progress("something is left: trying empirical terms")
+        bank = _bank(question, null if not rivals else library.final, log, split, horizon, rounds, progress)
+        gap = max(_left(null), 1e-9)
+        share_library, share_bank = 1 - _left(library.final) / gap, 1 - _left(bank.final) / gap
+        found = any(r.accepted for r in bank.rounds)
+        unexplained = found and (not rivals or share_bank > share_library + BETTER_SHARE)
+    suspects = () if rivals or unexplained or question.gust > GUSTY else _suspects(contest, null, question.kite, keys)
+    if unexplained:
+        return Finding("unexplained", bank.final, {r.accepted: () for r in bank.rounds if r.accepted}, library, bank, (), question.gust)
+    if rivals:
+        verdict = "cannot_tell" if any(rivals.values()) else "found"
+        return Finding(verdict, library.final, rivals, library, bank, (), question.gust)
+    if suspects:
+        return Finding("cannot_tell", null, {}, library, bank, suspects, question.gust)
+    verdict = "not_deterministic" if question.gust > GUSTY else "unexplained" if _left(null) > 10 * NEAR_FLOOR else "none"
+    return Finding(verdict, null, {}, library, bank, (), question.gust)
+
+
+def _left(r: Runner) -> float:
+    """Excess of the chi-square per degree of freedom over 1, fit and choice segments together."""
+    cost = r.train_cost.sum() + r.choice_cost.sum()
+    return float(max(cost / (r.fit.information.dof.sum() + r.choice_dof) - 1, 0.0))
+
+
+def bank_keys(declaration, moving) -> list[str]:
+    """The empirical terms that a flight could show: every channel times every feature (surfaces only where they move)."""
+    still = {"rudder", "elevator", "aileron"} - set(moving)
+    return [f"custom_term:{c}*{f}" for c in CHANNELS for f in FEATURES if f not in still]
+
+
+def _bank(question: Question, start: Runner, log, split, horizon, rounds, progress) -> Trace:
+    """The same search over empirical terms, from the best model so far."""
+    moving = [s for s in ("aileron", "elevator", "rudder") if s in log.inputs and np.ptp(log.inputs[s]) > 1e-3]
+    keys = bank_keys(question.kite.declaration, moving)
+    declared = question.kite.declare(start.keys, free=[n for n in start.names if n not in question.names], table=start.table)
+    simulator = simulator_of(declared, log, keys)
+    asked = ask(simulator, log, split, horizon, question.fitted.outputs)
+    prior = simulator.kite.parameters.with_rows(
+        replace(simulator.kite.parameters[n], value=question.prior[n].value) for n in question.prior if n in simulator.kite.parameters
+    )
+    contest = Contest(simulator, asked.fitted, asked.choice, asked.gusts, prior)
+    here = run(contest, simulator.kite.parameters, (), start.names, own=start.fit.own)
+    return trace(contest, simulator.kite, keys, here, rounds=rounds, progress=progress)
+
+
+def _suspects(contest: Contest, null: Runner, kite: Kite, keys) -> tuple[tuple[str, str], ...]:
+    """(effect, parameter) pairs: a parameter was driven to its bound by what an effect on the same column would explain.
+
+    A constant moment hides in the derivative of a surface that never moves: the fit is good, but the derivative is at the end
+    of what its user thinks possible.
+    """
+    at_bound = [n for n in null.names if _at_bound(null.table[n])]
+    if not at_bound:
+        return ()
+    strong = {p.name: e for e in kite.effects if e.key in keys and not e.probes and not e.shapes for p in e.rows()}
+    problem = SimulationError(contest.simulator.holding(null.table), contest.fitted, null.names, contest.gusts)
+    problem.own = null.fit.own
+    x = np.array([null.table[n].value for n in null.names])
+    info, _ = problem.information(x, parameters=(*null.names, *strong))
+    H = info.H.sum(0)
+    found = []
+    for bound in at_bound:
+        i = null.names.index(bound)
+        for j, (name, effect) in enumerate(strong.items(), start=len(null.names)):
+            cosine = abs(H[i, j]) / np.sqrt(max(H[i, i] * H[j, j], 1e-300))
+            if cosine < COLLINEAR or len(effect.parameters) > 1:
+                continue
+            trial = run(contest, null.table.with_rows([replace(null.table[name], free=True)]), (effect.key,), (*null.names, name), null.fit.own)
+            # the parameter comes back from its bound, and the whole is more likely than before
+            if not _at_bound(trial.table[bound]) and trial.fit.solution.cost < null.fit.solution.cost - 2.0:
+                found.append((cosine, effect.key, bound, trial))
+    found.sort(key=lambda f: f[3].fit.solution.cost)
+    return tuple((key, bound, trial) for _, key, bound, trial in found[:2])
+
+
+def _at_bound(p) -> bool:
+    width = p.upper - p.lower
+    return bool(np.isfinite(width) and (p.value < p.lower + 1e-6 * width or p.value > p.upper - 1e-6 * width))
+
+
+__all__ = ["BadInput", "FLOOR_ERROR", "Finding", "candidates", "investigate"]
