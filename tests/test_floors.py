@@ -12,13 +12,12 @@ FLOORS = {
     "flightlog": 1, "artifacts": 1, "engine": 1,
     "physics": 2, "control": 2,
     "simulation": 3,
-    "estimation": 4, "learning": 4, "tracing": 4,
-    "report": 5,
-    "stages": 6,
-    "cli": 7,
+    "estimation": 4,
+    "learning": 5, "tracing": 5,
+    "report": 6,
+    "stages": 7,
+    "cli": 8,
 }  # fmt: skip
-
-HEAVY = {"numpy", "scipy", "torch", "torchdiffeq", "polars", "numba", "llvmlite", "plotly", "safetensors"}
 
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py")
 

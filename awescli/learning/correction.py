@@ -52,7 +52,7 @@ before it."""
 
 DEFAULT_INPUTS = (
     "elevation", "north", "east", "u", "v", "w", "p", "q", "r", "sin_phi", "cos_phi", "sin_theta", "cos_theta", "sin_psi", "cos_psi",
-    "alpha", "beta", "V_a", "aileron", "elevator", "rudder", "flaps", "rudder_rate", "tether_length", "stretch", "tension",
+    "alpha", "beta", "V_a", "aileron", "elevator", "rudder", "flaps", "rudder_rate", "tether_length", "stretch", "stretch_rate", "tension",
 )  # fmt: skip
 
 

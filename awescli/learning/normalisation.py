@@ -13,7 +13,7 @@ from awescli.physics.kite import Kite
 from awescli.simulation.rollout import inputs_of, setpoints_of
 from awescli.simulation.segments import SMOOTHING, smooth_states
 
-MARGIN = 0.15
+MARGIN = 0.2
 """Share by which the box is wider than the training range on either side: a range seen in a minute is not the whole range."""
 DRIFT = 0.1
 """An input that lies outside its box on more than this share of the validation samples is not used."""
@@ -71,8 +71,11 @@ def drifting(log, kite: Kite, names: Sequence[str], train, validation) -> tuple[
     return tuple(n for n, share in zip(names, outside, strict=True) if share > DRIFT)
 
 
-def untrained(log, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[int], seed: int) -> Correction:
-    """A null correction normalised on the training ranges; inputs that never change there are left out."""
+def untrained(log, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[int], seed: int, validation=()) -> Correction:
+    """A null correction normalised on the training ranges; inputs that never change there are left out.
+
+    validation: ranges on which the correction will be proved: the box in which it may act spans them too.
+    """
     check_inputs(names)
     use = samples_of(ranges, log.valid)
     if use.sum() < 50:
@@ -85,7 +88,8 @@ def untrained(log, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[in
     names = tuple(n for n, m in zip(names, moving, strict=True) if m)
     signals, mean, deviation = signals[:, moving], mean[moving], deviation[moving]
     z = (signals - mean) / deviation
-    middle, half = (z.max(0) + z.min(0)) / 2, (z.max(0) - z.min(0)) / 2 * (1 + 2 * MARGIN)
+    known = (input_signals(log, kite, names)[samples_of((*ranges, *validation), log.valid)] - mean) / deviation
+    middle, half = (known.max(0) + known.min(0)) / 2, (known.max(0) - known.min(0)) / 2 * (1 + 2 * MARGIN)
     slow = uniform_filter1d(residual_acceleration(log, kite), max(1, int(round(SLOW / log.dt))), axis=0)
     scale = np.maximum(np.sqrt((slow[use] ** 2).mean(0)), SMALLEST)
     hidden = tuple(int(h) for h in hidden)

@@ -7,10 +7,10 @@ import numpy as np
 
 from awescli.learning.correction import ROWS, Correction, network_inputs
 from awescli.learning.hybrid_kite import HybridKite
-from awescli.learning.starts import estimated_starts
+from awescli.learning.starts import Own, estimated_starts, own_unknowns
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES
-from awescli.physics.kite import Kite
+from awescli.physics.kite import GUSTS, Kite
 from awescli.simulation.hybrid import CorrectedSimulator, Prepared
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed, observe, wrap
@@ -52,7 +52,7 @@ class Problem:
         self.hybrid = HybridKite(kite, correction)
         # the law is a function of the physical parameters, which stand first
         own = len(kite.parameter_names)
-        self.simulator = Simulator(self.hybrid, (), (lambda x, u, c: law(x, u, c[:own])) if law else None, substeps)
+        self.simulator = Simulator(self.hybrid, GUSTS, (lambda x, u, c: law(x, u, c[:own])) if law else None, substeps)
         self.constants = correction.constants
 
     def observed(self, first: np.ndarray, horizon: int) -> Observed:
@@ -78,6 +78,10 @@ class Problem:
             rms = np.sqrt((np.where(use, error, 0) ** 2).sum((0, 1)) / np.maximum(use.sum((0, 1)), 1))
             sigma = np.maximum(noise, rms)
         return Data(observed, self.warmup, sigma, counts / sigma, prepared)
+
+    def smoothed(self, observed: Observed, weights: np.ndarray) -> Own:
+        """The segments with starts and the error of the recorded wind fitted to all of their samples: what wind can explain is no effect."""
+        return own_unknowns(self.simulator, observed, self.values(weights), self.kite.declaration.wind.std)
 
     def values(self, weights: np.ndarray) -> dict[str, float]:
         return {f"network.{i}": float(w) for i, w in enumerate(weights)}

@@ -143,7 +143,7 @@ def train(
     law: closes the loop as in `Simulator` (None: recorded set-points); state: go on from there; checkpoint(state) after every round.
     """
     names, dropped = usable_inputs(kite, log, train_ranges, validation_ranges, config.inputs)
-    correction = untrained(log, kite, train_ranges, names, config.hidden, config.seed)
+    correction = untrained(log, kite, train_ranges, names, config.hidden, config.seed, validation_ranges)
     dropped |= {n: "never changes in training" for n in names if n not in correction.inputs}
     problem = Problem(kite, log, correction, config.warmup, law=law, decay=config.decay)
     sets = [_Horizon(problem, h, train_ranges, validation_ranges, correction.weights) for h in _usable(config.horizons, log, train_ranges, validation_ranges, config)]
@@ -266,25 +266,32 @@ def _adam(problem: Problem, data: Data, weights, adam: Adam, config: TrainingCon
     return weights, adam, float(np.mean(costs[-max(1, groups // per_batch) :])), spent, diverged
 
 
-def gate(baseline: np.ndarray, costs: np.ndarray, material: float) -> tuple[bool, dict]:
-    """Is a correction better than physics on validation? baseline, costs: (K, n_out) per segment and channel.
+def gate(predicted: Sequence[np.ndarray], smoothed: Sequence[np.ndarray], material: float) -> tuple[bool, dict]:
+    """Is a correction better than physics on validation? Each argument: (physics, hybrid), (K,) costs per segment.
 
-    The mean gain over segments must exceed `material` of the physics' cost and two standard errors. Neighbouring segments overlap by
-    half, so the standard error is taken with half as many.
+    predicted: errors of predictions from estimated starts. Their mean gain must exceed two standard errors, and `material` of the cost.
+    smoothed: chi-square with starts AND a wind error fitted to whole segments. A network could learn the mean error of the wind record,
+    which is no effect of the kite and will be another one tomorrow: what it gains must not all go away when the wind may explain it too.
+    Neighbouring segments overlap by half, so standard errors are taken with half as many.
     """
-    gain = baseline.mean(1) - costs.mean(1)
-    independent = max(len(gain) / 2, 1)
-    error = float(gain.std(ddof=1) / np.sqrt(independent)) if len(gain) > 1 else float("inf")
-    need = max(material * float(baseline.mean()), 2 * error)
-    return bool(gain.mean() > need), {"gain": float(gain.mean()), "standard_error": error if np.isfinite(error) else None, "needed": need if np.isfinite(need) else None}
+    numbers, passed = {}, True
+    for name, (physics, hybrid), errors in (("prediction", predicted, 2.0), ("chi2", smoothed, 1.0)):
+        gain, independent = physics - hybrid, max(len(physics) / 2, 1)
+        error = float(gain.std(ddof=1) / np.sqrt(independent)) if len(gain) > 1 else float(physics.mean())
+        need = max(material * float(physics.mean()), errors * error)
+        passed = passed and bool(gain.mean() > need)
+        numbers[name] = {"physics": float(physics.mean()), "hybrid": float(hybrid.mean()), "standard_error": error, "needed_gain": need}
+    return passed, numbers
 
 
 def _concluded(problem, sets, state, config, correction, dropped, out_of_time, ranges) -> Trained:
     """The verdict on the best weights, and the numbers that go with it."""
     last = sets[-1]
     costs = last.validation_costs(state.best)
-    accepted, evidence = gate(last.baseline, costs, config.material)
-    trained = correction.with_weights(state.best if accepted else _nulled(correction))
+    null = _nulled(correction)
+    chi2 = [problem.smoothed(last.validation_observed, w).chi2 for w in (null, state.best)]
+    accepted, evidence = gate((last.baseline.mean(1), costs.mean(1)), chi2, config.material)
+    trained = correction.with_weights(state.best if accepted else null)
     outcome = "budget_reached" if out_of_time and accepted else "trained" if accepted else "nothing_to_learn"
     if not accepted and state.history and min(row[HISTORY.index("validation_last_horizon")] for row in state.history) > 10:
         outcome = "diverged"

@@ -196,8 +196,8 @@ class Kite:
         new = [k for k in keys if k not in known]
         at = known.index("tether") if "tether" in known else len(known)
         names = [n for e in self.effects if e.key in (*known, *keys) for n in (p.name for p in e.rows())]
-        rows = [replace(table[n], free=True) if n in free else table[n] for n in (*self.declaration.parameters, *names)]
-        declared = self.declaration.with_parameters(ParameterTable({r.name: r for r in rows}.values()))
+        rows = [replace(table[n], free=True) if n in free else table[n] for n in dict.fromkeys((*self.declaration.parameters, *names))]
+        declared = self.declaration.with_parameters(ParameterTable(rows))
         return declared.model_copy(update={"effects": (*known[:at], *new, *known[at:])})
 
 

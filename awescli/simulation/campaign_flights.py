@@ -1,6 +1,6 @@
 """Flights for campaigns: a truth, what its user would declare of it, and the flight, all drawn from one seed.
 
-Settings follow the development flights: line 260-400 m, V_a 25-57 m/s, one loop in about 9 s, rudder -7..18 deg, wind 8-10 m/s at 10 m.
+Settings follow the development flights: line 260-400 m, V_a 25-57 m/s, one loop in about 9 s, rudder -7..18 deg, wind 9-10 m/s at 10 m.
 """
 
 from collections.abc import Mapping
@@ -40,7 +40,7 @@ class CampaignFlight:
 
 def perturbed(declaration: KiteDeclaration, seed: int, spread: tuple[float, float] = (0.05, 0.3)) -> KiteDeclaration:
     """What a user would declare of a kite: every free parameter's guess is off by a share from `spread`, up or down, with bounds WIDTH
-    around the guess. A parameter whose bounds lie on both sides of zero (an offset) is off by at most a quarter of its range and keeps its bounds."""
+    around the guess. An offset (bounds on both sides of zero) is off by at most a quarter of its range and keeps its bounds."""
     random = np.random.default_rng(seed)
     rows = []
     for p in declaration.table().rows:
@@ -69,13 +69,13 @@ def dev_like(
     substeps: int = 4,
     spread: tuple[float, float] = (0.05, 0.3),
 ) -> CampaignFlight:
-    """A flight of the development kite `truth` (data/kites/development.yaml), flown with `effects` (key -> its values) that are not declared.
+    """A flight of `truth` (data/kites/development.yaml), with `effects` (key -> values by short name) that its user does not declare.
 
     air: the wind's record has heights (table) or one station at 10 m and a declared exponent (power); turn: which way round, as
     `Pattern.turn`. All else is drawn from the seed. Raises NumericalFailure("departed") where an effect is too large to fly with.
     """
     random = np.random.default_rng([seed, 1])
-    azimuth, speed, exponent = random.uniform(-np.pi, np.pi), random.uniform(8.3, 9.8), random.uniform(*SHEAR)
+    azimuth, speed, exponent = random.uniform(-np.pi, np.pi), random.uniform(8.8, 10.0), random.uniform(*SHEAR)
     heights = np.array(HEIGHTS if air == "table" else HEIGHTS[:1])
     trims = {"aileron": random.uniform(-0.5, 0.5), "elevator": random.uniform(-1.8, -1.0), "flaps": random.uniform(3.1, 4.5)}
     law = PathFollowing(
@@ -83,10 +83,11 @@ def dev_like(
         k_radius=0.7, k_course=1.5, k_rate=3.0, limit=TIP, trims={name: round(deg, 2) * DEG for name, deg in trims.items()},
     )  # fmt: skip
     reel_out = ReelOut(random.uniform(258.0, 280.0), random.uniform(0.82, 0.95), random.uniform(0.25, 0.4), random.uniform(8.0, 11.0))
-    law_of_wind = truth.wind.model_copy(update={"law": air, "exponent": round(exponent, 3) if air == "power" else 0.0, "reference_height": 10.0})
-    truth = truth.model_copy(update={"wind": law_of_wind})
+    exponent = round(exponent, 3)
+    profile = {"law": air, "exponent": exponent if air == "power" else 0.0, "reference_height": HEIGHTS[0]}
+    truth = truth.model_copy(update={"wind": truth.wind.model_copy(update=profile)})
     wind = wind_record(
-        heights, speed * (heights / 10.0) ** round(exponent, 3), azimuth + np.pi, duration,
+        heights, speed * (heights / HEIGHTS[0]) ** exponent, azimuth + np.pi, duration,
         density=random.uniform(1.19, 1.24), drift=0.015, turn=0.01, seed=seed,
     )  # fmt: skip
     flown = with_effects(truth, effects or {})

@@ -7,7 +7,7 @@ field with airspeed V_a. The horizontal axes take the longitudinal form, the ver
     R_trans(t) = (1 - t V/(2 L)) exp(-t V/L)              the form (1 + sqrt(3) s L/V) / (1 + s L/V)^2
 
 Stepped exactly (matrix exponential and the stationary covariance), so the variance does not depend on the sampling interval and
-the first sample is as turbulent as the last. A kite turns, the gusts' axes do not: the difference between the two forms is all that is lost.
+the first sample is as turbulent as the last. A kite turns and the gusts' axes do not: what is lost is the difference between the two forms.
 """
 
 import numpy as np

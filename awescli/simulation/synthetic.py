@@ -7,7 +7,6 @@ Whatever effects the flown declaration holds are in the flight; an effect that t
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -17,9 +16,9 @@ from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
-from awescli.simulation.gusts import LENGTH, dryden
+from awescli.simulation.gusts import dryden
 from awescli.simulation.rollout import Segments, Simulator, Trajectories, inputs_of
-from awescli.simulation.segments import noise_std
+from awescli.simulation.segments import noise_std, wrap
 
 EPOCH = 1_650_000_000.0
 """Unix time of the first sample [s]: an arbitrary constant, so that the same seed writes the same bytes on any day."""
@@ -53,6 +52,23 @@ class ReelOut:
 
 
 @dataclass(frozen=True)
+class LoggedReelOut:
+    """The winch as a log has it, from its sample `first` on; beyond the log's end it goes on at the log's mean speed."""
+
+    log: FlightLog
+    first: int = 0
+
+    def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(length [m], speed [m/s]), each (N,), at time (N,) [s] after sample `first`."""
+        own, length, speed = self.log.time[self.first :] - self.log.time[self.first], self.log["tether_length"], self.log["reel_out_speed"]
+        beyond, mean = np.maximum(time - own[-1], 0.0), float(speed[self.first :].mean())
+        return (
+            np.interp(time, own, length[self.first :]) + mean * beyond,
+            np.where(beyond > 0, mean, np.interp(time, own, speed[self.first :])),
+        )
+
+
+@dataclass(frozen=True)
 class _Commanded:
     """What `rollout.inputs_of` reads of a log, before there is one."""
 
@@ -64,6 +80,18 @@ class _Commanded:
 
     def __len__(self) -> int:
         return len(self.time)
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A simulated flight as it truly was. time (N,) s from 0; outputs: name (`quantities.OUTPUTS`, and u, v, w) -> (N,);
+    inputs: tether_length, reel_out_speed -> (N,); departed: it ended before it should, with the last sample before that."""
+
+    time: np.ndarray
+    dt: float
+    outputs: Mapping[str, np.ndarray]
+    inputs: Mapping[str, np.ndarray]
+    departed: bool
 
 
 def with_effects(declaration: KiteDeclaration, effects: Mapping[str, Mapping[str, float]]) -> KiteDeclaration:
@@ -78,31 +106,58 @@ def with_effects(declaration: KiteDeclaration, effects: Mapping[str, Mapping[str
 
 def fly(
     declaration: KiteDeclaration,
-    law: Callable | None,
+    law: Callable,
     wind: WindRecord,
     reel_out: ReelOut,
     *,
     pattern: Pattern,
     duration: float = 150.0,
-    dt: float = 0.02,
-    start: np.ndarray | None = None,
-    settle: float = 30.0,
     seed: int = 0,
     noise: bool = True,
-    substeps: int = 4,
     recorded_wind: WindRecord | None = None,
     name: str = "synthetic",
+    **how,
 ) -> FlightLog:
-    """Fly `duration` seconds and report them as sensors would.
+    """Fly `duration` seconds on the pattern and report them as sensors would. how: further arguments of `simulate_flight`.
 
-    law: function of (x, u, c) -> four set-points (`PathFollowing.setpoints`, or a fitted law's); start: (12,) states at t = 0, or None: the
-    kite is put on the pattern at several phases and speeds `settle` seconds before t = 0, and the run that follows the pattern best
-    is kept. wind: the air as it is, time 0 at the flight's first sample; recorded_wind: what the log says of it (default: the truth).
-    seed: of the sensor noise (kite file's `noise`, white) and the gusts. substeps: RK4 steps per sample of dt [s].
+    wind: the air as it is, time 0 at the flight's first sample; recorded_wind: what the log says of it (default: the truth).
     Raises NumericalFailure("departed") where no start stays on the pattern to the end.
     """
+    flown = simulate_flight(declaration, law, wind, reel_out, pattern=pattern, duration=duration, seed=seed, **how)
+    if flown.departed:
+        raise NumericalFailure(
+            "departed",
+            f"the kite '{declaration.name}' leaves its pattern after {len(flown.time) * flown.dt:.1f} s of {duration:g} s",
+            do="Fly a wider or lower pattern, more wind, other trims, a smaller effect, or gentler gains of the law.",
+        )
+    return as_recorded(flown, declaration, recorded_wind or wind, seed=seed, noise=noise, name=name)
+
+
+def simulate_flight(
+    declaration: KiteDeclaration,
+    law: Callable | None,
+    wind: WindRecord,
+    reel_out,
+    *,
+    pattern: Pattern | None,
+    duration: float,
+    dt: float = 0.02,
+    start: np.ndarray | None = None,
+    setpoints: np.ndarray | None = None,
+    settle: float = 30.0,
+    seed: int = 0,
+    substeps: int = 4,
+) -> Flown:
+    """Simulate one long segment, up to its end or to where the kite departs.
+
+    law: function of (x, u, c) -> four set-points (`PathFollowing.setpoints`, or a fitted law's), or None to replay setpoints (N+1, 4);
+    reel_out: anything with `ReelOut.at`; start: (12,) states at t = 0, or None: the kite is put on the pattern at several phases
+    and speeds `settle` seconds before t = 0, and the run that follows the pattern best is kept. seed: of the gusts; substeps: RK4 steps
+    per sample of dt [s]. pattern: what the kite must not stray from; without one only a kite that the numbers or the ground end departs.
+    """
     if declaration.tether.tension == "measured":
-        raise BadInput("a kite whose tension is the measured one cannot be flown without a log", "tether.tension", "Use `tension: constraint`.")
+        what = "a kite whose tension is the measured one cannot fly on its own"
+        raise BadInput(what, "tether.tension", "Declare `tension: constraint`.")
     kite = Kite(declaration, wind.height)
     lead = int(round((settle if start is None else 0.0) / dt))
     samples = lead + int(round(duration / dt)) + 1
@@ -110,55 +165,73 @@ def fly(
     length, speed = reel_out.at(time)
     inputs = inputs_of(_Commanded(time, dt, {"tether_length": length, "reel_out_speed": speed}, wind), kite)
     at = {n: i for i, n in enumerate(kite.input_names)}
-    if any(key.startswith("turbulence") for key in declaration.effects):
-        scale = kite.parameters["turbulence.L"].value if "turbulence.L" in kite.parameters else LENGTH
-        inputs[:, [at[f"turbulence_{axis}"] for axis in "ned"]] = dryden(samples, dt, AIRSPEED, seed + 1, scale)
-    starts = _starts(pattern, kite, inputs[0], at) if start is None else np.asarray(start, dtype=float)[None]
+    if "turbulence.sigma" in kite.parameters:
+        gusts = dryden(samples, dt, AIRSPEED, seed + 1, kite.parameters["turbulence.L"].value)
+        inputs[:, [at[f"turbulence_{axis}"] for axis in "ned"]] = gusts
+    if start is None:
+        if pattern is None:
+            raise BadInput("without a start the kite needs a pattern to be put on")
+        starts = _starts(pattern, kite, inputs[0], at)
+    else:
+        starts = np.asarray(start, dtype=float)[None]
     K = len(starts)
-    segments = Segments(np.zeros(K, dtype=int), starts, np.zeros((K, samples, len(SURFACES))), np.repeat(inputs[None], K, axis=0), dt)
+    replayed = np.zeros((samples, len(SURFACES))) if setpoints is None else setpoints
+    segments = Segments(np.zeros(K, dtype=int), starts, np.repeat(replayed[None], K, axis=0), np.repeat(inputs[None], K, axis=0), dt)
     flown = Simulator(kite, wrt=(), law=law, substeps=substeps).rollout(segments)
-    best = _best(flown, pattern, lead, dt, declaration)
-    outputs = {n: flown.outputs[best, lead:, i] for i, n in enumerate(OUTPUTS)}
-    return _log(outputs, declaration, recorded_wind or wind, time[lead:], dt, length[lead:], speed[lead:], seed, noise, name)
+    best, last = _best(flown, pattern, lead, dt)
+    rows = slice(lead, max(last, lead + 1))
+    outputs = {n: flown.outputs[best, rows, i] for i, n in enumerate(OUTPUTS)}
+    outputs |= {n: flown.states[best, rows, STATES.index(n)] for n in "uvw"}
+    line = {"tether_length": length[rows], "reel_out_speed": speed[rows]}
+    return Flown(time[rows], dt, outputs, line, departed=last < samples)
 
 
-def _log(outputs, declaration, wind, time, dt, length, speed, seed, noise, name) -> FlightLog:
-    """What the sensors make of the true outputs."""
+def as_recorded(
+    flown: Flown,
+    declaration: KiteDeclaration,
+    wind: WindRecord,
+    *,
+    seed: int,
+    noise: bool = True,
+    name: str = "synthetic",
+    epoch: float = EPOCH,
+) -> FlightLog:
+    """What the sensors make of a flight: white noise of the kite file, seeded; angles wrapped; no vanes (Kitemill has none)."""
     random = np.random.default_rng(seed)
     measured = {}
     for quantity in RECORDED:
-        truth = outputs[quantity]
+        truth = flown.outputs[quantity]
         # drawn also where it is not added, so that every channel keeps its noise whatever is switched off
         error = random.standard_normal(len(truth)) * noise_std(declaration.noise, quantity, truth)
         measured[quantity] = truth + error if noise else truth.copy()
     for angle in ("phi", "psi"):
-        measured[angle] = np.pi - (np.pi - measured[angle]) % (2 * np.pi)
-    inputs = {surface: outputs[surface].copy() for surface in SURFACES} | {"tether_length": length, "reel_out_speed": speed}
-    return FlightLog(name, EPOCH, dt, time, measured, inputs, np.ones(len(time), bool), wind, notes=(f"Synthetic flight, seed {seed}.",))
+        measured[angle] = wrap(measured[angle])
+    inputs = {n: flown.outputs[n].copy() for n in SURFACES} | dict(flown.inputs)
+    notes = (f"Synthetic flight, seed {seed}.",)
+    return FlightLog(name, epoch, flown.dt, flown.time, measured, inputs, np.ones(len(flown.time), bool), wind, notes=notes)
 
 
-def _best(flown: Trajectories, pattern: Pattern, lead: int, dt: float, declaration: KiteDeclaration) -> int:
-    """The run that stays nearest to the circle; NumericalFailure where all depart."""
-    samples = flown.states.shape[1]
-    z = SimpleNamespace(**{name: flown.states[:, :, i] for i, name in enumerate(STATES)})
-    away = arc(vars(z), pattern) / pattern.radius
-    slack = flown["tension"] <= 0.0
-    longest = int(round(SLACK / dt))
-    last = np.full(len(away), samples)
-    for k in range(len(away)):
-        gone = ~(away[k] < FARTHEST) | ~(z.p_d[k] < 0.0) | (np.convolve(slack[k], np.ones(longest), "same") >= longest - 0.5)
-        gone[flown.alive[k] :] = True
-        gone[: min(lead, samples // 4) // 2] = False  # a start that is not in trim may swing at first
-        last[k] = np.argmax(gone) if gone.any() else samples
-    if last.max() < samples:
-        seconds = (last.max() - lead) * dt
-        raise NumericalFailure(
-            "departed",
-            f"the kite '{declaration.name}' leaves its pattern after {max(seconds, 0.0):.1f} s, the best of {len(last)} starts",
-            do="Fly a wider or lower pattern, other trims, a smaller effect, or gentler gains of the law.",
-        )
-    error = np.where(last == samples, np.abs(away - 1.0)[:, lead:].mean(axis=1), np.inf)
-    return int(np.argmin(error))
+def _best(flown: Trajectories, pattern: Pattern | None, lead: int, dt: float) -> tuple[int, int]:
+    """(which run, how many of its samples count): the run that lasts longest and, of those, stays nearest to the circle."""
+    z = {name: flown.states[:, :, i] for i, name in enumerate(STATES)}
+    away = arc(z, pattern) / pattern.radius if pattern else np.ones(z["p_n"].shape)
+    last = np.array([_last(flown, k, away[k], -z["p_d"][k], pattern is not None, lead, dt) for k in range(len(away))])
+    error = np.where(last == last.max(), np.abs(away - 1.0)[:, lead:].mean(axis=1), np.inf)
+    best = int(np.argmin(error))
+    return best, int(last[best]) if last[best] > lead else lead + 1
+
+
+def _last(flown: Trajectories, k: int, away: np.ndarray, height: np.ndarray, loops: bool, lead: int, dt: float) -> int:
+    """Number of samples before run k departs: diverged, on the ground, far from the pattern, or slack for long where it should loop."""
+    samples = len(height)
+    gone = ~(height > 0.0)
+    if loops:
+        window = int(round(SLACK / dt))
+        slack = np.convolve(flown["tension"][k] <= 0.0, np.ones(window))[:samples] > window - 0.5
+        gone |= ~(away < FARTHEST) | slack
+    gone[: lead // 2] = False  # a start that is not in trim may swing at first
+    gone[flown.alive[k] :] = True
+    return int(np.argmax(gone)) if gone.any() else samples
 
 
 def _starts(pattern: Pattern, kite: Kite, inputs: np.ndarray, at: Mapping[str, int]) -> np.ndarray:

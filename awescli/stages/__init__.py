@@ -1,6 +1,10 @@
 """Floor 6: STAGES, the table of all stages, in the order data flows through them."""
 
 from awescli.stages.base import Stage
+from awescli.stages.evaluate import Evaluate
+from awescli.stages.fit_controller import FitController
+from awescli.stages.identify import Identify
+from awescli.stages.trace_residual import TraceResidual
 
-STAGES: tuple[Stage, ...] = ()
+STAGES: tuple[Stage, ...] = (FitController(), Identify(), TraceResidual(), Evaluate())
 """fit-controller -> identify -> trace-residual -> train-hybrid -> simulate -> evaluate. The commands are made from this table."""

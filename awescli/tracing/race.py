@@ -32,6 +32,7 @@ class Runner:
     fit: Fit
     choice_cost: np.ndarray
     choice_dof: float
+    prior: ParameterTable
 
     @property
     def table(self) -> ParameterTable:
@@ -58,7 +59,7 @@ def run(contest: Contest, table: ParameterTable, keys, names, own=None, toleranc
     )  # fmt: skip
     diverged = judged.alive <= contest.choice.segments.steps
     cost = np.where(diverged, 25.0 * contest.choice.measured[0].size, judged.information.cost)
-    return Runner(tuple(keys), tuple(names), fitted, cost, float(judged.information.dof.sum()))
+    return Runner(tuple(keys), tuple(names), fitted, cost, float(judged.information.dof.sum()), contest.prior)
 
 
 def enter(contest: Contest, null: Runner, score: Score) -> Runner:

@@ -5,19 +5,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from awescli.estimation.question import GUSTY, Question, ask, simulator_of
 from awescli.estimation.simulation_error import SimulationError
 from awescli.flightlog.split import Split
-from awescli.notation.errors import BadInput
+from awescli.notation.quantities import SURFACES
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.custom_term import CHANNELS, FEATURES
-from awescli.physics.kite import Kite, candidates
+from awescli.physics.kite import Kite, candidates, make_effect
+from awescli.simulation.rollout import Simulator
 from awescli.tracing.race import Contest, Runner, run
-from awescli.tracing.setup import GUSTY, Question, ask, simulator_of
-from awescli.tracing.trace import FLOOR_ERROR, Trace, trace
+from awescli.tracing.trace import Trace, trace
 
 NEAR_FLOOR = 0.02
 """A chi-square per degree of freedom this close to 1 leaves nothing to explain."""
 BETTER_SHARE = 0.15
 """By how much more of the gap empirical terms must explain than the library before the library's answer is doubted."""
+STILL = 1e-3
+"""[rad] a surface that moves less than this over a flight does not move."""
 COLLINEAR = 0.95
 """Cosine beyond which an effect and a parameter cannot be told apart."""
 
@@ -28,11 +32,21 @@ class Finding:
 
     verdict: str
     model: Runner
+    simulator: Simulator
     rivals: dict[str, tuple[str, ...]]
     library: Trace
     bank: Trace | None
     suspects: tuple[tuple[str, str], ...]
     gust: float
+
+    def effect(self, key: str):
+        """An effect of the library or the bank by its key."""
+        return make_effect(key, self.simulator.kite.declaration)
+
+    def declaration(self) -> KiteDeclaration:
+        """The kite file of the final model: declared effects, accepted effects, new values; accepted strengths are free."""
+        names = [n for n in self.model.names if n not in self.library.null.names]
+        return self.simulator.kite.declare(self.model.keys, free=names, table=self.model.table)
 
 
 def investigate(
@@ -43,24 +57,24 @@ def investigate(
     contest = Contest(question.simulator, question.fitted, question.choice, question.gusts, question.prior)
     library = trace(contest, question.kite, keys, null, rounds=rounds, progress=progress)
     rivals = {r.accepted: r.rivals for r in library.rounds if r.accepted}
-    bank, unexplained = None, False
+    bank, bank_simulator, unexplained = None, None, False
     if _left(library.final) > NEAR_FLOOR and question.gust <= GUSTY:
         progress("something is left: trying empirical terms")
-        bank = _bank(question, null if not rivals else library.final, log, split, horizon, rounds, progress)
+        bank, bank_simulator = _bank(question, null if not rivals else library.final, log, split, horizon, rounds, progress)
         gap = max(_left(null), 1e-9)
         share_library, share_bank = 1 - _left(library.final) / gap, 1 - _left(bank.final) / gap
         found = any(r.accepted for r in bank.rounds)
         unexplained = found and (not rivals or share_bank > share_library + BETTER_SHARE)
     suspects = () if rivals or unexplained or question.gust > GUSTY else _suspects(contest, null, question.kite, keys)
     if unexplained:
-        return Finding("unexplained", bank.final, {r.accepted: () for r in bank.rounds if r.accepted}, library, bank, (), question.gust)
+        return Finding("unexplained", bank.final, bank_simulator, {r.accepted: () for r in bank.rounds if r.accepted}, library, bank, (), question.gust)
     if rivals:
         verdict = "cannot_tell" if any(rivals.values()) else "found"
-        return Finding(verdict, library.final, rivals, library, bank, (), question.gust)
+        return Finding(verdict, library.final, question.simulator, rivals, library, bank, (), question.gust)
     if suspects:
-        return Finding("cannot_tell", null, {}, library, bank, suspects, question.gust)
+        return Finding("cannot_tell", null, question.simulator, {}, library, bank, suspects, question.gust)
     verdict = "not_deterministic" if question.gust > GUSTY else "unexplained" if _left(null) > 10 * NEAR_FLOOR else "none"
-    return Finding(verdict, null, {}, library, bank, (), question.gust)
+    return Finding(verdict, null, question.simulator, {}, library, bank, (), question.gust)
 
 
 def _left(r: Runner) -> float:
@@ -75,9 +89,9 @@ def bank_keys(declaration, moving) -> list[str]:
     return [f"custom_term:{c}*{f}" for c in CHANNELS for f in FEATURES if f not in still]
 
 
-def _bank(question: Question, start: Runner, log, split, horizon, rounds, progress) -> Trace:
+def _bank(question: Question, start: Runner, log, split, horizon, rounds, progress) -> tuple[Trace, Simulator]:
     """The same search over empirical terms, from the best model so far."""
-    moving = [s for s in ("aileron", "elevator", "rudder") if s in log.inputs and np.ptp(log.inputs[s]) > 1e-3]
+    moving = [s for s in SURFACES if s in log.inputs and np.ptp(log.inputs[s]) > STILL]
     keys = bank_keys(question.kite.declaration, moving)
     declared = question.kite.declare(start.keys, free=[n for n in start.names if n not in question.names], table=start.table)
     simulator = simulator_of(declared, log, keys)
@@ -87,7 +101,7 @@ def _bank(question: Question, start: Runner, log, split, horizon, rounds, progre
     )
     contest = Contest(simulator, asked.fitted, asked.choice, asked.gusts, prior)
     here = run(contest, simulator.kite.parameters, (), start.names, own=start.fit.own)
-    return trace(contest, simulator.kite, keys, here, rounds=rounds, progress=progress)
+    return trace(contest, simulator.kite, keys, here, rounds=rounds, progress=progress), simulator
 
 
 def _suspects(contest: Contest, null: Runner, kite: Kite, keys) -> tuple[tuple[str, str], ...]:
@@ -125,4 +139,11 @@ def _at_bound(p) -> bool:
     return bool(np.isfinite(width) and (p.value < p.lower + 1e-6 * width or p.value > p.upper - 1e-6 * width))
 
 
-__all__ = ["BadInput", "FLOOR_ERROR", "Finding", "candidates", "investigate"]
+def library_keys(declaration: KiteDeclaration, log, wanted=None) -> list[str]:
+    """Keys of the effects to try on a log: those asked for, else all that it could show. Raises BadInput for an unknown one."""
+    moving = [s for s in SURFACES if s in log.inputs and np.ptp(log.inputs[s]) > STILL]
+    if wanted is None:
+        return candidates(declaration, list(log.measured), moving)
+    for key in wanted:
+        make_effect(key, declaration)
+    return [k for k in wanted if k not in declaration.effects]

@@ -31,10 +31,10 @@ from awescli.physics.effects.tether_weight import TetherWeight
 from awescli.physics.effects.turbulence import Turbulence
 from awescli.physics.effects.unsteady_lift import UnsteadyLift
 from awescli.physics.effects.vane_bias import VaneBias
+from awescli.physics.effects.winch_length import WinchLength
 from awescli.physics.effects.wind_offset import WindOffset
 from awescli.physics.effects.wind_shear import WindShear
 from awescli.physics.effects.wind_veer import WindVeer
-from awescli.physics.effects.winch_length import WinchLength
 
 EFFECTS = {
     e.name: e

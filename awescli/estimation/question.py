@@ -53,8 +53,11 @@ def nuisance_wind(declaration: KiteDeclaration, log, kite: Kite) -> tuple[Gusts,
     return (Gusts(level, GUST_WINDOW) if level > GUSTY else Gusts(declaration.wind.std)), level
 
 
-def ask(simulator: Simulator, log, split: Split, horizon: float, outputs: Sequence[str], parts=("train", "validation")) -> Question:
-    """Cut the log into segments of `horizon` seconds for fitting and for choosing."""
+def ask(simulator: Simulator, log, split: Split, horizon: float, outputs: Sequence[str], parts=("train", "validation"), *, seed_weights: bool = False) -> Question:
+    """Cut the log into segments of `horizon` seconds for fitting and for choosing.
+
+    seed_weights: every channel weighted by its range over the flight, as the seed's Q does, instead of by its noise.
+    """
     kite = simulator.kite
     gusts, level = nuisance_wind(kite.declaration, log, kite)
     steps = int(round(horizon / log.dt))
@@ -66,19 +69,25 @@ def ask(simulator: Simulator, log, split: Split, horizon: float, outputs: Sequen
                 f"no segment of {horizon:g} s fits into the {part} loops of flight '{log.name}'",
                 do="Use a shorter horizon, or a longer flight; `awes check` lists what was left out and why.",
             )
-        observed.append(with_gust_noise(simulator, observe(log, kite, first, steps, outputs), gusts))
+        cut = observe(log, kite, first, steps, outputs)
+        if seed_weights:
+            # 1 % of a channel's range takes the place of its noise: the seed's "weight matrix Q to normalize output magnitudes"
+            spans = np.array([0.01 * (np.ptp(log[n]) or 1.0) for n in cut.outputs])
+            cut = cut.with_sigma(np.where(np.isfinite(cut.sigma), spans, np.inf))
+        observed.append(with_gust_noise(simulator, cut, gusts))
     return Question(simulator, kite, observed[0], observed[1], gusts, level, kite.parameters.free, kite.parameters)
 
 
 def fit_in_stages(
-    question: Question, log, split: Split, horizons: Sequence[float], *, prior: bool = True,
+    question: Question, log, split: Split, horizons: Sequence[float], *, prior: bool = True, start=None,
     on_iteration: Callable[[float, int, float], None] = lambda h, i, c: None,
 ) -> tuple[Fit, Question]:  # fmt: skip
     """Fit from short horizons to the whole one (a poor guess cannot follow five seconds), then settle the noise in gusty air.
 
-    Returns the fit and the question with the noise as finally used.
+    start: name -> value to start from where that differs from the declared one. Returns the fit and the question with the noise as
+    finally used.
     """
-    table, simulator = question.simulator.kite.parameters, question.simulator
+    table, simulator = question.simulator.kite.parameters.with_values(start or {}), question.simulator
     outputs = question.fitted.outputs
     for horizon in horizons:
         short = ask(simulator.holding(table), log, split, horizon, outputs, parts=("train", "train"))

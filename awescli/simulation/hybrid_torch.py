@@ -1,0 +1,108 @@
+"""The slow path of the corrected kite: the same physics source on torch tensors, torchdiffeq's solvers, autograd. Oracle of the fast one."""
+
+import numpy as np
+import torch
+from torchdiffeq import odeint
+from torchdiffeq._impl.fixed_grid import RK4
+from torchdiffeq._impl.misc import Perturb
+from torchdiffeq._impl.odeint import SOLVERS
+from torchdiffeq._impl.rk_common import rk4_step_func
+
+from awescli.engine.dense import FARTHEST, layer_slices
+from awescli.notation.errors import BadInput, did_you_mean
+from awescli.notation.quantities import OUTPUTS
+from awescli.simulation.rollout import Segments
+
+
+class ClassicalRK4(RK4):
+    """The classical tableau in torchdiffeq's own stepping (its `rk4` is the 3/8 rule): steps as `kernels.rollout` does."""
+
+    def _step_func(self, func, t0, dt, t1, y0):
+        f0 = func(t0, y0, perturb=Perturb.NEXT if self.perturb else Perturb.NONE)
+        return rk4_step_func(func, t0, dt, t1, y0, f0=f0, perturb=self.perturb), f0
+
+
+OURS = "rk4_classical"
+FIXED = (OURS, "euler", "midpoint", "heun2", "heun3", "rk4")
+
+
+def solver_names() -> tuple[str, ...]:
+    """Names that `solver:` may have in the slow path."""
+    return (OURS, *(n for n in SOLVERS if n not in ("scipy_solver", OURS)))
+
+
+def network(inputs: torch.Tensor, sizes, constants: np.ndarray, weights: torch.Tensor) -> torch.Tensor:
+    """`engine.dense` on tensors: inputs (..., n) -> corrections (..., m)."""
+    n, m = sizes[0], sizes[-1]
+    c = torch.as_tensor(constants, dtype=inputs.dtype)
+    mean, inverse, middle, inverse_half = (c[i * n : (i + 1) * n] for i in range(4))
+    z = (inputs - mean) * inverse
+    e = torch.clamp((z - middle).abs() * inverse_half - 1, min=0) * c[-1]
+    fade = torch.exp(-torch.clamp((e * e).sum(-1, keepdim=True), max=FARTHEST))
+    layer, places = z, layer_slices(sizes)
+    for number, (W, b) in enumerate(places):
+        layer = layer @ weights[W].reshape(sizes[number + 1], -1).T + weights[b]
+        if number < len(places) - 1:
+            layer = torch.tanh(layer)
+    return c[4 * n : 4 * n + m] * fade * layer
+
+
+class TorchHybrid:
+    """Rollouts of physics + network as a differentiable torch function of the weights. Arguments as `hybrid.CorrectedSimulator`.
+
+    solver: a name in `solver_names()`; options: tolerances and the like for torchdiffeq.odeint. Set-points are held from sample to
+    sample, so adaptive solvers are restarted at each.
+    """
+
+    def __init__(self, kite, network_inputs, sizes, rows, outputs, *, solver: str = OURS, options: dict | None = None):
+        SOLVERS.setdefault(OURS, ClassicalRK4)
+        if solver not in solver_names():
+            raise BadInput(f"unknown solver '{solver}'", do=did_you_mean(solver, solver_names()))
+        self.kite, self.inputs, self.sizes, self.rows = kite, network_inputs, tuple(sizes), list(rows)
+        self.places = [OUTPUTS.index(n) for n in outputs]
+        self.solver, self.options = solver, options or {}
+        self.n_s = len(kite.state_names)
+
+    def rollout(self, segments: Segments, weights: torch.Tensor, constants: np.ndarray) -> torch.Tensor:
+        """(K, N+1, n_out) outputs, from recorded set-points."""
+        kite, dt, N = self.kite, segments.dt, segments.steps
+        U, SP = torch.as_tensor(segments.inputs), torch.as_tensor(segments.setpoints)
+        c = [float(v) for v in kite.parameters.vector()]
+        for name, value in segments.values.items():
+            c[kite.parameter_names.index(name)] = torch.as_tensor(value)
+
+        def columns(x, k):
+            return [*x.unbind(-1), *SP[:, k].unbind(-1)]
+
+        def right_hand_side(t, x):
+            k = min(max(int(np.floor(float(t) / dt)), 0), N - 1)
+            share = t / dt - k
+            u = list((U[:, k] + share * (U[:, k + 1] - U[:, k])).unbind(-1))
+            state = columns(x, k)
+            derivative = torch.stack(torch.broadcast_tensors(*(torch.as_tensor(d) for d in kite.derivative(state, u, c))), -1)
+            seen = [torch.as_tensor(s, dtype=x.dtype).expand(x.shape[0]) for s in self.inputs(state, u, c)]
+            correction = network(torch.stack(seen, -1), self.sizes, constants, weights)
+            full = torch.zeros_like(derivative)
+            full[:, self.rows] = correction
+            return derivative + full
+
+        x = torch.as_tensor(segments.starts)
+        if self.n_s > 12:
+            own = [torch.zeros(len(segments), dtype=x.dtype)] * (self.n_s - 12)
+            started = kite.initial([*x.unbind(-1), *own, *SP[:, 0].unbind(-1)], list(U[:, 0].unbind(-1)), c)
+            x = torch.cat([x, torch.stack([torch.as_tensor(s, dtype=x.dtype).expand(len(segments)) for s in started], -1)], -1)
+        times = torch.arange(N + 1, dtype=x.dtype) * dt
+        if self.solver in FIXED:
+            # perturb: the last stage of a step is evaluated just before the sample, where the old set-point still holds
+            states = odeint(right_hand_side, x, times, method=self.solver, options={"perturb": True, **self.options})
+        else:
+            found = [x]
+            for k in range(N):
+                inside = torch.stack([times[k] * (1 + 1e-14) + 1e-13, times[k + 1] - 1e-12])
+                found.append(odeint(right_hand_side, found[-1], inside, method=self.solver, **self.options)[-1])
+            states = torch.stack(found)
+        reported = []
+        for k in range(N + 1):
+            y = kite.outputs(columns(states[k], k), list(U[:, k].unbind(-1)), c)
+            reported.append(torch.stack([torch.as_tensor(y[i], dtype=x.dtype).expand(len(segments)) for i in self.places], -1))
+        return torch.stack(reported, 1)

@@ -1,0 +1,30 @@
+"""controller.json and controller.safetensors: how a control law lies on disk."""
+
+from pathlib import Path
+
+
+def write_controller(folder: Path, law) -> None:
+    """Write a law's description and its numbers."""
+    from awescli.artifacts import write_json, write_tensors
+    from awescli.control.laws import to_artifact
+
+    document, arrays = to_artifact(law)
+    write_json(folder / "controller.json", document)
+    write_tensors(folder / "controller.safetensors", arrays)
+
+
+def read_controller(folder: Path):
+    """The law that `write_controller` wrote. Raises BadInput for a folder that is not whole."""
+    from awescli.artifacts import read_json, read_tensors
+    from awescli.control.laws import from_artifact
+
+    return from_artifact(read_json(folder / "controller.json"), read_tensors(folder / "controller.safetensors"))
+
+
+def wind_direction(log) -> float:
+    """Mean direction the wind comes from over a flight [rad]."""
+    import numpy as np
+
+    if log.wind is None:
+        return 0.0
+    return float(np.arctan2(np.sin(log.wind.direction).mean(), np.cos(log.wind.direction).mean()))

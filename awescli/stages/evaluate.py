@@ -1,0 +1,52 @@
+"""evaluate: what every step was worth, on loops that no stage was fitted to; with --report a page that shows it."""
+
+from pydantic import Field
+
+from awescli.stages.base import Need, Stage, StageConfig
+
+
+class EvaluateConfig(StageConfig):
+    """Settings of evaluate."""
+
+    horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
+    horizons: tuple[float, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
+    report: bool = Field(True, description="write report.html, one self-contained page")
+
+
+class Evaluate(Stage):
+    """Score every model of the ladder alike."""
+
+    name = "evaluate"
+    help = "Score every model on unseen loops: initial, identified, with effects, hybrid; --report writes the page."
+    Config = EvaluateConfig
+    makes = ("metrics.json", "predictions.npz")
+
+    def needs(self, config):
+        return (
+            Need("fit-controller", required=False), Need("identify", required=False),
+            Need("trace-residual", required=False), Need("train-hybrid", required=False),
+        )  # fmt: skip
+
+    def run(self, context, config):
+        from awescli.artifacts import write_arrays, write_json
+        from awescli.stages.flight_parts import flight_parts
+        from awescli.stages.ladder import ladder, score_ladder
+
+        log, parts = flight_parts(context)
+        models = ladder(context, log)
+        task = context.progress.task("scoring", total=len(models))
+        metrics, arrays = score_ladder(models, context, log, parts, config, task)
+        write_json(context.folder / "metrics.json", metrics)
+        write_arrays(context.folder / "predictions.npz", arrays)
+        if config.report:
+            from awescli.stages.page import write_report
+
+            write_report(context, log, parts, metrics, arrays)
+        errors = {
+            model: {name: metrics[model]["nrmse"]["test"][name] for name in ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi")}
+            for model in models
+        }
+        summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"]}
+        if config.report:
+            summary["report"] = str(context.out / "evaluate" / "report.html")
+        return summary

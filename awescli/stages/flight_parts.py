@@ -1,0 +1,41 @@
+"""What every stage asks of a flight first: the log, and its loops dealt to train, validation and test."""
+
+from awescli.stages.base import Context, StageConfig
+
+
+def flight_parts(context: Context):
+    """(FlightLog, Split) of the plan's flight. Raises BadInput where a model would lack signals."""
+    from awescli.flightlog.loops import find_loops
+    from awescli.flightlog.read import missing_for_model, read_flight
+    from awescli.flightlog.split import split
+    from awescli.notation.errors import BadInput
+
+    log = read_flight(context.flight)
+    if missing := missing_for_model(log):
+        raise BadInput(
+            f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}", str(context.flight), "See `awes check` for what it has."
+        )
+    return log, split(find_loops(log), **context.split.model_dump())
+
+
+def law_upstream(context: Context, kite, log):
+    """The fitted control law as the simulator's law; None where the set-points are replayed. Raises BadInput if there is none."""
+    from awescli.simulation.closed_loop import loop
+    from awescli.stages.controller_artifact import read_controller, wind_direction
+
+    return loop(read_controller(context.upstream("fit-controller")), kite, wind_direction(log))
+
+
+def score_parts(simulator, log, parts, horizon: float) -> dict:
+    """metrics.json's `nrmse` of one model: split -> channel -> NRMSE, and how many predictions diverged."""
+    from awescli.estimation.prediction import predict
+
+    nrmse, diverged = {}, {}
+    for part in ("train", "validation", "test"):
+        prediction = predict(simulator, log, getattr(parts, part), horizon)
+        nrmse[part] = prediction.nrmse()
+        diverged[part] = prediction.diverged
+    return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged}
+
+
+__all__ = ["StageConfig", "flight_parts", "law_upstream", "score_parts"]

@@ -1,0 +1,151 @@
+"""The account of a trace: effects.json and the arrays behind its pictures."""
+
+import numpy as np
+
+from awescli.estimation.prediction import predict
+from awescli.simulation.rollout import Simulator
+from awescli.tracing.race import Runner
+from awescli.tracing.verdict import Finding
+
+SENTENCES = {
+    "none": "Nothing is missing that this flight could show at its noise; `detectable` says what would have been seen.",
+    "found": "An effect of the library explains what the declared model lacks, on loops it was not fitted to.",
+    "cannot_tell": "Several explanations do equally well on this flight; `separate` says what would tell them apart.",
+    "unexplained": "Something repeats that no effect of the library explains; the terms are empirical, not physics.",
+    "not_deterministic": "The residual does not repeat from loop to loop: the air was gusty, and no effect helps on unseen loops.",
+}
+
+
+def account(finding: Finding, log, parts, horizon: float, before: Simulator, after: Simulator) -> dict:
+    """effects.json: verdict, effects with sizes and intervals, ranking, what is unexplained, error on test loops, parameter shifts."""
+    null, model = finding.library.null, finding.model
+    error_before, error_after = (predict(s, log, parts.test, horizon) for s in (before, after))
+    effects = [_effect(finding, key, model, log) for key in model.keys if not _empirical(key)]
+    effects += [_suspect(key, bound, trial, log) for key, bound, trial in finding.suspects[:1]]
+    return {
+        "verdict": finding.verdict,
+        "sentence": SENTENCES[finding.verdict],
+        "effects": effects,
+        "ranking": _ranking(finding),
+        "unexplained": _unexplained(finding) if finding.verdict == "unexplained" else None,
+        "error": {
+            "horizon_s": horizon, "before": error_before.nrmse(), "after": error_after.nrmse(), "noise_floor": error_before.noise_floor(),
+            "diverged_before": error_before.diverged, "diverged_after": error_after.diverged, "split": "test",
+        },
+        "chi2": {"train_before": null.fit.chi2, "train_after": model.fit.chi2,
+                 "validation_before": null.choice_chi2, "validation_after": model.choice_chi2},
+        "gust_m_s": finding.gust,
+        "detectable": finding.library.detectable,
+        "not_testable": list(finding.library.rounds[0].untestable) if finding.library.rounds else [],
+        "parameter_shifts": _shifts(null, model),
+        "separate": _separate(effects),
+    }  # fmt: skip
+
+
+def _empirical(key: str) -> bool:
+    return key.startswith("custom_term:")
+
+
+def _sizes(key: str, model: Runner, log) -> dict:
+    """parameter -> value, std, unit. A time is known to no better than where in a sample things happen, dt / (2 sqrt 3)."""
+    std = dict(zip(model.names, np.sqrt(np.diag(model.fit.covariance)) * np.sqrt(max(model.fit.chi2, 1.0)), strict=True))
+    sizes = {}
+    for name in model.names:
+        if name.startswith(f"{key}."):
+            p = model.table[name]
+            timing = log.dt / (2 * np.sqrt(3)) if p.unit == "s" else 0.0
+            sizes[name.removeprefix(f"{key}.")] = {"value": p.value, "std": float(np.hypot(std[name], timing)), "unit": p.unit}
+    return sizes
+
+
+def _effect(finding: Finding, key: str, model: Runner, log) -> dict:
+    effect = finding.effect(key)
+    rivals = [finding.effect(k) for k in finding.rivals.get(key, ())]
+    return {
+        "name": effect.name, "acts_on": effect.acts_on, "doc": effect.doc,
+        "rivals": [{"name": r.name, "acts_on": r.acts_on} for r in rivals], "parameters": _sizes(key, model, log),
+    }  # fmt: skip
+
+
+def _suspect(key: str, bound: str, trial: Runner, log) -> dict:
+    name, _, target = key.partition(":")
+    return {
+        "name": name, "acts_on": target, "rivals": [{"name": bound, "acts_on": "parameter"}], "parameters": _sizes(key, trial, log),
+        "doc": f"'{bound}' was driven to its bound; with this effect it returns",
+    }  # fmt: skip
+
+
+def _ranking(finding: Finding) -> list[dict]:
+    """The first round's record of every candidate, those that raced first by their gain on unseen loops."""
+    entries = finding.library.rounds[0].entries if finding.library.rounds else ()
+    ordered = sorted(entries, key=lambda e: (e.outcome == "not raced", -e.gain, -e.score))
+    return [
+        {
+            "name": e.key.partition(":")[0], "acts_on": e.key.partition(":")[2], "score": e.score, "p_value": e.p_value,
+            "explained_share": e.explained_share, "plausible_size": e.plausible, "test_gain": e.gain, "outcome": e.outcome,
+        }
+        for e in ordered
+    ]  # fmt: skip
+
+
+def _unexplained(finding: Finding) -> dict:
+    """Channel, share and a sparse expression for what repeats and has no name in the library."""
+    model = finding.model
+    terms = [k for k in model.keys if _empirical(k)]
+    null = finding.library.null
+    share = 1 - (model.choice_chi2 - 1) / max(null.choice_chi2 - 1, 1e-9)
+    if not terms:
+        best = max(finding.bank.rounds[0].entries, key=lambda e: e.score) if finding.bank and finding.bank.rounds else None
+        channel = best.key.partition(":")[2].partition("*")[0] if best else ""
+        return {"channel": channel, "share": 0.0, "expression": None, "terms": []}
+    values = {k: model.table[f"{k}.k"].value for k in terms}
+    pieces = [f"{v:+.4g}*{k.partition(':')[2].partition('*')[2]}" for k, v in values.items()]
+    channels = [k.partition(":")[2].partition("*")[0] for k in terms]
+    expression = "; ".join(f"{c} += qbar*S*({p})" for c, p in zip(channels, pieces, strict=True))
+    return {"channel": channels[0], "share": float(np.clip(share, 0, 1)), "expression": expression,
+            "terms": [{"term": k.partition(":")[2], "k": v} for k, v in values.items()]}  # fmt: skip
+
+
+def _shifts(null: Runner, model: Runner) -> dict:
+    """What the parameters had swallowed: value and distance from the prior, in prior standard deviations, before and after."""
+    shifts = {}
+    for name in null.names:
+        p, prior = null.table[name], null.prior[name]
+        after = model.table[name].value if name in model.table else p.value
+        shifts[name] = {
+            "prior": prior.value, "before": p.value, "after": after,
+            "before_in_prior_std": (p.value - prior.value) / prior.prior_std, "after_in_prior_std": (after - prior.value) / prior.prior_std,
+        }  # fmt: skip
+    return shifts
+
+
+def _separate(effects: list[dict]) -> list[str]:
+    """For every pair of rivals: what would tell them apart."""
+    return [
+        f"{e['name']} and {r['name']}: fly so that what they act on differs: {_what(e)} against {_what(r)}." for e in effects for r in e["rivals"]
+    ]
+
+
+def _what(entry: dict) -> str:
+    advice = {
+        "parameter": "move the surface whose derivative this is",
+        "airflow": "other heights and directions of flight, or a wind profile measured at height",
+        "coefficients": "other airspeeds and angles of attack or sideslip at the same tension",
+        "line": "another tether length and low tension",
+        "load": "another tether length",
+        "body": "another loading of the kite",
+        "report": "a second sensor of the same quantity",
+    }
+    return advice.get(entry["acts_on"], "steps of that surface, sharp enough to see phase and amplitude")
+
+
+def residual_arrays(log, parts, before: Simulator, after: Simulator, horizon: float) -> dict[str, np.ndarray]:
+    """Prediction errors on validation and test loops, before and after: <part>_<which>_<channel> (K, N+1), <part>_first (K,)."""
+    arrays: dict[str, np.ndarray] = {}
+    for part in ("validation", "test"):
+        for which, simulator in (("before", before), ("after", after)):
+            prediction = predict(simulator, log, getattr(parts, part), horizon)
+            arrays[f"{part}_first"], arrays["time"] = prediction.first, prediction.time
+            for name in prediction.simulated:
+                arrays[f"{part}_{which}_{name}"] = prediction.errors(name)
+    return arrays
