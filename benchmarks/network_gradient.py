@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 import torch
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "learning"))
-from small_flight import small_kite, small_segments  # noqa: E402
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from learning.small_flight import small_kite, small_segments  # noqa: E402
 
-from awescli.learning.correction import ROWS, Correction, initial_weights, network_inputs  # noqa: E402
+from awescli.learning.correction import ROWS, Correction, initial_weights  # noqa: E402
+from awescli.learning.network_inputs import inputs_of_instant, network_inputs  # noqa: E402
 from awescli.learning.problem import COMPARED  # noqa: E402
 from awescli.simulation.hybrid import CorrectedSimulator  # noqa: E402
 from awescli.simulation.hybrid_torch import TorchHybrid  # noqa: E402
@@ -62,7 +63,7 @@ def main() -> int:
 
         def slow(solver):
             w = torch.tensor(c.weights, requires_grad=True)
-            y = TorchHybrid(kite, inputs, c.sizes, ROWS, COMPARED, solver=solver).rollout(flown, w, c.constants)
+            y = TorchHybrid(kite, inputs_of_instant(c.inputs), c.sizes, ROWS, COMPARED, solver=solver).rollout(flown, w, c.constants)
             (((y - torch.as_tensor(target)) / torch.as_tensor(size)) ** 2).mean().backward()
             return w.grad.numpy()
 

@@ -29,7 +29,7 @@ HEIGHTS = np.array([0.0, 100.0, 200.0, 300.0, 400.0, 600.0])
 PUBLISHED_WIND = np.array([13.0, 14.32, 13.82, 10.63, 9.18, 10.0])
 """Profile [m/s] of the identified flight and its direction, -54.5939 deg (HybridModel.py, see parameters of KM1)."""
 WIND_SHARE = 0.85
-"""With the published profile the identified parameters pull 7 kN; at 85 % of it load and airspeed come near the published box."""
+"""At the full published profile the identified parameters pull 9 kN; at 85 % of it load and airspeed come near the published box."""
 
 LAW = PathFollowing(
     Pattern(elevation=27.9 * DEG, azimuth=126.7 * DEG, radius=66.0, turn=1.0),

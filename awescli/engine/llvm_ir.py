@@ -138,7 +138,9 @@ def print_tangent(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence[in
                 body.store(body.line(f"fadd {t} {old}, {names[i, n_x + k]}"), "dS", place)
         body.lines.append(f"  br label %parameters{k + 1}")
     body.lines += [f"parameters{len(wrt)}:", "  ret void"]
-    signature = "ptr noalias %x, ptr noalias %u, ptr noalias %c, ptr noalias %y, ptr noalias %S, ptr noalias %dS, i64 %ncol, ptr noalias %column_of"
+    signature = (
+        "ptr noalias %x, ptr noalias %u, ptr noalias %c, ptr noalias %y, ptr noalias %S, ptr noalias %dS, i64 %ncol, ptr noalias %column_of"
+    )
     return f"define void @tangent({signature}) {{\nentry:\n" + "\n".join(body.lines) + "\n}\n"
 
 

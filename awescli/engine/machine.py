@@ -39,7 +39,9 @@ class Program:
     operations: int = field(compare=False, default=0)
 
 
-def compile_program(function: Callable[..., Sequence], n_x: int, n_u: int, n_c: int, wrt: Sequence[int] = (), *, tangent: bool = True) -> Program:
+def compile_program(
+    function: Callable[..., Sequence], n_x: int, n_u: int, n_c: int, wrt: Sequence[int] = (), *, tangent: bool = True
+) -> Program:
     """Record `function(x, u, c)` (lists of scalars in, sequence of scalars out), differentiate, compile.
 
     wrt: indices of the components of c that `tangent` differentiates with respect to (all of x always).
@@ -73,7 +75,9 @@ def _compile(text: str):
     options = llvm.create_pipeline_tuning_options(speed_level=1)
     llvm.create_pass_builder(machine, options).getModulePassManager().run(module, llvm.create_pass_builder(machine, options))
     engine = llvm.create_mcjit_compiler(module, machine)
-    key = hashlib.sha256(f"{text}{llvm.llvm_version_info}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}".encode()).hexdigest()
+    key = hashlib.sha256(
+        f"{text}{llvm.llvm_version_info}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}".encode()
+    ).hexdigest()
     engine.set_object_cache(notify_func=lambda _, code: _store(key, code), getbuffer_func=lambda _: _load(key))
     engine.finalize_object()
     _KEPT.append(engine)

@@ -19,7 +19,9 @@ def describe(fit: Fit, prior: ParameterTable) -> dict:
     """
     scale = np.sqrt(max(fit.chi2, 1.0))
     std = np.sqrt(np.diag(fit.covariance)) * scale
-    correlation = fit.covariance / np.outer(np.sqrt(np.diag(fit.covariance)), np.sqrt(np.diag(fit.covariance))) if len(std) else np.zeros((0, 0))
+    correlation = (
+        fit.covariance / np.outer(np.sqrt(np.diag(fit.covariance)), np.sqrt(np.diag(fit.covariance))) if len(std) else np.zeros((0, 0))
+    )
     rows = {}
     for i, name in enumerate(fit.names):
         p, before = fit.parameters[name], prior[name]

@@ -15,6 +15,10 @@ from awescli.notation.quantities import SURFACES
 SMOOTHED = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 
 
+BLOCK = 4.0
+"""[s] a block of a flight without loops: longer than what one gust or manoeuvre correlates over."""
+
+
 @dataclass(frozen=True)
 class Samples:
     """One flight as a regression problem.
@@ -97,8 +101,14 @@ def gather(log, train_ranges, validation_ranges, surfaces=None, smooth_window_s:
     pattern = fit_pattern(smoothed, train)
     return Samples(
         measured, smoothed, np.stack([log.inputs[s] for s in moving], axis=1), moving, constants,
-        loop_numbers(smoothed, pattern), train, validation, log.valid & ~train & ~validation, log.dt, pattern,
+        _blocks_of_flight(smoothed, pattern, log.dt), train, validation, log.valid & ~train & ~validation, log.dt, pattern,
     )  # fmt: skip
+
+
+def _blocks_of_flight(z, pattern: Pattern, dt: float) -> np.ndarray:
+    """(N,) number of the loop a sample is in; of the block of `BLOCK` seconds where the flight does not circle (a single cycle)."""
+    loops = loop_numbers(z, pattern)
+    return loops if np.unique(loops).size > 2 else (np.arange(loops.size) * dt // BLOCK).astype(int)
 
 
 def available(samples: Samples, names) -> tuple[tuple[str, ...], list[str]]:

@@ -53,7 +53,16 @@ def nuisance_wind(declaration: KiteDeclaration, log, kite: Kite) -> tuple[Gusts,
     return (Gusts(level, GUST_WINDOW) if level > GUSTY else Gusts(declaration.wind.std)), level
 
 
-def ask(simulator: Simulator, log, split: Split, horizon: float, outputs: Sequence[str], parts=("train", "validation"), *, seed_weights: bool = False) -> Question:
+def ask(
+    simulator: Simulator,
+    log,
+    split: Split,
+    horizon: float,
+    outputs: Sequence[str],
+    parts=("train", "validation"),
+    *,
+    seed_weights: bool = False,
+) -> Question:
     """Cut the log into segments of `horizon` seconds for fitting and for choosing.
 
     seed_weights: every channel weighted by its range over the flight, as the seed's Q does, instead of by its noise.
@@ -110,8 +119,6 @@ def fit_in_stages(
         ratio = (raised.sigma / question.fitted.sigma)[0, 0]
         ratio = np.where(np.isfinite(ratio), ratio, 1.0)
         choice = question.choice.with_sigma(question.choice.sigma * ratio)
-        question = Question(
-            simulator, question.kite, raised, choice, question.gusts, question.gust, question.names, question.prior
-        )
+        question = Question(simulator, question.kite, raised, choice, question.gusts, question.gust, question.names, question.prior)
         result = whole(raised, result.parameters, result.own)
     return result, question

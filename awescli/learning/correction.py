@@ -1,77 +1,24 @@
-"""The network f_nn (seed section 5): what it sees, what it adds to d/dt of (u, v, w, p, q, r), and where it must keep still."""
+"""The network f_nn (seed section 5): what it adds to d/dt of (u, v, w, p, q, r), where it must keep still, and the kite that has it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from awescli.engine.dense import FARTHEST, layer_slices, weight_count
-from awescli.notation.errors import BadInput, did_you_mean
-from awescli.notation.frames import dot
-from awescli.notation.quantities import STATES, SURFACES
-from awescli.notation.scalars import asin, cos, exp, maximum, sin, tanh
-from awescli.physics.instant import Instant
+from awescli.learning.network_inputs import check_inputs, inputs_of_instant
+from awescli.notation.errors import BadInput
+from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.notation.quantities import OUTPUTS, STATES
+from awescli.notation.scalars import exp, maximum, tanh
+from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.kite import GUSTS, Kite
+from awescli.simulation.rollout import Simulator
 
 CORRECTED = ("u", "v", "w", "p", "q", "r")
 """States whose derivatives the network corrects [m/s2, rad/s2]; positions and angles follow from them and need none."""
 ROWS = tuple(STATES.index(name) for name in CORRECTED)
-
-
-def _input(name: str) -> Callable[[Instant], object]:
-    return lambda at: at.inputs[name]
-
-
-def _state(name: str) -> Callable[[Instant], object]:
-    return lambda at: getattr(at.z, name)
-
-
-NETWORK_INPUTS: dict[str, Callable[[Instant], object]] = {
-    "elevation": lambda at: asin(-at.p_hat[2]),
-    "north": lambda at: at.p_hat[0],
-    "east": lambda at: at.p_hat[1],
-    **{n: _state(n) for n in ("p_n", "p_e", "p_d", "u", "v", "w", "p", "q", "r")},
-    "sin_phi": lambda at: sin(at.z.phi),
-    "cos_phi": lambda at: cos(at.z.phi),
-    "sin_theta": lambda at: sin(at.z.theta),
-    "cos_theta": lambda at: cos(at.z.theta),
-    "sin_psi": lambda at: sin(at.z.psi),
-    "cos_psi": lambda at: cos(at.z.psi),
-    "alpha": lambda at: at.alpha,
-    "beta": lambda at: at.beta,
-    "V_a": lambda at: at.V_a,
-    **{n: lambda at, n=n: at.setpoints[n] for n in SURFACES},
-    **{f"{n}_rate": _input(f"{n}_rate") for n in SURFACES},
-    "tether_length": _input("tether_length"),
-    "stretch": lambda at: at.distance - at.inputs["tether_length"],
-    "stretch_rate": lambda at: dot(at.p_hat, at.v_ned) - at.inputs["reel_out_speed"],
-    "tension": lambda at: at.tension,
-}
-"""What the network may see, each a function of the same instant that the physics fills: u_nn of the seed (states, alpha, beta, V_a,
-surfaces, line length and load). Angles that turn around enter as sine and cosine; surface rates tell what a lagging actuator still has
-before it."""
-
-DEFAULT_INPUTS = (
-    "elevation", "north", "east", "u", "v", "w", "p", "q", "r", "sin_phi", "cos_phi", "sin_theta", "cos_theta", "sin_psi", "cos_psi",
-    "alpha", "beta", "V_a", "aileron", "elevator", "rudder", "flaps", "rudder_rate", "tether_length", "stretch", "stretch_rate", "tension",
-)  # fmt: skip
-
-
-def check_inputs(names: Sequence[str]) -> None:
-    """Raise BadInput for a network input that does not exist."""
-    for name in names:
-        if name not in NETWORK_INPUTS:
-            raise BadInput(f"unknown network input '{name}'", do=did_you_mean(name, NETWORK_INPUTS))
-
-
-def network_inputs(kite, names: Sequence[str]) -> Callable:
-    """(x, u, c) -> the named inputs, from the physics of `kite`: recorded with the derivative, so nothing is computed twice."""
-    check_inputs(names)
-
-    def function(x, u, c):
-        at = kite.instant(x, u, c)
-        return [NETWORK_INPUTS[name](at) for name in names]
-
-    return function
+ACCELERATIONS = tuple(OUTPUTS.index(name) for name in ("a_x", "a_y", "a_z"))
 
 
 @dataclass(frozen=True)
@@ -195,3 +142,68 @@ def evaluate(inputs, correction: Correction, weights=None):
             sums.append(total)
         layer = [tanh(s) for s in sums] if number < len(places) - 1 else sums
     return [float(c.scale[k]) * fade * y for k, y in enumerate(layer)], fade
+
+
+class HybridKite:
+    """Physics + f_nn as `derivative`, `outputs`, `initial`; wherever a `Kite` is simulated this can stand.
+
+    The weights are parameters (`network.0`, ...) behind the physical ones, never free: programs compiled for one network serve all of
+    the same shape and normalisation.
+    """
+
+    def __init__(self, kite: Kite, correction: Correction):
+        self.kite, self.correction = kite, correction
+        rows = (Parameter(f"network.{i}", float(w), source="network") for i, w in enumerate(correction.weights))
+        self.parameters: ParameterTable = kite.parameters.with_rows(rows)
+        self.parameter_names = tuple(self.parameters)
+        self._inputs = inputs_of_instant(correction.inputs)
+        self.declaration, self.heights, self.effects, self.by_place = kite.declaration, kite.heights, kite.effects, kite.by_place
+        self.state_names, self.x_names, self.input_names = kite.state_names, kite.x_names, kite.input_names
+
+    def instant(self, x, u, c):
+        """The instant of the physics, its derivative corrected; `at.correction` holds the six corrections."""
+        own = len(self.kite.parameter_names)
+        at = self.kite.instant(x, u, c[:own])
+        corrections, at.fade = evaluate(self._inputs(at), self.correction, c[own:])
+        derivative = list(at.derivative)
+        for row, value in zip(ROWS, corrections, strict=True):
+            derivative[row] = derivative[row] + value
+        at.correction, at.derivative = tuple(corrections), tuple(derivative)
+        return at
+
+    def derivative(self, x, u, c) -> list:
+        """d/dt of the 12 states and the effects' states."""
+        at = self.instant(x, u, c)
+        return [*at.derivative, *(rate for e in self.effects for rate in e.rates(at, e.own(at)))]
+
+    def outputs(self, x, u, c) -> list:
+        """As `Kite.outputs`; the correction of (u, v, w) is an acceleration and shows in a_x, a_y, a_z."""
+        reported = self.kite.outputs(x, u, c[: len(self.kite.parameter_names)])
+        for place, value in zip(ACCELERATIONS, self.instant(x, u, c).correction[:3], strict=True):
+            reported[place] = reported[place] + value
+        return reported
+
+    def initial(self, x, u, c) -> list:
+        return self.kite.initial(x, u, c[: len(self.kite.parameter_names)])
+
+    def with_values(self, values: dict[str, float]) -> "HybridKite":
+        """The same hybrid with other values of physical parameters or weights."""
+        other = object.__new__(HybridKite)
+        other.__dict__.update(self.__dict__)
+        other.parameters = self.parameters.with_values(values)
+        other.kite = self.kite.with_values({k: v for k, v in values.items() if k in self.kite.parameters})
+        return other
+
+    def declare(self, keys: Sequence[str], free: Sequence[str] = (), table: ParameterTable | None = None):
+        """The declaration of the physics; the correction has no place in a kite file."""
+        own = self.kite.parameters if table is None else ParameterTable(table[n] for n in self.kite.parameter_names)
+        return self.kite.declare(keys, free, own)
+
+
+def hybrid_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log, law=None) -> Simulator:
+    """The simulator of what train-hybrid left (network.json, network.safetensors) on the kite file beside them."""
+    correction = Correction.from_arrays(arrays, description)
+    kite = Kite(declaration, log.wind.height if log.wind is not None else (10.0,))
+    own = len(kite.parameter_names)
+    of_hybrid = (lambda x, u, c: law(x, u, c[:own])) if law else None
+    return Simulator(kite, GUSTS, law) if correction.is_zero else Simulator(HybridKite(kite, correction), GUSTS, of_hybrid)

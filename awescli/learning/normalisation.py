@@ -6,7 +6,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
-from awescli.learning.correction import NETWORK_INPUTS, ROWS, Correction, check_inputs, initial_weights
+from awescli.learning.correction import ROWS, Correction, initial_weights
+from awescli.learning.network_inputs import check_inputs, inputs_of_instant
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import STATES
 from awescli.physics.kite import Kite
@@ -44,7 +45,7 @@ def samples_of(ranges: Iterable[tuple[int, int]], valid: np.ndarray) -> np.ndarr
 def input_signals(log, kite: Kite, names: Sequence[str]) -> np.ndarray:
     """(N, n) network inputs along the log."""
     at, *_ = instants(log, kite)
-    return np.stack([np.broadcast_to(np.asarray(NETWORK_INPUTS[n](at), dtype=float), (len(log),)) for n in names], axis=1)
+    return np.stack([np.broadcast_to(np.asarray(v, dtype=float), (len(log),)) for v in inputs_of_instant(names)(at)], axis=1)
 
 
 def residual_acceleration(log, kite: Kite) -> np.ndarray:

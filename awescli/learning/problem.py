@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from awescli.learning.correction import ROWS, Correction, network_inputs
-from awescli.learning.hybrid_kite import HybridKite
+from awescli.learning.correction import ROWS, Correction, HybridKite
+from awescli.learning.network_inputs import inputs_of_instant, network_inputs
 from awescli.learning.starts import Own, estimated_starts, own_unknowns
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES
@@ -41,14 +41,19 @@ class Data:
 class Problem:
     """One flight, one kite, one shape of network. `data` cuts segments, `cost` and `gradient` judge weights on them."""
 
-    def __init__(self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, substeps: int = 1, decay: float = 0.0):
+    def __init__(self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, substeps: int = 1, decay: float = 0.0, solver: str = "rk4"):
         self.kite, self.log, self.correction, self.decay = kite, log, correction, decay
         self.outputs = tuple(n for n in COMPARED if n in log)
         if len(self.outputs) < 6:
             raise BadInput(f"flight '{log.name}' measures too little of the state ({', '.join(self.outputs)})")
         self.warmup = max(2, int(round(warmup / log.dt)))
-        inputs = network_inputs(kite, correction.inputs)
-        self.corrected = CorrectedSimulator(kite, inputs, correction.sizes, ROWS, self.outputs, law, substeps)
+        if solver == "rk4":
+            inputs = network_inputs(kite, correction.inputs)
+            self.corrected = CorrectedSimulator(kite, inputs, correction.sizes, ROWS, self.outputs, law, substeps)
+        else:
+            from awescli.simulation.hybrid_torch import SlowSimulator
+
+            self.corrected = SlowSimulator(kite, inputs_of_instant(correction.inputs), correction.sizes, ROWS, self.outputs, law, solver=solver)
         self.hybrid = HybridKite(kite, correction)
         # the law is a function of the physical parameters, which stand first
         own = len(kite.parameter_names)

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from awescli.learning.correction import DEFAULT_INPUTS, Correction
-from awescli.learning.hybrid_kite import HybridKite
+from awescli.learning.correction import Correction, HybridKite
+from awescli.learning.network_inputs import DEFAULT_INPUTS
 from awescli.learning.normalisation import drifting, outside_share, untrained
 from awescli.learning.optimisers import Adam, lbfgs
 from awescli.learning.problem import Data, Problem
@@ -32,7 +32,8 @@ class TrainingConfig:
     one is what counts; warmup: seconds before a prediction that fit its start; batch: segments per Adam step; rate: Adam's;
     clip: greatest norm of a gradient; decay: weight decay; adam_iterations, lbfgs_iterations: per round; rounds: most rounds per
     horizon and of L-BFGS; patience: rounds without progress that make a plateau; material: least relative gain on validation;
-    budget: seconds; compare: also run Adam alone for as many gradients."""
+    budget: seconds; solver: rk4 (compiled, exact adjoint) or a name of
+    `hybrid_torch.solver_names()` (torchdiffeq and autograd: slow); compare: also run Adam alone for as many gradients."""
 
     hidden: tuple[int, ...] = (16, 16)
     inputs: tuple[str, ...] = DEFAULT_INPUTS
@@ -48,6 +49,7 @@ class TrainingConfig:
     patience: int = 2
     material: float = 0.03
     budget: float = 60.0
+    solver: str = "rk4"
     seed: int = 0
     compare: bool = False
 
@@ -85,8 +87,8 @@ class State:
         return arrays
 
     @classmethod
-    def from_arrays(cls, a: Mapping[str, np.ndarray], n: int, where: str = "checkpoint") -> "State":
-        """What `to_arrays` gave, for a network of n weights. Raises BadInput for anything else."""
+    def from_arrays(cls, a: Mapping[str, np.ndarray], n: int | None = None, where: str = "checkpoint") -> "State":
+        """What `to_arrays` gave, for a network of n weights (None: as many as it has). Raises BadInput for anything else."""
         try:
             best_cost, phase, round_, idle, reference, evaluations, seconds, count, rate, clip, switched = (float(v) for v in a["numbers"])
             vectors = [np.asarray(a[k], dtype=float) for k in ("weights", "best", "first", "second")]
@@ -96,6 +98,7 @@ class State:
             history = tuple(tuple(float(v) for v in row) for row in np.asarray(a["history"]).reshape(-1, len(HISTORY)))
         except (KeyError, ValueError, TypeError) as e:
             raise BadInput(f"not a training checkpoint: {e}", where, "Train from the beginning: --force.") from None
+        n = vectors[0].size if n is None else n
         if any(v.shape != (n,) or not np.isfinite(v).all() for v in vectors):
             raise BadInput(f"the checkpoint belongs to another network (this one has {n} weights)", where, "Train from the beginning: --force.")
         weights, best, first, second = vectors
@@ -145,7 +148,7 @@ def train(
     names, dropped = usable_inputs(kite, log, train_ranges, validation_ranges, config.inputs)
     correction = untrained(log, kite, train_ranges, names, config.hidden, config.seed, validation_ranges)
     dropped |= {n: "never changes in training" for n in names if n not in correction.inputs}
-    problem = Problem(kite, log, correction, config.warmup, law=law, decay=config.decay)
+    problem = Problem(kite, log, correction, config.warmup, law=law, decay=config.decay, solver=config.solver)
     sets = [_Horizon(problem, h, train_ranges, validation_ranges, correction.weights) for h in _usable(config.horizons, log, train_ranges, validation_ranges, config)]
     n = correction.weights.size
     if state is None:

@@ -132,9 +132,7 @@ class Kite:
             coefficients = e.coefficients(coefficients, at, e.own(at))
         at.coefficients = coefficients
         # line
-        line = Line(
-            inputs["tether_length"], inputs["reel_out_speed"], v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0
-        )
+        line = Line(inputs["tether_length"], inputs["reel_out_speed"], v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0)
         for e in self._at("line"):
             line = e.line(line, at, e.own(at))
         at.line = line

@@ -1,5 +1,7 @@
 """The slow path of the corrected kite: the same physics source on torch tensors, torchdiffeq's solvers, autograd. Oracle of the fast one."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from torchdiffeq import odeint
@@ -9,8 +11,10 @@ from torchdiffeq._impl.odeint import SOLVERS
 from torchdiffeq._impl.rk_common import rk4_step_func
 
 from awescli.engine.dense import FARTHEST, layer_slices
+from awescli.engine.machine import LANES
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.notation.quantities import OUTPUTS
+from awescli.simulation.kernels import LIMIT
 from awescli.simulation.rollout import Segments
 
 
@@ -48,17 +52,18 @@ def network(inputs: torch.Tensor, sizes, constants: np.ndarray, weights: torch.T
 
 
 class TorchHybrid:
-    """Rollouts of physics + network as a differentiable torch function of the weights. Arguments as `hybrid.CorrectedSimulator`.
+    """Rollouts of physics + network as a differentiable torch function of the weights. Arguments as `hybrid.CorrectedSimulator`,
+    but inputs_of_instant maps an `Instant` to the network's inputs: here each term is computed as it is written.
 
     solver: a name in `solver_names()`; options: tolerances and the like for torchdiffeq.odeint. Set-points are held from sample to
     sample, so adaptive solvers are restarted at each.
     """
 
-    def __init__(self, kite, network_inputs, sizes, rows, outputs, *, solver: str = OURS, options: dict | None = None):
+    def __init__(self, kite, inputs_of_instant, sizes, rows, outputs, *, solver: str = OURS, options: dict | None = None):
         SOLVERS.setdefault(OURS, ClassicalRK4)
         if solver not in solver_names():
             raise BadInput(f"unknown solver '{solver}'", do=did_you_mean(solver, solver_names()))
-        self.kite, self.inputs, self.sizes, self.rows = kite, network_inputs, tuple(sizes), list(rows)
+        self.kite, self.inputs, self.sizes, self.rows = kite, inputs_of_instant, tuple(sizes), list(rows)
         self.places = [OUTPUTS.index(n) for n in outputs]
         self.solver, self.options = solver, options or {}
         self.n_s = len(kite.state_names)
@@ -75,30 +80,32 @@ class TorchHybrid:
             return [*x.unbind(-1), *SP[:, k].unbind(-1)]
 
         def right_hand_side(t, x):
-            k = min(max(int(np.floor(float(t) / dt)), 0), N - 1)
-            share = t / dt - k
+            # t counts samples: whole numbers are exact, so that `floor` tells before from after
+            k = min(max(int(np.floor(float(t.detach()))), 0), N - 1)
+            share = t - k
             u = list((U[:, k] + share * (U[:, k + 1] - U[:, k])).unbind(-1))
-            state = columns(x, k)
-            derivative = torch.stack(torch.broadcast_tensors(*(torch.as_tensor(d) for d in kite.derivative(state, u, c))), -1)
-            seen = [torch.as_tensor(s, dtype=x.dtype).expand(x.shape[0]) for s in self.inputs(state, u, c)]
+            at = kite.instant(columns(x, k), u, c)
+            rates = [*at.derivative, *(rate for e in kite.effects for rate in e.rates(at, e.own(at)))]
+            derivative = torch.stack(torch.broadcast_tensors(*(torch.as_tensor(d) for d in rates)), -1)
+            seen = [torch.as_tensor(s, dtype=x.dtype).expand(x.shape[0]) for s in self.inputs(at)]
             correction = network(torch.stack(seen, -1), self.sizes, constants, weights)
             full = torch.zeros_like(derivative)
             full[:, self.rows] = correction
-            return derivative + full
+            return dt * (derivative + full)
 
         x = torch.as_tensor(segments.starts)
         if self.n_s > 12:
             own = [torch.zeros(len(segments), dtype=x.dtype)] * (self.n_s - 12)
             started = kite.initial([*x.unbind(-1), *own, *SP[:, 0].unbind(-1)], list(U[:, 0].unbind(-1)), c)
             x = torch.cat([x, torch.stack([torch.as_tensor(s, dtype=x.dtype).expand(len(segments)) for s in started], -1)], -1)
-        times = torch.arange(N + 1, dtype=x.dtype) * dt
+        times = torch.arange(N + 1, dtype=x.dtype)
         if self.solver in FIXED:
             # perturb: the last stage of a step is evaluated just before the sample, where the old set-point still holds
             states = odeint(right_hand_side, x, times, method=self.solver, options={"perturb": True, **self.options})
         else:
             found = [x]
             for k in range(N):
-                inside = torch.stack([times[k] * (1 + 1e-14) + 1e-13, times[k + 1] - 1e-12])
+                inside = torch.stack([times[k], times[k + 1] * (1 - 1e-12)])
                 found.append(odeint(right_hand_side, found[-1], inside, method=self.solver, **self.options)[-1])
             states = torch.stack(found)
         reported = []
@@ -106,3 +113,53 @@ class TorchHybrid:
             y = kite.outputs(columns(states[k], k), list(U[:, k].unbind(-1)), c)
             reported.append(torch.stack([torch.as_tensor(y[i], dtype=x.dtype).expand(len(segments)) for i in self.places], -1))
         return torch.stack(reported, 1)
+
+
+@dataclass(frozen=True)
+class SlowPrepared:
+    """Segments, in groups of LANES as `hybrid.Prepared` has them."""
+
+    segments: Segments
+
+    @property
+    def count(self) -> np.ndarray:
+        K = len(self.segments)
+        return np.minimum(LANES, K - LANES * np.arange(-(-K // LANES)))
+
+    def groups(self, which) -> "SlowPrepared":
+        rows = np.concatenate([np.arange(g * LANES, min((g + 1) * LANES, len(self.segments))) for g in which])
+        return SlowPrepared(self.segments.pick(rows))
+
+
+@dataclass(frozen=True)
+class SlowRun:
+    """outputs (K, N+1, n_out), alive (K,); tensor, weights: the same with their history, for autograd."""
+
+    outputs: np.ndarray
+    alive: np.ndarray
+    tensor: torch.Tensor
+    weights: torch.Tensor
+
+
+class SlowSimulator:
+    """`TorchHybrid` behind the door of `hybrid.CorrectedSimulator`: what training with another solver uses."""
+
+    def __init__(self, kite, inputs_of_instant, sizes, rows, outputs, law=None, *, solver: str):
+        if law is not None:
+            raise BadInput(f"solver '{solver}' replays recorded set-points only", do="Use solver: rk4, or surfaces: recorded.")
+        self.path = TorchHybrid(kite, inputs_of_instant, sizes, rows, outputs, solver=solver)
+
+    def prepare(self, segments: Segments) -> SlowPrepared:
+        return SlowPrepared(segments)
+
+    def rollout(self, prepared: SlowPrepared, weights: np.ndarray, constants: np.ndarray) -> SlowRun:
+        w = torch.tensor(weights, requires_grad=True)
+        y = self.path.rollout(prepared.segments, w, constants)
+        outputs = y.detach().numpy()
+        good = np.isfinite(outputs).all(2) & (np.abs(outputs) < LIMIT).all(2)
+        alive = np.where(good.all(1), outputs.shape[1], np.argmin(good, axis=1))
+        return SlowRun(np.where(good[..., None], outputs, 0.0), alive, y, w)
+
+    def gradient(self, run: SlowRun, outputs_bar: np.ndarray) -> tuple[np.ndarray, None]:
+        (bar,) = torch.autograd.grad(run.tensor, run.weights, torch.as_tensor(outputs_bar))
+        return bar.numpy(), None

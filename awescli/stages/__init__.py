@@ -4,7 +4,8 @@ from awescli.stages.base import Stage
 from awescli.stages.evaluate import Evaluate
 from awescli.stages.fit_controller import FitController
 from awescli.stages.identify import Identify
+from awescli.stages.simulate import Simulate
 from awescli.stages.trace_residual import TraceResidual
 
-STAGES: tuple[Stage, ...] = (FitController(), Identify(), TraceResidual(), Evaluate())
+STAGES: tuple[Stage, ...] = (FitController(), Identify(), TraceResidual(), Simulate(), Evaluate())
 """fit-controller -> identify -> trace-residual -> train-hybrid -> simulate -> evaluate. The commands are made from this table."""

@@ -43,7 +43,9 @@ class Evaluate(Stage):
 
             write_report(context, log, parts, metrics, arrays)
         errors = {
-            model: {name: metrics[model]["nrmse"]["test"][name] for name in ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi")}
+            model: {
+                name: metrics[model]["nrmse"]["test"][name] for name in ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi")
+            }
             for model in models
         }
         summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"]}

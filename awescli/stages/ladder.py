@@ -31,7 +31,10 @@ def score_ladder(models: dict, context: Context, log, parts, config, task) -> tu
     from awescli.estimation.prediction import predict
     from awescli.simulation import scores
 
-    metrics: dict = {"horizon_s": config.horizon, "split": {p: [list(r) for r in getattr(parts, p)] for p in ("train", "validation", "test")}}
+    metrics: dict = {
+        "horizon_s": config.horizon,
+        "split": {p: [list(r) for r in getattr(parts, p)] for p in ("train", "validation", "test")},
+    }
     arrays: dict = {}
     for name, simulator in models.items():
         task.update(name)

@@ -28,17 +28,15 @@ class TraceResidual(Stage):
 
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json, write_text
-        from awescli.estimation.question import ask, fit_in_stages, simulator_of
+        from awescli.flightlog.loops import find_loops
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.stages.flight_parts import flight_parts, score_parts
         from awescli.tracing.account import account, residual_arrays
-        from awescli.tracing.race import Contest, run
-        from awescli.tracing.verdict import investigate, library_keys
+        from awescli.tracing.flight import trace_flight
 
         log, parts = flight_parts(context)
         declared = read_kite(context.kite)
         identified = read_kite(context.upstream("identify") / KITE_FILE)
-        keys = library_keys(declared, log, config.candidates)
         task = context.progress.task("tracing the residual")
 
         def progress(text):
@@ -46,22 +44,17 @@ class TraceResidual(Stage):
             task.update(text)
 
         # the prior is what the user declared; the search starts from what identify found
-        simulator = simulator_of(declared, log, keys)
-        outputs = config.outputs or tuple(log.measured)
-        question = ask(simulator, log, parts, config.horizon, outputs)
-        progress("fitting the model as it is declared")
         started = {n: p.value for n, p in identified.table().items()}
-        fitted, question = fit_in_stages(question, log, parts, [h for h in config.curriculum if h < config.horizon], start=started)
-        contest = Contest(question.simulator, question.fitted, question.choice, question.gusts, question.prior)
-        null = run(contest, fitted.parameters, (), question.names, own=fitted.own)
-        finding = investigate(question, null, keys, log, parts, config.horizon, rounds=config.rounds, progress=progress)
+        settings = config.model_dump(exclude={"report"})
+        finding, before = trace_flight(declared, log, parts, start=started, progress=progress, **settings)
         progress("scoring on unseen loops")
-        before, after = simulator.holding(null.table), finding.simulator.holding(finding.model.table)
+        after = finding.simulator.holding(finding.model.table)
         scores = {"before": score_parts(before, log, parts, config.horizon), "after": score_parts(after, log, parts, config.horizon)}
         effects = account(finding, log, parts, config.horizon, before, after)
+        effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), before, after, config.horizon)
         write_json(context.folder / "effects.json", effects)
         write_text(context.folder / KITE_FILE, kite_text(finding.declaration()))
-        write_arrays(context.folder / "residuals.npz", residual_arrays(log, parts, before, after, config.horizon))
+        write_arrays(context.folder / "residuals.npz", arrays)
         write_json(context.folder / "metrics.json", {"outcome": finding.verdict, "before": scores["before"], **scores["after"]})
         names = ", ".join(e["name"] + (f" on {e['acts_on']}" if e["acts_on"] else "") for e in effects["effects"]) or "-"
         error = effects["error"]

@@ -5,6 +5,7 @@ import numpy as np
 from awescli.estimation.prediction import predict
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.race import Runner
+from awescli.tracing.residuals import residual_study
 from awescli.tracing.verdict import Finding
 
 SENTENCES = {
@@ -20,7 +21,7 @@ def account(finding: Finding, log, parts, horizon: float, before: Simulator, aft
     """effects.json: verdict, effects with sizes and intervals, ranking, what is unexplained, error on test loops, parameter shifts."""
     null, model = finding.library.null, finding.model
     error_before, error_after = (predict(s, log, parts.test, horizon) for s in (before, after))
-    effects = [_effect(finding, key, model, log) for key in model.keys if not _empirical(key)]
+    effects = [_effect(finding, key, model, log) for key in model.keys if not finding.effect(key).empirical]
     effects += [_suspect(key, bound, trial, log) for key, bound, trial in finding.suspects[:1]]
     return {
         "verdict": finding.verdict,
@@ -39,11 +40,17 @@ def account(finding: Finding, log, parts, horizon: float, before: Simulator, aft
         "not_testable": list(finding.library.rounds[0].untestable) if finding.library.rounds else [],
         "parameter_shifts": _shifts(null, model),
         "separate": _separate(effects),
+        "null_run": _null_run(finding),
     }  # fmt: skip
 
 
-def _empirical(key: str) -> bool:
-    return key.startswith("custom_term:")
+def _null_run(finding: Finding) -> dict | None:
+    """The same search on the model with what was accepted: it must find nothing more. None where nothing was accepted."""
+    rounds = (finding.bank if finding.verdict == "unexplained" else finding.library).rounds
+    if not any(r.accepted for r in rounds):
+        return None
+    last = rounds[-1]
+    return {"verdict": "found" if last.accepted else "none", "screened": len(last.entries), "chi2": last.chi2_after}
 
 
 def _sizes(key: str, model: Runner, log) -> dict:
@@ -91,7 +98,7 @@ def _ranking(finding: Finding) -> list[dict]:
 def _unexplained(finding: Finding) -> dict:
     """Channel, share and a sparse expression for what repeats and has no name in the library."""
     model = finding.model
-    terms = [k for k in model.keys if _empirical(k)]
+    terms = [k for k in model.keys if finding.effect(k).empirical]
     null = finding.library.null
     share = 1 - (model.choice_chi2 - 1) / max(null.choice_chi2 - 1, 1e-9)
     if not terms:
@@ -122,7 +129,9 @@ def _shifts(null: Runner, model: Runner) -> dict:
 def _separate(effects: list[dict]) -> list[str]:
     """For every pair of rivals: what would tell them apart."""
     return [
-        f"{e['name']} and {r['name']}: fly so that what they act on differs: {_what(e)} against {_what(r)}." for e in effects for r in e["rivals"]
+        f"{e['name']} and {r['name']}: fly so that what they act on differs: {_what(e)} against {_what(r)}."
+        for e in effects
+        for r in e["rivals"]
     ]
 
 
@@ -139,13 +148,19 @@ def _what(entry: dict) -> str:
     return advice.get(entry["acts_on"], "steps of that surface, sharp enough to see phase and amplitude")
 
 
-def residual_arrays(log, parts, before: Simulator, after: Simulator, horizon: float) -> dict[str, np.ndarray]:
-    """Prediction errors on validation and test loops, before and after: <part>_<which>_<channel> (K, N+1), <part>_first (K,)."""
+def residual_arrays(log, parts, loops, before: Simulator, after: Simulator, horizon: float) -> tuple[dict, dict[str, np.ndarray]]:
+    """(summaries before and after, arrays of residuals.npz).
+
+    Arrays: <part>_<which>_<channel> (K, N+1) prediction errors, <part>_first (K,); study_<which>_<series> of `residuals.residual_study`.
+    """
     arrays: dict[str, np.ndarray] = {}
-    for part in ("validation", "test"):
-        for which, simulator in (("before", before), ("after", after)):
+    summary = {}
+    for which, simulator in (("before", before), ("after", after)):
+        for part in ("validation", "test"):
             prediction = predict(simulator, log, getattr(parts, part), horizon)
             arrays[f"{part}_first"], arrays["time"] = prediction.first, prediction.time
             for name in prediction.simulated:
                 arrays[f"{part}_{which}_{name}"] = prediction.errors(name)
-    return arrays
+        summary[which], series = residual_study(simulator, log, parts, loops, horizon)
+        arrays |= {f"study_{which}_{name}": a for name, a in series.items()}
+    return summary, arrays

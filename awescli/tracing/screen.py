@@ -69,7 +69,9 @@ def _safe(A: np.ndarray) -> np.ndarray:
     return A + 1e-9 * np.diag(np.diag(A)) + 1e-300 * np.eye(len(A))
 
 
-def screen(problem: SimulationError, x: np.ndarray, precision: np.ndarray, centre: np.ndarray, kite: Kite, keys: Sequence[str]) -> Screening:
+def screen(
+    problem: SimulationError, x: np.ndarray, precision: np.ndarray, centre: np.ndarray, kite: Kite, keys: Sequence[str]
+) -> Screening:
     """Score every candidate effect of `keys` at the null fit (parameters x, own unknowns in `problem`).
 
     precision, centre: prior of the free parameters. The columns of a candidate are projected on the complement of the free
@@ -133,7 +135,9 @@ def _columns(problem, x, every: Sequence[Variant]):
         values = {k: value for v in group for k, value in v.at.items()}
         moving = [m for v in group for m in v.moving]
         segments = problem.segments(problem.own)
-        _, J = problem.simulator.sensitivities(segments, Columns((), tuple(moving)), problem.observed.outputs, {**problem.values(x), **values})
+        _, J = problem.simulator.sensitivities(
+            segments, Columns((), tuple(moving)), problem.observed.outputs, {**problem.values(x), **values}
+        )
         extra.append(J)
         labels += [(v.label, m) for v in group for m in v.moving]
     for v in every:

@@ -80,9 +80,7 @@ def trace(
             detectable = {s.key: float(3.5 * s.std[0] * (s.variant.at[s.moving[0]] if s.variant.secant else 1)) for s in screening.scores}
         entries, best, rivals = _race(contest, here, kite, screening, progress)
         chi2 = here.choice_chi2
-        record.append(
-            Round(entries, best.keys[-1] if best else "", rivals, screening.untestable, chi2, best.choice_chi2 if best else chi2)
-        )
+        record.append(Round(entries, best.keys[-1] if best else "", rivals, screening.untestable, chi2, best.choice_chi2 if best else chi2))
         if best is None:
             break
         here = _refined(contest, kite, best)

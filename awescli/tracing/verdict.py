@@ -10,7 +10,7 @@ from awescli.estimation.simulation_error import SimulationError
 from awescli.flightlog.split import Split
 from awescli.notation.quantities import SURFACES
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.effects.custom_term import CHANNELS, FEATURES
+from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
 from awescli.physics.kite import Kite, candidates, make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.race import Contest, Runner, run
@@ -20,6 +20,8 @@ NEAR_FLOOR = 0.02
 """A chi-square per degree of freedom this close to 1 leaves nothing to explain."""
 BETTER_SHARE = 0.15
 """By how much more of the gap empirical terms must explain than the library before the library's answer is doubted."""
+LIKELIER = 6.63
+"""Fall of the cost (prior included) that chance reaches in 1 % of cases with one more parameter: the 99 % quantile of chi-square."""
 STILL = 1e-3
 """[rad] a surface that moves less than this over a flight does not move."""
 COLLINEAR = 0.95
@@ -67,7 +69,9 @@ def investigate(
         unexplained = found and (not rivals or share_bank > share_library + BETTER_SHARE)
     suspects = () if rivals or unexplained or question.gust > GUSTY else _suspects(contest, null, question.kite, keys)
     if unexplained:
-        return Finding("unexplained", bank.final, bank_simulator, {r.accepted: () for r in bank.rounds if r.accepted}, library, bank, (), question.gust)
+        return Finding(
+            "unexplained", bank.final, bank_simulator, {r.accepted: () for r in bank.rounds if r.accepted}, library, bank, (), question.gust
+        )
     if rivals:
         verdict = "cannot_tell" if any(rivals.values()) else "found"
         return Finding(verdict, library.final, question.simulator, rivals, library, bank, (), question.gust)
@@ -86,7 +90,7 @@ def _left(r: Runner) -> float:
 def bank_keys(declaration, moving) -> list[str]:
     """The empirical terms that a flight could show: every channel times every feature (surfaces only where they move)."""
     still = {"rudder", "elevator", "aileron"} - set(moving)
-    return [f"custom_term:{c}*{f}" for c in CHANNELS for f in FEATURES if f not in still]
+    return [f"{CustomTerm.name}:{c}*{f}" for c in CHANNELS for f in FEATURES if f not in still]
 
 
 def _bank(question: Question, start: Runner, log, split, horizon, rounds, progress) -> tuple[Trace, Simulator]:
@@ -126,9 +130,11 @@ def _suspects(contest: Contest, null: Runner, kite: Kite, keys) -> tuple[tuple[s
             cosine = abs(H[i, j]) / np.sqrt(max(H[i, i] * H[j, j], 1e-300))
             if cosine < COLLINEAR or len(effect.parameters) > 1:
                 continue
-            trial = run(contest, null.table.with_rows([replace(null.table[name], free=True)]), (effect.key,), (*null.names, name), null.fit.own)
+            trial = run(
+                contest, null.table.with_rows([replace(null.table[name], free=True)]), (effect.key,), (*null.names, name), null.fit.own
+            )
             # the parameter comes back from its bound, and the whole is more likely than before
-            if not _at_bound(trial.table[bound]) and trial.fit.solution.cost < null.fit.solution.cost - 2.0:
+            if not _at_bound(trial.table[bound]) and trial.fit.solution.cost < null.fit.solution.cost - LIKELIER:
                 found.append((cosine, effect.key, bound, trial))
     found.sort(key=lambda f: f[3].fit.solution.cost)
     return tuple((key, bound, trial) for _, key, bound, trial in found[:2])

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from awescli.notation.quantities import SURFACES
+from awescli.flightlog.log import FlightLog, WindRecord
+from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.physics.declaration import KiteDeclaration, WindLaw
 from awescli.physics.kite import Kite
-from awescli.simulation.rollout import Segments
+from awescli.simulation.rollout import Segments, Simulator
 
 VALUES = {
     "m": 8.0, "g": 9.81, "S": 3.0, "b": 5.0, "c": 0.6, "Jx": 9.0, "Jy": 4.0, "Jz": 12.0, "Jxz": 0.1, "d_t": 0.002, "CtD": 1.0,
@@ -51,3 +52,32 @@ def small_segments(kite: Kite, count: int, steps: int, seed: int = 0) -> Segment
     for name, value in {"tether_length": length[:, None], "density": 1.2, "wind_speed_0": 8.0, "wind_direction_0": np.pi}.items():
         inputs[:, :, kite.input_names.index(name)] = value
     return Segments(np.arange(count), starts, setpoints, inputs, 0.02)
+
+
+def small_flight(truth: Kite, flights: int = 8, steps: int = 250, seed: int = 0) -> tuple[FlightLog, list[tuple[int, int]]]:
+    """(log, range of each flight): short flights of `truth` one after the other, with the declared sensor noise, as one log."""
+    rng = np.random.default_rng(seed)
+    segments = small_segments(truth, flights, steps, seed)
+    outputs = Simulator(truth, ()).rollout(segments).outputs
+    noise = truth.declaration.noise
+    std = {
+        **{f"p_{a}": s for a, s in zip("ned", noise.position, strict=True)}, **dict.fromkeys(("v_n", "v_e", "v_d"), noise.velocity),
+        **dict.fromkeys(("phi", "theta", "psi"), noise.euler), **dict.fromkeys("pqr", noise.rates), "V_a": noise.airspeed,
+        **dict.fromkeys(("a_x", "a_y", "a_z"), noise.acceleration), **dict.fromkeys(("alpha", "beta"), noise.flow_angles), "tension": 10.0,
+    }  # fmt: skip
+    n = flights * (steps + 1)
+    measured = {}
+    for i, name in enumerate(MEASURED):
+        assert OUTPUTS[i] == name
+        signal = outputs[:, :, i].reshape(n) + std[name] * rng.normal(size=n)
+        measured[name] = signal
+    at = truth.input_names.index
+    inputs = {name: segments.setpoints[:, :, i].reshape(n).copy() for i, name in enumerate(SURFACES)}
+    inputs["tether_length"] = segments.inputs[:, :, at("tether_length")].reshape(n).copy()
+    inputs["reel_out_speed"] = np.zeros(n)
+    one = np.ones((2, 1))
+    wind = WindRecord(np.array([0.0, 0.02 * n]), np.array([10.0]), 8.0 * one, np.pi * one, 0.0 * one, np.array([1.2, 1.2]))
+    log = FlightLog("small", 0.0, 0.02, 0.02 * np.arange(n), measured, inputs, np.ones(n, bool), wind)
+    # a few samples at the seams are left out: smoothing looks across them
+    return log, [(k * (steps + 1) + 10, (k + 1) * (steps + 1) - 10) for k in range(flights)]
+

@@ -14,7 +14,8 @@ class Effect:
     """One effect. Subclasses are final: they fill one place, and `rates`/`initial` if they have states of their own.
 
     name: its row in the table; parameters: with null as `value`, plausible range as bounds; targets: where it may act
-    (surfaces, axes, clock groups), empty if there is only one such place; always: part of every kite, not a candidate.
+    (surfaces, axes, clock groups), empty if there is only one such place; always: part of every kite, not a candidate;
+    empirical: a term fitted to a residual, not physics.
     plausible: parameter name -> largest size at which the effect is an explanation; probes: parameter name -> sizes at which
     an effect that is flat at null (a lag, a threshold) is tried; abrupt: its presence changes the start of a rollout so much that
     only a re-fit from the probe can judge it; shapes: parameters that only give form to another one.
@@ -33,6 +34,7 @@ class Effect:
     abrupt: bool = False
     always: bool = False
     traceable: bool = True
+    empirical: bool = False
 
     def __init__(self, target: str = "", declaration=None):
         """target: one of `targets`, or empty; declaration: the kite file (`declaration.KiteDeclaration`) it stands in."""

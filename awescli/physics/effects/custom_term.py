@@ -43,6 +43,7 @@ class CustomTerm(Effect):
     doc = "empirical term found in a residual"
     parameters = (Parameter("k", 0.0, "-", -1.0, 1.0, source="empirical"),)
     traceable = False
+    empirical = True
 
     @classmethod
     def accepts(cls, target):

@@ -18,7 +18,5 @@ class PositionLatency(Effect):
         # in a coordinated turn the acceleration turns with the body
         jerk = rotate(at.R, cross((at.z.p, at.z.q, at.z.r), acceleration))
         t = own.tau
-        late = {
-            name: reported[name] - t * (at.v_ned[i] - t / 2 * (a[i] - t / 3 * jerk[i])) for i, name in enumerate(("p_n", "p_e", "p_d"))
-        }
+        late = {name: reported[name] - t * (at.v_ned[i] - t / 2 * (a[i] - t / 3 * jerk[i])) for i, name in enumerate(("p_n", "p_e", "p_d"))}
         return {**reported, **late}

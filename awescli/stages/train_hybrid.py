@@ -1,0 +1,124 @@
+"""train-hybrid: let a small network learn what the physics leaves, through the rollout (seed section 5)."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
+
+CHECKPOINT = "training.npz"
+
+
+class TrainHybridConfig(StageConfig):
+    """Settings of train-hybrid."""
+
+    hidden: tuple[int, ...] = Field((16, 16), description="widths of the tanh layers (the seed: 8, 8)")
+    inputs: tuple[str, ...] | None = Field(None, description="what the network sees; default states, flow angles, surfaces, line")
+    horizons: tuple[float, ...] = Field((1.0, 2.5, 5.0), description="predicted seconds, growing; the last one is what counts [s]")
+    warmup: float = Field(1.0, gt=0.1, le=5, description="seconds before a prediction that its start is estimated from [s]")
+    surfaces: Literal["recorded", "controller"] = Field("recorded", description="replay the recorded set-points, or close the loop")
+    solver: str = Field("rk4", description="rk4: compiled, exact adjoint; any solver of torchdiffeq: slow, for checks")
+    batch: int = Field(32, ge=8, description="segments per Adam step")
+    rate: float = Field(0.01, gt=0, le=1, description="Adam's step size")
+    clip: float = Field(5.0, gt=0, description="greatest norm of a gradient")
+    decay: float = Field(1e-4, ge=0, description="weight decay: physics explains first")
+    rounds: int = Field(5, ge=1, le=100, description="most rounds per horizon, and of L-BFGS")
+    patience: int = Field(2, ge=1, description="rounds without progress that make a plateau")
+    material: float = Field(0.03, ge=0, lt=1, description="least relative gain on validation for a correction to be kept")
+    budget: float = Field(60.0, gt=0, description="seconds of training, all networks together [s]")
+    members: int = Field(1, ge=1, le=20, description="networks from different seeds; their spread is the model's uncertainty")
+    compare: bool = Field(False, description="also run Adam alone for as many gradients (seed figure 3)")
+
+
+class TrainHybrid(Stage):
+    """Train on train, stop and decide on validation, report on test."""
+
+    name = "train-hybrid"
+    help = "Train a small network on what the physics leaves: Adam, then L-BFGS, through the rollout."
+    Config = TrainHybridConfig
+    makes = ("network.safetensors", "network.json", "metrics.json", "correction.npz", KITE_FILE)
+
+    def needs(self, config):
+        return (
+            Need("fit-controller", required=config.surfaces == "controller"), Need("identify"), Need("trace-residual", required=False),
+        )  # fmt: skip
+
+    def run(self, context, config):
+        import numpy as np
+
+        from awescli.artifacts import read_arrays, write_arrays, write_json, write_tensors, write_text
+        from awescli.learning.correction import hybrid_from_artifact
+        from awescli.learning.ensemble import spread, train_ensemble
+        from awescli.learning.explain import along, distil
+        from awescli.learning.normalisation import outside_share
+        from awescli.learning.training import HISTORY, State, TrainingConfig
+        from awescli.physics.declaration import kite_text, read_kite
+        from awescli.physics.kite import Kite
+        from awescli.simulation.rollout import Simulator
+        from awescli.stages.flight_parts import flight_parts, law_upstream, score_parts
+
+        log, parts = flight_parts(context)
+        declaration = read_kite(context.model_kite())
+        kite = Kite(declaration, log.wind.height)
+        law = law_upstream(context, kite, log) if config.surfaces == "controller" else None
+        chosen = {k: v for k, v in config.model_dump().items() if k not in ("inputs", "surfaces", "members") and k in TrainingConfig.__annotations__}
+        settings = TrainingConfig(**chosen, seed=context.seed, **({"inputs": config.inputs} if config.inputs else {}))
+        saved = context.scratch / CHECKPOINT
+        further = {"law": law}
+        if config.members == 1:
+            further["state"] = State.from_arrays(read_arrays(saved), where=str(saved)) if saved.is_file() else None
+            further["checkpoint"] = lambda state: write_arrays(saved, state.to_arrays())
+        task = context.progress.task("training")
+        ensemble = train_ensemble(
+            kite, log, parts.train, parts.validation, settings, config.members,
+            lambda text, cost: (task.advance(), task.update(f"{text}, training {cost:.4g}")), **further,
+        )  # fmt: skip
+        best = ensemble.best
+        correction, description = best.correction, best.correction.description()
+        task.update("scoring on unseen loops")
+        horizon = best.metrics["horizons"][-1]
+        before = score_parts(Simulator(kite, ()), log, parts, horizon)
+        after = score_parts(hybrid_from_artifact(description, correction.to_arrays(), declaration, log), log, parts, horizon)
+        told = along(log, kite, correction)
+        metrics = {
+            **best.metrics, "before": before, **after, "outside_box_test": outside_share(log, kite, correction, parts.test),
+            "share_of_acceleration": told.shares(log.valid), "history": {"columns": list(HISTORY), "rows": [list(r) for r in best.history]},
+            "distilled": [str(f) for f in distil(log, kite, correction, parts.train, parts.validation)],
+        }  # fmt: skip
+        if best.adam_only is not None:
+            alone = hybrid_from_artifact(best.adam_only.description(), best.adam_only.to_arrays(), declaration, log)
+            metrics["comparison"]["test"] = {"adam": score_parts(alone, log, parts, horizon)["nrmse"]["test"], "adam_lbfgs": after["nrmse"]["test"]}
+        if config.members > 1:
+            learned = [c for c in ensemble.corrections if not c.is_zero]
+            metrics["ensemble"] = {"members": config.members, "learned": len(learned), "outcomes": [m.outcome for m in ensemble.members]}
+            if len(learned) > 1:
+                metrics["ensemble"]["spread"] = spread_over_test(kite, learned, log, parts.test, horizon, spread)
+        write_tensors(context.folder / "network.safetensors", correction.to_arrays())
+        write_json(context.folder / "network.json", description)
+        write_json(context.folder / "metrics.json", metrics)
+        write_arrays(context.folder / "correction.npz", {"time": log.time, "correction": told.values, "physics": told.physics, "fade": np.asarray(told.fade)})
+        write_text(context.folder / KITE_FILE, kite_text(declaration))
+        for name, reason in best.dropped.items():
+            context.progress.note(f"network input '{name}' was left out: it {reason}")
+        if metrics["outside_box_test"] > 0.05:
+            context.progress.note(f"on {100 * metrics['outside_box_test']:.0f} % of the test loops the correction faded: the flight left what it was trained on")
+        context.progress.note(best.metrics["sentence"])
+        return {
+            "outcome": best.outcome, "test NRMSE before": before["nrmse"]["test"]["mean"], "after": after["nrmse"]["test"]["mean"],
+            "outside its box": metrics["outside_box_test"],
+        }  # fmt: skip
+
+
+def spread_over_test(kite, corrections, log, ranges, horizon: float, spread) -> dict[str, float]:
+    """Channel -> root mean square standard deviation of the members' predictions of the test loops."""
+    import numpy as np
+
+    from awescli.flightlog.split import segments
+    from awescli.notation.quantities import MEASURED, OUTPUTS
+    from awescli.simulation.segments import observe
+
+    steps = int(round(horizon / log.dt))
+    observed = observe(log, kite, segments(ranges, steps, stride=steps, valid=log.valid), steps, MEASURED)
+    _, deviation = spread(kite, corrections, observed.segments)
+    sizes = np.sqrt(np.nanmean(deviation**2, axis=(0, 1)))
+    return {name: float(s) for name, s in zip(OUTPUTS, sizes, strict=True) if np.isfinite(s)}

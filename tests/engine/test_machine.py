@@ -1,0 +1,162 @@
+"""Compiled code against plain floats, its Jacobian against complex step, finite differences and its own reverse."""
+
+import ctypes
+
+import numpy as np
+import pytest
+from engine.expressions import ARITHMETIC, SMOOTH, random_function
+
+from awescli.engine.adjoint import compile_reversible
+from awescli.engine.machine import LANES, compile_program, evaluate
+from awescli.engine.record import record
+from awescli.engine.record import evaluate as on_tape
+from awescli.notation.scalars import absolute, maximum, select
+
+N_X, N_U, N_C = 4, 2, 3
+
+
+def lanes(seed):
+    random = np.random.default_rng(seed)
+    return tuple(random.uniform(0.2, 2.0, (n, LANES)) for n in (N_X, N_U, N_C))
+
+
+def tangent(program, x, u, c, S, column_of):
+    """(y, dS) of one call of a compiled `tangent`: S (n_x, columns, LANES)."""
+    x, u, c, S = (np.ascontiguousarray(a, dtype=float) for a in (x, u, c, S))
+    y, dS = np.empty((program.n_y, LANES)), np.empty((program.n_y, S.shape[1], LANES))
+    columns = np.asarray(column_of, dtype=np.int64)
+    function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6, ctypes.c_int64, ctypes.c_void_p)(program.tangent)
+    function(*(a.ctypes.data for a in (x, u, c, y, S, dS)), S.shape[1], columns.ctypes.data)
+    return y, dS
+
+
+def jacobian(program, x, u, c):
+    """(n_y, n_x + n_wrt, LANES) by identity seeds."""
+    S = np.zeros((program.n_x, program.n_x + len(program.wrt), LANES))
+    S[: program.n_x, : program.n_x] = np.eye(program.n_x)[:, :, None]
+    return tangent(program, x, u, c, S, program.n_x + np.arange(len(program.wrt)))[1]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_arithmetic_is_exact_on_every_lane(seed):
+    """Guards against fused or reordered operations, and against lanes that mix: + - * / sqrt select are right to the last bit."""
+    f = random_function(seed, ops=80, allowed=(*ARITHMETIC, "select"))
+    x, u, c = lanes(seed)
+    y = evaluate(compile_program(f, N_X, N_U, N_C, tangent=False), x, u, c)
+    tape, out = record(f, x=N_X, u=N_U, c=N_C)
+    for lane in range(LANES):
+        assert y[:, lane].tolist() == on_tape(tape, out, x=x[:, lane], u=u[:, lane], c=c[:, lane])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_compiled_functions_are_the_functions(seed):
+    """Guards the printed calls (argument order of atan2, sign of neg): everything to rounding of the approximations."""
+    f = random_function(seed, ops=60)
+    x, u, c = lanes(seed)
+    y = evaluate(compile_program(f, N_X, N_U, N_C, tangent=False), x, u, c)
+    expected = np.array([f(*(a[:, lane].tolist() for a in (x, u, c))) for lane in range(LANES)]).T
+    # 60 operations of a few units in the last place each, values of order one
+    assert np.abs(y - expected).max() < 1e-13
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_jacobian_is_that_of_the_complex_step(seed):
+    """Guards every smooth derivative rule and the vertex elimination: complex step has no truncation error to hide behind."""
+    f = random_function(seed, ops=50, allowed=SMOOTH)
+    x, u, c = lanes(seed)
+    J = jacobian(compile_program(f, N_X, N_U, N_C, range(N_C)), x, u, c)
+    for lane in range(LANES):
+        z = [*x[:, lane].astype(complex), *u[:, lane].astype(complex), *c[:, lane].astype(complex)]
+        for column, i in enumerate([*range(N_X), *range(N_X + N_U, N_X + N_U + N_C)]):
+            moved = list(z)
+            moved[i] += 1e-200j
+            d = np.imag(f(moved[:N_X], moved[N_X : N_X + N_U], moved[N_X + N_U :])) / 1e-200
+            assert J[:, column, lane] == pytest.approx(d, rel=1e-11, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_jacobian_is_that_of_finite_differences(seed):
+    """Guards atan2 and select, which complex step cannot reach."""
+    f = random_function(100 + seed, ops=50)
+    x, u, c = lanes(seed)
+    program = compile_program(f, N_X, N_U, N_C, range(N_C))
+    J, h = jacobian(program, x, u, c), 1e-5
+    for block, column in [(x, i) for i in range(N_X)] + [(c, i) for i in range(N_C)]:
+        saved = block[column].copy()
+        block[column] = saved + h
+        above = evaluate(program, x, u, c)
+        block[column] = saved - h
+        below = evaluate(program, x, u, c)
+        block[column] = saved
+        d = (above - below) / (2 * h)
+        where = column + (N_X if block is c else 0)
+        # h^2 truncation and 1e-16/h rounding, both below 1e-9; a kink inside h hits at most a lane in thousands
+        assert np.abs(J[:, where] - d).max() < 1e-7
+
+
+def test_a_tangent_carries_seeds_and_adds_only_the_parameters_that_are_asked_for():
+    """Guards dS = df/dx S + df/dc: columns of -1 must stay out, and S must be multiplied from the right side."""
+    f = random_function(3, ops=40)
+    program = compile_program(f, N_X, N_U, N_C, range(N_C))
+    x, u, c = lanes(3)
+    J = jacobian(program, x, u, c)
+    S = np.random.default_rng(0).standard_normal((N_X, 5, LANES))
+    y, dS = tangent(program, x, u, c, S, [-1, 4, -1])
+    expected = np.einsum("ijl,jcl->icl", J[:, :N_X], S)
+    expected[:, 4] += J[:, N_X + 1]
+    assert np.abs(dS - expected).max() < 1e-13 * np.abs(expected).max()
+    assert np.array_equal(y, evaluate(program, x, u, c))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_reverse_is_the_transposed_tangent(seed):
+    """Guards reverse accumulation: w' (J v) = v' (J' w) for the same recorded function."""
+    f = random_function(seed, ops=50)
+    x, u, c = lanes(seed)
+    J = jacobian(compile_program(f, N_X, N_U, N_C, ()), x, u, c)
+    program = compile_reversible(f, N_X, N_U, N_C)
+    w = np.random.default_rng(seed).standard_normal((J.shape[0], LANES))
+    v = np.empty((N_X, LANES))
+    ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)(program.adjoint)(*(a.ctypes.data for a in (x, u, c, w, v)))
+    assert v == pytest.approx(np.einsum("ijl,il->jl", J, w), rel=1e-11, abs=1e-12)
+
+
+def test_the_derivative_of_a_select_is_that_of_the_chosen_side():
+    """Guards against a derivative through the condition, and against 0 * inf from the side that was not taken."""
+    f = lambda x, u, c: [select(x[0], x[0] * x[0], -3.0 * x[0]), maximum(x[0], 0.5), absolute(x[1]), select(x[0], x[0].sqrt(), x[0])]  # noqa: E731
+    program = compile_program(f, 2, 0, 0)
+    x = np.zeros((2, LANES))
+    x[:, 0], x[:, 1], x[:, 2] = (2.0, -1.0), (-2.0, 3.0), (0.0, 0.0)
+    J = jacobian(program, x, np.zeros((0, LANES)), np.zeros((0, LANES)))
+    assert J[:3, 0, 0].tolist() == [4.0, 1.0, 0.0] and J[2, 1, 0] == -1.0
+    assert J[:3, 0, 1].tolist() == [-3.0, 0.0, 0.0] and J[2, 1, 1] == 1.0
+    assert J[0, 0, 2] == -3.0 and J[2, 1, 2] == -1.0  # at the kink: the "otherwise" side
+
+
+def test_an_output_that_is_an_input_or_feeds_another_output():
+    """Guards two special cases of the elimination: outputs are never eliminated, even where they are inner vertices."""
+    f = lambda x, u, c: [x[0], x[0] * c[0], (x[0] * c[0]) * x[1], 7.0]  # noqa: E731
+    program = compile_program(f, 2, 0, 1, (0,))
+    x, c = np.full((2, LANES), 3.0), np.full((1, LANES), 5.0)
+    J = jacobian(program, x, np.zeros((0, LANES)), c)[:, :, 0]
+    assert J.tolist() == [[1, 0, 0], [5, 0, 3], [15, 15, 9], [0, 0, 0]]
+
+
+def test_the_cache_knows_a_changed_function(tmp_path, monkeypatch):
+    """Guards caching by content: same text same object, another constant another result, a lost cache only costs time."""
+    monkeypatch.setenv("AWES_CACHE", str(tmp_path / "cache"))
+    one = np.ones((1, LANES))
+
+    def run(factor):
+        return evaluate(compile_program(lambda x, u, c: [factor * x[0].sin()], 1, 1, 1, tangent=False), one, one, one)[0, 0]
+
+    first = run(2.0)
+    kept = sorted((tmp_path / "cache").iterdir())
+    assert run(2.0) == first and sorted((tmp_path / "cache").iterdir()) == kept and len(kept) == 1
+    assert run(3.0) == pytest.approx(1.5 * first, rel=1e-15)
+    assert len(list((tmp_path / "cache").iterdir())) == 2
+    for file in (tmp_path / "cache").iterdir():
+        file.unlink()
+    assert run(2.0) == first
+    monkeypatch.setenv("AWES_CACHE", "/proc/nowhere")
+    assert run(5.0) == pytest.approx(2.5 * first, rel=1e-15)

@@ -1,0 +1,94 @@
+"""Training: learns an effect that the model lacks, nothing from clean flight, goes on exactly where it was stopped."""
+
+import numpy as np
+import pytest
+from learning.small_flight import small_flight, small_kite
+
+from awescli.learning.correction import Correction
+from awescli.learning.explain import along, distil
+from awescli.learning.training import State, TrainingConfig, train
+from awescli.notation.errors import BadInput
+
+CONFIG = TrainingConfig(hidden=(8,), horizons=(0.8, 2.5), warmup=0.6, rounds=3, adam_iterations=25, lbfgs_iterations=15)
+
+
+@pytest.fixture(scope="module")
+def draggy():
+    """A flight whose kite has half as much drag again as the model says."""
+    return small_flight(small_kite(CD0=0.09))
+
+
+@pytest.fixture(scope="module")
+def learned(draggy):
+    log, ranges = draggy
+    states = []
+    return train(small_kite(), log, ranges[:6], ranges[6:], CONFIG, checkpoint=states.append), states
+
+
+def test_missing_effect_is_learned(learned):
+    trained, _ = learned
+    assert trained.outcome == "trained"
+    ratio = trained.metrics["validation_rmse_ratio"]
+    assert np.mean(list(ratio.values())) < 0.6 and max(ratio.values()) < 1.02
+
+
+def test_what_was_learned_is_drag(learned, draggy):
+    log, ranges = draggy
+    trained, _ = learned
+    kite = small_kite()
+    shares = along(log, kite, trained.correction).shares(log.valid)
+    assert max(shares, key=shares.get) in ("u", "v", "w")
+    formula = distil(log, kite, trained.correction, ranges[:6], ranges[6:])[0]
+    # 0.03 more of drag coefficient: 0.03 * 3 m2 * 100 Pa / 8 kg = 1.1 m/s2 per 100 Pa against u
+    assert formula.channel == "u" and formula.r2 > 0.5 and any("qbar" in t or t in ("V_a", "u") for t in formula.terms)
+
+
+def test_clean_flight_teaches_nothing():
+    log, ranges = small_flight(small_kite(), seed=3)
+    trained = train(small_kite(), log, ranges[:6], ranges[6:], CONFIG)
+    assert trained.outcome == "nothing_to_learn" and trained.correction.is_zero
+    kite = small_kite()
+    assert trained.kite(kite) is kite
+
+
+def test_resumed_training_is_the_uninterrupted_one(learned, draggy):
+    log, ranges = draggy
+    whole, states = learned
+    for stop in (2, len(states) - 2):  # within Adam, within L-BFGS
+        kept = {k: v.copy() for k, v in states[stop].to_arrays().items()}
+        resumed = train(small_kite(), log, ranges[:6], ranges[6:], CONFIG, state=State.from_arrays(kept, whole.correction.weights.size))
+        assert np.abs(resumed.correction.weights - whole.correction.weights).max() <= 1e-12
+        assert len(resumed.history) == len(whole.history)
+
+
+def test_budget_is_an_outcome(draggy):
+    log, ranges = draggy
+    ticks = iter(range(0, 100000, 7))
+    trained = train(small_kite(), log, ranges[:6], ranges[6:], CONFIG, clock=lambda: float(next(ticks)))
+    assert trained.outcome in ("budget_reached", "trained") and len(trained.history) <= 10
+
+
+def test_network_survives_the_file_and_tampering_is_noticed(learned):
+    correction = learned[0].correction
+    arrays, description = correction.to_arrays(), correction.description()
+    again = Correction.from_arrays(arrays, description)
+    assert np.array_equal(again.weights, correction.weights) and again.inputs == correction.inputs
+    bent = {**arrays, "weights": arrays["weights"] + np.eye(1, arrays["weights"].size)[0] * 1e-9}
+    for bad, said in (
+        ((bent, description), "do not belong together"),
+        (({**arrays, "weights": arrays["weights"][:-1]}, description), "not 254 finite numbers|finite numbers"),
+        ((arrays, {**description, "inputs": description["inputs"][::-1]}), "do not belong together"),
+        ((arrays, {**description, "inputs": ["nonsense"]}), "unknown network input"),
+        (({"weights": arrays["weights"]}, description), "lacks"),
+        ((arrays, {}), "not a correction network"),
+    ):
+        with pytest.raises(BadInput, match=said):
+            Correction.from_arrays(*bad)
+
+
+def test_checkpoint_of_another_network_is_refused(learned):
+    arrays = learned[1][0].to_arrays()
+    with pytest.raises(BadInput, match="another network"):
+        State.from_arrays(arrays, 7)
+    with pytest.raises(BadInput, match="not a training checkpoint"):
+        State.from_arrays({}, 7)
