@@ -48,9 +48,6 @@ LARGE = {
 }
 """Largest size of each effect, taken from the typical sizes of the library's sources."""
 
-NULL = {"s": 1.0, "c": 1.0, "EA": math.inf}
-SHAPES = {"alpha_0", "threshold", "zeta"}
-
 OUTSIDE = {
     "roll moment with heading": {"custom_term:m_x*sin_heading": {"k": 0.004}},
     "pitch moment with alpha and airspeed": {"custom_term:m_y*alpha*V_a": {"k": 0.3}},
@@ -65,16 +62,17 @@ PAIRS = (("actuator_lag:rudder", "airspeed_scale"), ("sideslip_drag", "position_
 
 
 def sized(key: str, share: float) -> dict:
-    """An effect at a share of its largest size: strengths scale from null, shapes stay."""
+    """An effect at a share of its largest size: strengths scale from null, shapes stay, a stiffness scales inversely."""
+    from awescli.physics.effects import EFFECTS
+
+    effect = EFFECTS[key.partition(":")[0]]
+    null = {p.name: p.value for p in effect.parameters}
     values = {}
     for name, value in LARGE[key].items():
-        if name in SHAPES:
+        if name in effect.shapes:
             values[name] = value
-        elif name == "EA":
-            values[name] = value / share
         else:
-            null = NULL.get(name, 0.0)
-            values[name] = null + share * (value - null)
+            values[name] = value / share if effect.abrupt else null[name] + share * (value - null[name])
     return values
 
 

@@ -113,7 +113,7 @@ def lively(kite: Kite, log: FlightLog, count: int = 8, seconds: float = 5.0, see
     random = np.random.default_rng(seed)
     steps = int(round(seconds / log.dt))
     first = np.linspace(50, len(log) - steps - 2, count).astype(int)
-    observed = observe(log, kite, first, steps, MEASURED)
+    observed = _with_vanes(observe(log, kite, first, steps, MEASURED), kite.declaration.noise.flow_angles)
     segments, time = observed.segments, log.dt * np.arange(steps + 1)
     setpoints, inputs = segments.setpoints.copy(), segments.inputs.copy()
     for i, (name, size) in enumerate({"aileron": 0.05, "elevator": 0.04, "rudder": 0.03, "flaps": 0.05}.items()):
@@ -125,6 +125,15 @@ def lively(kite: Kite, log: FlightLog, count: int = 8, seconds: float = 5.0, see
         inputs[k, :, at : at + 3] = dryden(steps + 1, log.dt, 40.0, seed + k)
     moved = segments.__class__(segments.first, segments.starts, setpoints, inputs, segments.dt, segments.values)
     return Observed(moved, observed.outputs, observed.measured, observed.sigma)
+
+
+def _with_vanes(observed: Observed, std: float) -> Observed:
+    """All of MEASURED, also the flow angles that a log without vanes lacks (their values are to be filled by `truly`)."""
+    shape = (*observed.measured.shape[:2], len(MEASURED))
+    measured, sigma = np.zeros(shape), np.full(shape, std)
+    for i, name in enumerate(observed.outputs):
+        measured[:, :, MEASURED.index(name)], sigma[:, :, MEASURED.index(name)] = observed.measured[:, :, i], observed.sigma[:, :, i]
+    return Observed(observed.segments, MEASURED, measured, sigma)
 
 
 def truly(observed: Observed, simulator, values=None, noise_seed: int | None = None) -> Observed:

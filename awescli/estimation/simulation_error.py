@@ -76,9 +76,7 @@ def with_gust_noise(simulator: Simulator, observed: Observed, gusts: Gusts, valu
     Inside a window the wind is not constant; what is left shows at once in tension, accelerations and airspeed, through the
     direct dependence of each output on the wind, taken where a window begins.
     """
-    rest = within_window(gusts.std, gusts.window, gusts.memory) if np.isfinite(gusts.window) else 0.0
-    if rest == 0.0:
-        return observed
+    rest = within_window(gusts.std, gusts.window, gusts.memory)
     windows = gusts.columns(observed.segments.steps, observed.segments.dt)
     _, J = simulator.sensitivities(observed.segments, Columns((), (), windows), observed.outputs, values)
     starts = np.array([first for _, first, _ in windows])

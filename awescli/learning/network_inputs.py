@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from awescli.notation.errors import BadInput, did_you_mean
-from awescli.notation.frames import dot
+from awescli.notation.frames import dot, rotate_back
 from awescli.notation.quantities import SURFACES
 from awescli.notation.scalars import asin, cos, sin
 from awescli.physics.instant import Instant
@@ -28,6 +28,7 @@ NETWORK_INPUTS: dict[str, Callable[[Instant], object]] = {
     "cos_theta": lambda at: cos(at.z.theta),
     "sin_psi": lambda at: sin(at.z.psi),
     "cos_psi": lambda at: cos(at.z.psi),
+    **{f"line_{a}": lambda at, i=i: rotate_back(at.R, at.p_hat)[i] for i, a in enumerate("xyz")},
     "alpha": lambda at: at.alpha,
     "beta": lambda at: at.beta,
     "V_a": lambda at: at.V_a,
@@ -44,7 +45,8 @@ before it."""
 
 DEFAULT_INPUTS = (
     "elevation", "north", "east", "u", "v", "w", "p", "q", "r", "sin_phi", "cos_phi", "sin_theta", "cos_theta", "sin_psi", "cos_psi",
-    "alpha", "beta", "V_a", "aileron", "elevator", "rudder", "flaps", "rudder_rate", "tether_length", "stretch", "stretch_rate", "tension",
+    "line_x", "line_y", "line_z", "alpha", "beta", "V_a", "aileron", "elevator", "rudder", "flaps", "rudder_rate",
+    "tether_length", "stretch", "stretch_rate", "tension",
 )  # fmt: skip
 
 

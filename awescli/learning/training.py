@@ -274,11 +274,11 @@ def gate(predicted: Sequence[np.ndarray], smoothed: Sequence[np.ndarray], materi
 
     predicted: errors of predictions from estimated starts. Their mean gain must exceed two standard errors, and `material` of the cost.
     smoothed: chi-square with starts AND a wind error fitted to whole segments. A network could learn the mean error of the wind record,
-    which is no effect of the kite and will be another one tomorrow: what it gains must not all go away when the wind may explain it too.
+    which is no effect of the kite and will be another one tomorrow: `material` must still be gained when the wind may explain it too.
     Neighbouring segments overlap by half, so standard errors are taken with half as many.
     """
     numbers, passed = {}, True
-    for name, (physics, hybrid), errors in (("prediction", predicted, 2.0), ("chi2", smoothed, 1.0)):
+    for name, (physics, hybrid), errors in (("prediction", predicted, 2.0), ("chi2", smoothed, 0.0)):
         gain, independent = physics - hybrid, max(len(physics) / 2, 1)
         error = float(gain.std(ddof=1) / np.sqrt(independent)) if len(gain) > 1 else float(physics.mean())
         need = max(material * float(physics.mean()), errors * error)

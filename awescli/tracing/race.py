@@ -20,7 +20,7 @@ class Contest:
     choice: Observed
     gusts: Gusts
     prior: ParameterTable
-    iterations: int = 12
+    iterations: int = 25
 
 
 @dataclass(frozen=True)

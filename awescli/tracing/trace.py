@@ -14,12 +14,13 @@ COMPETITORS = 5
 """How many of the best screened candidates are re-fitted in a round."""
 ROUNDS = 3
 """At most so many effects are accepted one after the other."""
-MATERIAL = 0.01
-"""Least relative fall of the choice cost that counts as a gain ..."""
-MATERIAL_GAP = 0.1
-"""... or of its distance to the noise floor, when that distance is itself above `FLOOR_ERROR`."""
+MATERIAL = 0.002
+"""Least relative fall of the choice cost that counts as a gain: 0.2 % is 50 units of chi-square on 30 s of flight, and below it no
+prediction error changes in its third digit."""
 FLOOR_ERROR = 0.02
 """Relative error of the noise floor itself: a chi-square per degree of freedom within 1 +- this is at the floor."""
+CERTAIN = 1.5
+"""Standard errors by which the mean log ratio of the choice segments' costs must exceed zero."""
 DECISIVE = 10.0
 """Least lead in cost (-2 log likelihood) over a rival, beside one standard error of the paired differences."""
 
@@ -112,7 +113,8 @@ def _race(contest: Contest, here: Runner, kite: Kite, screening: Screening, prog
     # an abrupt effect cannot be screened by a linear test: it races whenever there is something left to explain
     switched = [s for s in scores if s.key in abrupt and s not in leaders and _gap(here) > FLOOR_ERROR]
     for s in leaders + near[:3] + switched:
-        if not significant[s.key] and s not in switched:
+        # far from the floor the choice segments decide; near it, chance must be ruled out first
+        if not significant[s.key] and _gap(here) < FLOOR_ERROR:
             continue
         progress(f"re-fitting with {s.key}")
         runners[s.key] = enter(contest, here, s)
@@ -186,10 +188,8 @@ def _material(here: Runner, r: Runner) -> bool:
     K = len(gain)
     # a log ratio per block: a few loud blocks must not decide alone
     ratio = np.log(np.maximum(before, 1e-9) / np.maximum(after, 1e-9))
-    certain = ratio.mean() > 1.0 * ratio.std(ddof=1) / np.sqrt(K) if K > 2 else total > 0
-    gap = before.sum() - here.choice_dof
-    enough = total > MATERIAL * before.sum() or (gap > FLOOR_ERROR * here.choice_dof and total > MATERIAL_GAP * gap)
-    return bool(certain and enough and total > DECISIVE)
+    certain = ratio.mean() > CERTAIN * ratio.std(ddof=1) / np.sqrt(K) if K > 2 else bool((ratio > 0).all())
+    return bool(certain and total > MATERIAL * before.sum() and total > DECISIVE)
 
 
 def _ahead(best: Runner, rival: Runner, here: Runner) -> bool:

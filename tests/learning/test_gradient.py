@@ -67,7 +67,7 @@ def test_gradient_agrees_with_autograd_through_torchdiffeq():
     from awescli.simulation.hybrid_torch import TorchHybrid
 
     kite, c = small_kite(), some_correction()
-    segments = small_segments(kite, 3, 20)
+    segments = small_segments(kite, 3, 6)
     simulator = CorrectedSimulator(kite, network_inputs(kite, INPUTS), c.sizes, ROWS, COMPARED)
     run = simulator.rollout(simulator.prepare(segments), c.weights, c.constants)
     outputs = run.outputs

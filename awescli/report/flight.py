@@ -1,0 +1,141 @@
+"""The flight: its path in space, what it was doing when, the wind, and how good the data are."""
+
+import numpy as np
+
+from awescli.flightlog.faults import runs_of
+from awescli.flightlog.split import PARTS
+from awescli.report.evidence import Evidence
+from awescli.report.marks import Cell, Section, bullets, chip, esc, folded, paragraph, table
+from awescli.report.plots import axis, figure, line, scene, stride
+from awescli.report.words import COLOURS, channel, number, percent
+
+PHASE_COLOURS = {"ground": "@grey", "hover": "@ochre", "traction": "@green", "retraction": "@purple", "transition": "@steel"}
+MOST = 6000
+"""Points of a path in space."""
+
+
+def flight(evidence: Evidence) -> Section:
+    log, quality = evidence.log, evidence.quality
+    counts = ", ".join(f"{n} {part}" for n, part in zip(evidence.parts.counts, PARTS, strict=True))
+    facts = (
+        f"{esc(log.name)}: {quality.duration:.1f} s at {quality.rate:.3g} Hz, {quality.samples} samples. {esc(quality.loops)}, dealt whole to "
+        f"the three parts: {counts}. Models are fitted to train, chosen on validation, judged on test."
+    )
+    body = paragraph(facts) + path(evidence) + timeline(evidence) + wind(evidence) + checks(evidence) + signals(evidence)
+    return Section("flight", "The flight", body)
+
+
+def path(evidence: Evidence) -> str:
+    """The measured path, coloured by part."""
+    log, step = evidence.log, stride(len(evidence.log), MOST)
+    owner = np.full(len(log), -1)
+    for k, part in enumerate(PARTS):
+        for first, last in getattr(evidence.parts, part):
+            owner[first:last] = k
+    data = []
+    for k, name in ((-1, "in no loop"), *enumerate(PARTS)):
+        here = owner == k
+        if not here.any():
+            continue
+        # a part goes one sample on, so that the path has no holes where parts meet
+        here[1:] |= here[:-1]
+        x, y, z = (np.where(here, s, np.nan)[::step] for s in (log["p_e"], log["p_n"], -log["p_d"]))
+        data.append({
+            "type": "scatter3d", "mode": "lines", "x": x, "y": y, "z": z, "name": name,
+            "line": {"color": COLOURS.get(name, COLOURS["floor"]), "width": 3},
+            "hovertemplate": "east %{x:.1f} m, north %{y:.1f} m, up %{z:.1f} m<extra>" + name + "</extra>",
+        })  # fmt: skip
+    data.append({
+        "type": "scatter3d", "mode": "markers", "x": [0], "y": [0], "z": [0], "name": "winch",
+        "marker": {"size": 5, "color": COLOURS["measured"], "symbol": "diamond"},
+    })  # fmt: skip
+    return figure(
+        "fig-3d-flight", "The measured path", data, {"scene": scene(), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
+        split="whole flight, by part", note="Drag to turn, scroll or pinch to come nearer.", height=460,
+    )  # fmt: skip
+
+
+def timeline(evidence: Evidence) -> str:
+    """Height and tether length over time, with phases below and parts above."""
+    log, step = evidence.log, stride(len(evidence.log))
+    t, height = log.time[::step], -log["p_d"][::step]
+    data = [line(t, height, "height above the winch", COLOURS["measured"])]
+    if "tether_length" in log:
+        data.append(line(t, log["tether_length"][::step], "tether length", COLOURS["floor"], dash="dot"))
+    shapes = []
+    for part in PARTS:
+        data.append(_key(part, COLOURS[part]))
+        shapes += [_strip(log.time[a], log.time[b - 1], 0.955, 1.0, COLOURS[part]) for a, b in getattr(evidence.parts, part)]
+    for name in [p for p in PHASE_COLOURS if (evidence.phases == p).any()]:
+        data.append(_key(name, PHASE_COLOURS[name], "phase: "))
+        shapes += [_strip(log.time[a], log.time[b - 1], 0.0, 0.045, PHASE_COLOURS[name]) for a, b in runs_of(evidence.phases == name)]
+    spent = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in evidence.quality.phases.items())
+    return figure(
+        "fig-timeline", "Height over time", data, {"xaxis": axis("time [s]"), "yaxis": axis("[m]", rangemode="tozero"), "shapes": shapes},
+        split="whole flight", note=f"Strip above: parts; strip below: phases ({esc(spent)}).", height=300, linked="flight",
+    )  # fmt: skip
+
+
+def _strip(x0, x1, y0, y1, colour) -> dict:
+    return {"type": "rect", "xref": "x", "yref": "paper", "x0": x0, "x1": x1, "y0": y0, "y1": y1, "fillcolor": colour, "line": {"width": 0}}
+
+
+def _key(name: str, colour: str, prefix: str = "") -> dict:
+    """A legend entry for shapes, which have none of their own."""
+    return {
+        "type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": f"{prefix}{name}",
+        "marker": {"symbol": "square", "size": 10, "color": colour},
+    }  # fmt: skip
+
+
+def wind(evidence: Evidence) -> str:
+    """Speed and direction as recorded, per height."""
+    record = evidence.log.wind
+    if record is None:
+        return paragraph("The log has no wind record.", "absent")
+    step = stride(len(record.time))
+    shown = np.unique(np.linspace(0, len(record.height) - 1, min(len(record.height), 5)).astype(int))
+    shades = ["@blue", "@green", "@ochre", "@red", "@purple"]
+    inside = (record.time >= evidence.log.time[0] - 60) & (record.time <= evidence.log.time[-1] + 60)
+    inside = inside if inside.any() else np.ones(len(record.time), bool)
+    t = record.time[inside][::step]
+    panels = []
+    for id, title, unit, values in (
+        ("fig-wind-speed", "Wind speed", "m/s", record.speed),
+        ("fig-wind-direction", "Wind direction, where it comes from", "°", np.degrees(record.direction)),
+    ):
+        data = [
+            line(t, values[inside, k][::step], f"{record.height[k]:.0f} m", shades[i % 5], mode="lines+markers", marker={"size": 3})
+            for i, k in enumerate(shown)
+        ]
+        layout = {"xaxis": axis("time [s]"), "yaxis": axis(f"[{unit}]"), "showlegend": True}
+        panels.append(figure(id, title, data, layout, split="whole flight", height=230, part=True))
+    mean = f"Mean wind {number(float(record.speed[inside].mean()))} m/s at the recorded heights."
+    return f'<div class="grid">{"".join(panels)}</div>' + paragraph(mean)
+
+
+def checks(evidence: Evidence) -> str:
+    """The named numbers that data must keep."""
+    rows = [
+        (c.name, Cell(f"{number(c.value)} {esc(c.unit)}", c.value), Cell(f"{number(c.threshold)} {esc(c.unit)}", c.threshold),
+         Cell(chip("passed", "good") if c.ok else chip("look here", "bad"), str(c.ok)), c.sentence)
+        for c in evidence.quality.checks
+    ]  # fmt: skip
+    body = table(("check", "value", "limit", "", "what it means"), rows)
+    left = {k: v for k, v in evidence.quality.left_out.items() if v > 0}
+    out = f"Left out: {esc(', '.join(f'{k} {v:.1f} s' for k, v in left.items()))}." if left else ""
+    return f'<div id="tab-quality"><h3>Data quality</h3>{paragraph(out) if out else ""}<br>{body}</div>'
+
+
+def signals(evidence: Evidence) -> str:
+    """Every signal, and what the reader did to the file."""
+    rows = [
+        (channel(c.name), Cell(f"<code>{esc(c.name)}</code>", c.name), c.unit, Cell(number(c.low), c.low), Cell(number(c.high), c.high),
+         Cell(number(c.noise, 2), c.noise), c.group)
+        for c in evidence.quality.channels
+    ]  # fmt: skip
+    head = ("signal", "name", "unit", "smallest", "largest", "white noise (1 std)", "clock")
+    notes = bullets(esc(n) for n in evidence.quality.notes)
+    told = f"<h3>What the reader did</h3>{notes}" if notes else ""
+    valid = paragraph(f"{percent(float(evidence.log.valid.mean()))} of the samples are valid.")
+    return folded(f"All {len(rows)} signals, ranges and noise", valid + table(head, rows) + told)

@@ -1,0 +1,174 @@
+"""The first screen: what was wrong with the model, how much better it is now; every claim leads to the plot that shows it."""
+
+from awescli.report.evidence import Evidence
+from awescli.report.marks import Section, bullets, esc, link, paragraph
+from awescli.report.plots import axis, dots, figure
+from awescli.report.words import COLOURS, channel, effect_words, listed, percent, short, times, with_std
+
+ODDS = {
+    "none": "Nothing is missing that this flight could show",
+    "not_deterministic": "What is left is gusts: it does not repeat from loop to loop",
+}
+SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
+
+
+def headline(evidence: Evidence) -> Section:
+    """Title, verdict, claims, numbers of the ladder, and the ladder per channel."""
+    body = (
+        (paragraph(esc(evidence.effects["sentence"]), "lead") if evidence.effects else "")
+        + tiles(evidence)
+        + bullets(claims(evidence))
+        + ladder(evidence)
+    )
+    return Section("summary", title(evidence), body)
+
+
+def title(evidence: Evidence) -> str:
+    """The verdict in one line."""
+    effects = evidence.effects
+    if effects is None:
+        return "How well the identified model predicts" if evidence.identify else "How well the declared model predicts"
+    verdict = effects["verdict"]
+    names = [effect_words(e["name"], e.get("acts_on", "")) for e in effects["effects"]]
+    if verdict == "found":
+        return f"The model lacked {listed(names)}"
+    if verdict == "cannot_tell":
+        pairs = [[n, *(effect_words(r["name"], r.get("acts_on", "")) for r in e["rivals"])] for n, e in zip(names, effects["effects"], strict=True)]
+        return f"Something is missing: {' and '.join(' or '.join(p) for p in pairs)}; this flight cannot tell which"
+    if verdict == "unexplained":
+        where = (effects.get("unexplained") or {}).get("channel", "")
+        return f"Something repeats{f' in {channel(where)}' if where else ''} that no effect of the library explains"
+    return ODDS.get(verdict, verdict)
+
+
+def tiles(evidence: Evidence) -> str:
+    """Mean error of every model, and what noise alone would leave."""
+    rows = [(evidence.label(m), evidence.nrmse(m)["mean"], COLOURS[m]) for m in evidence.models]
+    rows.append(("noise alone (no model can do better)", evidence.floor["mean"], COLOURS["floor"]))
+    cells = "".join(
+        f'<a class="tile" href="#fig-ladder" style="--tone:var(--{colour[1:]})"><b>{percent(value)}</b><span>{esc(label)}</span></a>'
+        for label, value, colour in rows
+    )
+    what = f"Prediction error {evidence.horizon:g} s ahead on the test loops: mean NRMSE of the 12 states, in percent of each state's range."
+    return f'<div class="tiles">{cells}</div>' + paragraph(f'<span class="soft">{what}</span>')
+
+
+def claims(evidence: Evidence) -> list[str]:
+    """What the page claims, each sentence with a link to its plot."""
+    found = [_error(evidence)]
+    if evidence.effects:
+        found += [_effect(evidence, e) for e in evidence.effects["effects"]]
+        found += _shifts(evidence)
+    elif evidence.params:
+        found += _bounds(evidence)
+    return [c for c in [*found, _hybrid(evidence), _controller(evidence), _flight(evidence)] if c]
+
+
+def _error(evidence: Evidence) -> str:
+    first, last = evidence.models[0], evidence.best
+    before, after = evidence.nrmse(first)["mean"], evidence.nrmse(last)["mean"]
+    count = f"{evidence.parts.counts[2]} {evidence.parts.of}"
+    ahead = f"{evidence.horizon:g} s ahead"
+    if first == last:
+        return f"On {count} that nothing was fitted to, the model errs by {link('fig-ladder', percent(before))} {ahead}."
+    text = (
+        f"On {count} that nothing was fitted to, the error {ahead} went from {percent(before)} ({esc(evidence.label(first))}) "
+        f"to {link('fig-ladder', percent(after))} ({esc(evidence.label(last))}): {times(before, after)}"
+    )
+    if "identified" in evidence.models and last != "identified":
+        middle = evidence.nrmse("identified")["mean"]
+        text += f"; identification alone reaches {link('fig-attitude', percent(middle))}"
+    floor = evidence.floor["mean"]
+    left = "what is left is sensor noise" if after < 1.15 * floor else f"noise alone would leave {percent(floor)}"
+    return f"{text}; {left}. {link('fig-3d-prediction', 'See the paths')}."
+
+
+def _effect(evidence: Evidence, effect: dict) -> str:
+    name = esc(effect_words(effect["name"], effect.get("acts_on", "")))
+    sizes = ", ".join(f"{esc(k)} = {with_std(p['value'], p['std'], p['unit'])}" for k, p in effect["parameters"].items())
+    rivals = [effect_words(r["name"], r.get("acts_on", "")) for r in effect["rivals"]]
+    against = f" Not to be told from {esc(listed(rivals))} on this flight; {link('next', 'what would separate them')}." if rivals else ""
+    doc = f" ({esc(effect['doc'])})" if effect.get("doc") else ""
+    if not evidence.tracing_added:
+        return f"<b>{name}</b>{doc} is suspected, {sizes} (± 2 std); {link('fig-shifts', 'the parameters')} hint at it.{against}"
+    return (
+        f"<b>{name}</b>{doc}: {sizes} (± 2 std). It removes {link('fig-residual', 'the error')} that "
+        f"{link('fig-phase', 'repeats in every loop')}.{against}"
+    )
+
+
+def _shifts(evidence: Evidence) -> list[str]:
+    shifts = evidence.effects.get("parameter_shifts", {})
+    bounded = [n for n, p in ((evidence.params or {}).get("parameters") or {}).items() if p.get("at_bound")]
+    if not shifts or not evidence.tracing_added:
+        return _bounds(evidence)
+    far = {which: sum(abs(s[f"{which}_in_prior_std"]) > 1 for s in shifts.values()) for which in ("before", "after")}
+    text = f"Without it, {link('fig-shifts', 'parameters had to stand in')}: {far['before']} of {len(shifts)} lay more than one prior std off"
+    text += f", {len(bounded)} at a bound" if bounded else ""
+    return [f"{text}; with it {far['after']} do."]
+
+
+def _bounds(evidence: Evidence) -> list[str]:
+    bounded = [n for n, p in ((evidence.params or {}).get("parameters") or {}).items() if p.get("at_bound")]
+    if not bounded:
+        return []
+    ended = f"{len(bounded)} parameters ended" if len(bounded) > 1 else "One parameter ended"
+    return [f"{ended} {link('tab-parameters', 'at a bound')} ({esc(listed(bounded))}): a bound is wrong, or an effect is missing."]
+
+
+def _hybrid(evidence: Evidence) -> str:
+    if "hybrid" not in evidence.models:
+        return ""
+    base = evidence.models[-2] if len(evidence.models) > 1 else "hybrid"
+    before, after = evidence.nrmse(base)["mean"], evidence.nrmse("hybrid")["mean"]
+    told = times(before, after)
+    return f"The network on top of physics: {percent(before)} to {link('fig-hybrid-velocities', percent(after))}, {told}."
+
+
+def _controller(evidence: Evidence) -> str:
+    test = ((evidence.controller or {}).get("nrmse") or {}).get("test") or {}
+    if not test:
+        return ""
+    noise = ((evidence.controller.get("noise_nrmse") or {}).get("test")) or {}
+    pieces = [f"{esc(s)} to {link('fig-law-' + esc(s), percent(v))}" + (f" (noise {percent(noise[s])})" if s in noise else "") for s, v in test.items()]
+    loop = (evidence.controller.get("closed_loop") or {}).get("outcome")
+    flown = {"flies": "and flies the declared model in closed loop", "departs": "but does not hold the declared model in closed loop"}.get(loop, "")
+    return f"The fitted controller repeats {listed(pieces)} of its range on the test {esc(evidence.parts.of)}{f', {flown}' if flown else ''}."
+
+
+def _flight(evidence: Evidence) -> str:
+    failed = [c.name for c in evidence.quality.checks if not c.ok]
+    head = f"{link('fig-3d-flight', 'The flight')}: {evidence.quality.duration:.0f} s, {esc(evidence.quality.loops)}"
+    if not failed:
+        return f"{head}; {link('tab-quality', 'all data checks passed')}."
+    return f"{head}; {link('tab-quality', 'data checks that failed')}: {esc(listed(failed))}."
+
+
+def ladder(evidence: Evidence) -> str:
+    """Error per channel of every model, on a logarithmic axis, with the noise floor."""
+    names = [n for n in SCORED if n in evidence.nrmse(evidence.best)]
+    labels = [short(n) for n in names]
+    full = [channel(n) for n in names]
+    data = [
+        dots(
+            [100 * evidence.nrmse(m)[n] for n in names], labels, evidence.label(m), COLOURS[m], size=10,
+            text=full, hovertemplate="%{text}: %{x:.3g} %<extra>" + esc(evidence.label(m)) + "</extra>",
+        )
+        for m in evidence.models
+    ]  # fmt: skip
+    data.append(
+        dots(
+            [100 * evidence.floor[n] for n in names], labels, "noise alone", COLOURS["floor"], size=14, symbol="line-ns",
+            marker={"line": {"width": 2.5, "color": COLOURS["floor"]}}, text=full, hovertemplate="%{text}: %{x:.3g} %<extra>noise alone</extra>",
+        )
+    )  # fmt: skip
+    layout = {
+        "xaxis": axis("NRMSE [% of range]", type="log", dtick="D2"),
+        "yaxis": {"autorange": "reversed", "type": "category", "dtick": 1},
+        "margin": {"l": 64},
+    }
+    return figure(
+        "fig-ladder", f"Prediction error {evidence.horizon:g} s ahead, per channel", data, layout, split=f"test {evidence.parts.of}",
+        note="Further left is better; each step of the axis is a factor. Nothing can be left of the grey mark: that is sensor noise.",
+        height=max(60 + 24 * len(names), 260),
+    )  # fmt: skip

@@ -1,0 +1,95 @@
+"""Identification: parameters with intervals, prior, shift and flags; errors before and after (figure 2 of the seed)."""
+
+from awescli.report.evidence import Evidence
+from awescli.report.marks import Cell, Section, absent, chip, esc, paragraph, table
+from awescli.report.plots import axis, bars, dots, figure
+from awescli.report.words import COLOURS, channel, number, percent, unit_of, with_std
+
+
+def identification(evidence: Evidence) -> Section:
+    title = "Identification"
+    if evidence.params is None:
+        return Section("identification", title, absent("awes identify", "no parameters were identified"))
+    body = paragraph(sentence(evidence)) + attitude(evidence) + shifts(evidence) + parameters(evidence)
+    return Section("identification", title, body)
+
+
+def sentence(evidence: Evidence) -> str:
+    """How the fit went."""
+    m, rows = evidence.identify or {}, evidence.params["parameters"]
+    chi2, gust = m.get("chi2"), m.get("gust_m_s")
+    text = f"{len(rows)} free parameters, fitted to the train {esc(evidence.parts.of)}; outcome: {esc(m.get('outcome', '?'))}."
+    if chi2 is not None:
+        text += f" χ² per degree of freedom {number(chi2)} (1: nothing but noise is left on train)."
+    if gust:
+        text += f" Gusts of {number(gust)} m/s were estimated along."
+    weak = [n for n, p in rows.items() if not p.get("excited", True)]
+    if weak:
+        text += f" {len(weak)} parameters were hardly seen by this flight and stay near their priors."
+    return text
+
+
+def attitude(evidence: Evidence) -> str:
+    """Figure 2 of the seed: Euler angles before and after, and the mean of all states beside them."""
+    names = [n for n in ("phi", "theta", "psi", "mean") if n in evidence.nrmse("initial")]
+    data = [
+        bars(
+            [channel(n) for n in names], [100 * evidence.nrmse(m)[n] for n in names], evidence.label(m), COLOURS[m],
+            text=[percent(evidence.nrmse(m)[n]) for n in names], textposition="outside", cliponaxis=False,
+        )
+        for m in ("initial", "identified") if m in evidence.models
+    ]  # fmt: skip
+    return figure(
+        "fig-attitude", f"Attitude {evidence.horizon:g} s ahead, before and after identification", data,
+        {"yaxis": axis("NRMSE [% of range]", rangemode="tozero"), "margin": {"t": 24}}, split=f"test {evidence.parts.of}", height=290,
+    )  # fmt: skip
+
+
+def shifts(evidence: Evidence) -> str:
+    """Every parameter's way from its prior, with its interval."""
+    rows = evidence.params["parameters"]
+    data = []
+    for name, colour, keep in (
+        ("seen by the flight", "@blue", lambda p: p.get("excited", True) and not p.get("at_bound")),
+        ("hardly seen", "@grey", lambda p: not p.get("excited", True) and not p.get("at_bound")),
+        ("at its bound", "@red", lambda p: p.get("at_bound")),
+    ):
+        here = {n: p for n, p in rows.items() if keep(p)}
+        if not here:
+            continue
+        data.append(
+            dots(
+                [p["shift_in_prior_std"] for p in here.values()], [esc(n) for n in here], name, colour, size=8,
+                error_x={"type": "data", "array": [2 * p["std"] / p["prior_std"] for p in here.values()], "thickness": 1.4, "width": 0, "color": colour},
+                text=[esc(with_std(p["value"], p["std"], p["unit"])) for p in here.values()],
+                hovertemplate="%{y} = %{text}<br>%{x:.2f} prior std from its prior<extra></extra>",
+            )
+        )  # fmt: skip
+    layout = {
+        "xaxis": axis("shift from the prior, in prior standard deviations", zeroline=True),
+        "yaxis": {"autorange": "reversed", "type": "category", "categoryorder": "array", "categoryarray": [esc(n) for n in rows], "dtick": 1},
+        "shapes": [{"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": -1, "x1": 1, "fillcolor": "@grey/0.12", "line": {"width": 0}}],
+    }
+    return figure(
+        "fig-parameters", "What identification changed", data, layout, split="fitted to train",
+        note="Dots: identified value; lines: ± 2 standard deviations; shaded: one prior standard deviation around the declared value.",
+        height=90 + 17 * len(rows),
+    )  # fmt: skip
+
+
+def parameters(evidence: Evidence) -> str:
+    """The table."""
+    lines = []
+    for name, p in evidence.params["parameters"].items():
+        unit, factor = unit_of(p["unit"])
+        flags = [chip("at bound", "bad")] if p.get("at_bound") else []
+        flags += [chip("hardly seen")] if not p.get("excited", True) else []
+        flags += [chip(f"with {', '.join(p['partners'])}")] if p.get("partners") else []
+        lines.append((
+            Cell(f"<code>{esc(name)}</code>", name), Cell(with_std(p["value"], p["std"]), p["value"]) if factor == 1 else
+            Cell(with_std(p["value"] * factor, p["std"] * factor), p["value"]), unit,
+            Cell(f"{number(p['prior'] * factor, 4)} ± {number(2 * p['prior_std'] * factor, 2)}", p["prior"]),
+            Cell(f"{p['shift_in_prior_std']:+.2f}".replace("-", "−"), p["shift_in_prior_std"]), Cell(" ".join(flags), len(flags)), p.get("advice", ""),
+        ))  # fmt: skip
+    head = ("parameter", "value ± 2 std", "unit", "prior ± 2 std", "shift [prior std]", "flags", "what to do")
+    return f'<div id="tab-parameters"><h3>Parameters</h3><br>{table(head, lines)}</div>'

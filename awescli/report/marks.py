@@ -1,0 +1,96 @@
+"""Building blocks of the page as HTML strings: escaping, sections, tables, links to figures."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+
+def esc(text: Any) -> str:
+    """Text as text. Names come from the files of users; this stands at every one of them."""
+    return escape(str(text), quote=True)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell whose shown text is not what it is sorted by. html: already escaped."""
+
+    html: str
+    key: float | str | None = None
+    tone: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A chapter: id for links, title, HTML."""
+
+    id: str
+    title: str
+    body: str
+
+    def html(self) -> str:
+        return f'<section id="{esc(self.id)}"><h2>{esc(self.title)}</h2>\n{self.body}</section>\n'
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "", *, sortable: bool = True) -> str:
+    """A table that sorts by a click on its head and copies as tab-separated text. Plain cells are escaped."""
+    lines = []
+    for row in rows:
+        cells = [_cell(value, first=i == 0) for i, value in enumerate(row)]
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    heads = "".join(
+        f'<th scope="col" aria-sort="none"><button type="button">{esc(h)}</button></th>' if sortable else f'<th scope="col">{esc(h)}</th>'
+        for h in head
+    )
+    title = f"<caption>{esc(caption)}</caption>" if caption else ""
+    kind = ' class="sortable"' if sortable else ""
+    return (
+        f'<div class="table"><button type="button" class="copy">copy</button><div class="wide"><table{kind}>{title}<thead><tr>{heads}</tr></thead>'
+        f"<tbody>{''.join(lines)}</tbody></table></div></div>\n"
+    )
+
+
+def _cell(value: Any, first: bool) -> str:
+    cell = value if isinstance(value, Cell) else Cell(esc(value), value if isinstance(value, (int, float)) else None)
+    key = "" if cell.key is None else f' data-v="{esc(cell.key)}"'
+    tone = f" {cell.tone}" if cell.tone else ""
+    kind = "num" if isinstance(cell.key, (int, float)) and not isinstance(cell.key, bool) else "txt"
+    if first:
+        return f'<th scope="row" class="{kind}{tone}"{key}>{cell.html}</th>'
+    return f'<td class="{kind}{tone}"{key}>{cell.html}</td>'
+
+
+def bar(share: float, text: str) -> Cell:
+    """A number with a bar behind it, for shares."""
+    width = min(max(share, 0.0), 1.0) * 100
+    return Cell(f'<span class="bar" style="--w:{width:.1f}%">{esc(text)}</span>', share)
+
+
+def chip(text: str, tone: str = "") -> str:
+    """A small label."""
+    return f'<span class="chip {esc(tone)}">{esc(text)}</span>'
+
+
+def link(target: str, html: str) -> str:
+    """A link within the page."""
+    return f'<a href="#{esc(target)}">{html}</a>'
+
+
+def paragraph(html: str, kind: str = "") -> str:
+    return f'<p{f" class={chr(34)}{kind}{chr(34)}" if kind else ""}>{html}</p>\n'
+
+
+def bullets(items: Iterable[str]) -> str:
+    """A list of HTML items; empty text for none."""
+    lines = "".join(f"<li>{item}</li>" for item in items)
+    return f"<ul>{lines}</ul>\n" if lines else ""
+
+
+def folded(title: str, html: str) -> str:
+    """What is not needed at first sight; print opens it."""
+    return f"<details><summary>{esc(title)}</summary>\n{html}</details>\n"
+
+
+def absent(command: str, what: str) -> str:
+    """The place of what did not run."""
+    return paragraph(f"Not here: {esc(what)}. <code>{esc(command)}</code> makes it; then run <code>awes evaluate --report</code> again.", "absent")

@@ -1,0 +1,136 @@
+"""The contract of an effect, on all of EFFECTS at every target: one place, null is absent to the last bit, exact sensitivities,
+visible at its listed size, recovered from a simulated flight, and a survivor of its own file (tests/physics/test_declaration.py)."""
+
+import numpy as np
+import pytest
+from kites import DEVELOPMENT, PLAUSIBLE, at_point, every_key, lively, sizes, truly, with_free
+
+from awescli.estimation.simulation_error import Gusts, fit
+from awescli.notation.quantities import MEASURED, OUTPUTS
+from awescli.physics.effects import EFFECTS
+from awescli.physics.effects.base import PLACES, Effect
+from awescli.physics.kite import Kite, make_effect
+from awescli.simulation.rollout import Columns, Simulator
+
+KEYS = every_key()
+
+
+def null(effect: Effect) -> dict[str, float]:
+    return {p.name: p.value for p in effect.rows()}
+
+
+def strengths(effect: Effect) -> list[str]:
+    """Full names of the parameters that are no mere shapes."""
+    return [f"{effect.key}.{p.name}" for p in effect.parameters if p.name not in effect.shapes]
+
+
+@pytest.fixture(scope="module")
+def bare(calm, kite):
+    """The kite without any effect: (simulator, lively segments, what it flies on them)."""
+    simulator, observed = Simulator(kite, ()), lively(kite, calm.log)
+    return simulator, observed, simulator.rollout(observed.segments)
+
+
+@pytest.fixture(scope="module", params=KEYS)
+def one(request, calm):
+    """One effect on the kite: (effect, kite, simulator differentiable in its parameters)."""
+    kite = Kite(DEVELOPMENT, calm.log.wind.height, (request.param,))
+    effect = next(e for e in kite.effects if e.key == request.param)
+    return effect, kite, Simulator(kite, tuple(p.name for p in effect.rows()))
+
+
+def moved(observed, kite, bare_kite):
+    """The lively segments for a kite with one more effect: same inputs by name."""
+    assert kite.input_names == bare_kite.input_names
+    return observed.segments
+
+
+@pytest.mark.parametrize("key", [*KEYS, *(n for n, e in EFFECTS.items() if e.always)])
+def test_an_effect_acts_at_exactly_one_place(key):
+    """Guards the contract that lets the tracer treat all candidates alike; states only with rates and starts of their own."""
+    effect = make_effect(key, DEVELOPMENT)
+    filled = [p for p in PLACES if getattr(type(effect), p) is not getattr(Effect, p)]
+    assert filled == [effect.place]
+    own_motion = [getattr(type(effect), n) is not getattr(Effect, n) for n in ("rates", "initial")]
+    assert own_motion == [bool(effect.states)] * 2
+    assert effect.name == key.partition(":")[0] and effect.doc and all(p.source for p in effect.parameters)
+
+
+def test_the_tables_of_the_tests_are_complete():
+    """Guards this file: an effect that is added to EFFECTS must get a plausible size here."""
+    assert set(PLAUSIBLE) == {n for n, e in EFFECTS.items() if not e.always}
+    for key in KEYS:
+        names = {p.name for p in make_effect(key, DEVELOPMENT).rows()}
+        assert set(sizes(key)) <= names and {n for n in names if n.partition(".")[2] not in make_effect(key, DEVELOPMENT).shapes} <= set(sizes(key))
+
+
+def test_null_changes_nothing_to_the_last_bit(one, bare):
+    """Guards "absent": at null a kite with the effect flies and reports, compiled, exactly what the kite without it does."""
+    effect, kite, simulator = one
+    _, observed, without = bare
+    flown = simulator.rollout(observed.segments)
+    assert np.array_equal(flown.outputs, without.outputs)
+    assert np.array_equal(flown.states[:, :, :12], without.states[:, :, :12])
+    assert np.array_equal(flown.alive, without.alive)
+
+
+def test_null_changes_nothing_on_plain_floats(one, bare):
+    """Guards the same on the uncompiled physics, where no simplification of a tape could hide a difference."""
+    effect, kite, _ = one
+    simple = bare[0].kite
+    for changes in ({}, {"v": -6.0, "w": 9.0, "rudder": -0.3, "phi": 0.9}):
+        (x, u, c), (x0, u0, c0) = at_point(kite, **changes), at_point(simple, **changes)
+        assert u == u0
+        assert kite.derivative(x, u, c)[:12] == simple.derivative(x0, u0, c0)
+        assert kite.outputs(x, u, c) == simple.outputs(x0, u0, c0)
+
+
+def test_sensitivities_are_those_of_finite_differences(one, bare, tolerance=2e-5):
+    """Guards the exact Jacobian through the whole rollout, for every parameter of the effect, at its plausible size.
+
+    Central differences; kinks (thresholds, rate limits, a table of winds) that fall inside a step set the tolerance.
+    """
+    effect, kite, simulator = one
+    segments = bare[1].segments
+    at = {**null(effect), **sizes(effect.key)}
+    names = [p.name for p in effect.rows() if f"{p.name.rpartition('.')[2]}" != "L"]
+    flown, J = simulator.sensitivities(segments, Columns((), tuple(names)), MEASURED, at)
+    assert not flown.diverged.any()
+    for column, name in enumerate(names):
+        p = kite.parameters[name]
+        h = 1e-6 * min(p.upper - p.lower, 10 * max(abs(at[name]), 1e-3))
+        above, below = (simulator.rollout(segments, {**at, name: at[name] + s * h}).outputs[:, :, : len(MEASURED)] for s in (1, -1))
+        central, exact = (above - below) / (2 * h), J[:, :, :, column]
+        for i, channel in enumerate(MEASURED):
+            scale = np.abs(central[:, :, i]).max()
+            rounding = 1e-10 * (1 + np.abs(above[:, :, i]).max()) / h
+            error = np.abs(exact[:, :, i] - central[:, :, i]).max()
+            assert error <= tolerance * scale + 1e-3 * rounding + 1e-12, (name, channel, error / max(scale, 1e-300))
+
+
+def test_the_listed_size_is_visible(one, bare):
+    """Guards against an effect that is wired to nothing: at its typical size some channel moves by more than its noise within 5 s."""
+    effect, kite, simulator = one
+    _, observed, without = bare
+    flown = simulator.rollout(observed.segments, sizes(effect.key))
+    index = [OUTPUTS.index(n) for n in observed.outputs]
+    change = np.abs(flown.outputs - without.outputs)[:, :, index] / observed.sigma
+    assert not flown.diverged.any() and change.max() > 1.0, change.max()
+
+
+def test_what_was_flown_is_recovered(one, bare):
+    """Guards the path of every effect through the estimator: from null, or from a probe where null has no slope, the strengths
+    that a noise-free flight was flown with come back to 1e-3, the segments' starts being unknown too."""
+    effect, kite, simulator = one
+    observed = truly(bare[1], simulator, sizes(effect.key))
+    names = strengths(effect)
+    start = {n: v for n, v in sizes(effect.key).items() if n not in names}
+    for name in names:
+        probe = effect.probes.get(name.rpartition(".")[2])
+        if probe:
+            start[name] = min(probe, key=lambda v: abs(np.log(v / sizes(effect.key)[name])))
+    table = with_free(kite.parameters.with_values(start), names)
+    found = fit(simulator.holding(table), observed, table, names, gusts=Gusts(0.0), prior=False, tolerance=1e-9, iterations=40)
+    for name in names:
+        scale = max(abs(sizes(effect.key)[name] - null(effect)[name]), 0.1 * abs(sizes(effect.key)[name]))
+        assert found.parameters[name].value == pytest.approx(sizes(effect.key)[name], abs=1e-3 * scale), (name, found.solution.outcome)
