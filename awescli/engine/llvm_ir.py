@@ -10,10 +10,11 @@ parameter j of `wrt`, or -1. No FMA is formed in `value`, so a term that is null
 """
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 from awescli.engine.derive import jacobian
-from awescli.engine.record import Tape
+from awescli.engine.record import Tape, record
 
 _BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _CALLS = {"sqrt": 1, "sin": 1, "cos": 1, "exp": 1, "log": 1, "atan2": 2, "round": 1}
@@ -107,7 +108,7 @@ def print_tangent(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence[in
     for i, output in enumerate(outputs):
         body.store(body.node(output), "y", str(i))
     names = {place: body.node(node) for place, node in entries.items()}
-    body.lines += ["  br label %columns", "columns:", "  %col = phi i64 [ 0, %entry ], [ %next, %columns ]"]
+    body.lines += ["  %any = icmp sgt i64 %ncol, 0", "  br i1 %any, label %columns, label %parameters0", "columns:", "  %col = phi i64 [ 0, %entry ], [ %next, %columns ]"]
     t, n_y = body.type, len(outputs)
     used = sorted({j for _, j in names if j < n_x})
     rows = {j: body.load("S", body.line(f"add i64 {body.line(f'mul i64 %ncol, {j}')}, %col")) for j in used}
@@ -190,3 +191,87 @@ class _ArgumentPrinter(Printer):
 
 def calls_of(tape: Tape) -> set[str]:
     return {n[0] for n in tape.nodes if n[0] in _CALLS}
+
+
+class Body(Printer):
+    """The lines of a function with loops and branches, which calls printed functions by their address.
+
+    Vectors are addresses of rows of `lanes` numbers; whole numbers are i64, as names or as digits.
+    """
+
+    def __init__(self, lanes: int):
+        super().__init__(Tape(), lanes)
+        self.block = "entry"
+
+    def whole(self, op: str, a, b) -> str:
+        """add, mul, sub ... of two whole numbers"""
+        return self.line(f"{op} i64 {a}, {b}")
+
+    def row(self, pointer: str, index) -> str:
+        """Address of row `index` behind an address."""
+        return self.line(f"getelementptr {self.type}, ptr {pointer}, i64 {index}")
+
+    def call(self, function: str, *arguments: str) -> None:
+        """Call a function that returns nothing; arguments with their types: "ptr %x"."""
+        self.lines.append(f"  call void {function}({', '.join(arguments)})")
+
+    def label(self, name: str) -> None:
+        self.lines.append(f"{name}:")
+        self.block = name
+
+    @contextmanager
+    def loop(self, count) -> Iterator[str]:
+        """for i in range(count): the index is what `as` names."""
+        i, number = self.fresh(), self._count
+        before, place = self.block, len(self.lines) + 2
+        self.lines.append(f"  br label %head{number}")
+        self.label(f"head{number}")
+        self.lines.append("")  # the phi node, known when the body is
+        more = self.line(f"icmp slt i64 {i}, {count}")
+        self.lines.append(f"  br i1 {more}, label %body{number}, label %end{number}")
+        self.label(f"body{number}")
+        yield i
+        after = self.whole("add", i, 1)
+        self.lines.append(f"  br label %head{number}")
+        self.lines[place] = f"  {i} = phi i64 [ 0, %{before} ], [ {after}, %{self.block} ]"
+        self.label(f"end{number}")
+
+    @contextmanager
+    def when(self, condition: str) -> Iterator[None]:
+        """if condition: an i1."""
+        self._count += 1
+        number = self._count
+        self.lines.append(f"  br i1 {condition}, label %then{number}, label %after{number}")
+        self.label(f"then{number}")
+        yield
+        self.lines.append(f"  br label %after{number}")
+        self.label(f"after{number}")
+
+    def function(self, name: str, arguments: Sequence[str], linkage: str = "") -> str:
+        """The finished definition; arguments with their types."""
+        lines = "\n".join(self.lines)
+        return f"define {linkage} void @{name}({', '.join(arguments)}) {{\nentry:\n{lines}\n  ret void\n}}\n"
+
+
+class _RowPrinter(Body):
+    """Prints a tape whose input block "v" are rows of the vectors %p0, %p1, ..., and block "s" numbers %s0, ... on all lanes."""
+
+    index = ""
+
+    def load(self, block: str, row: str) -> str:
+        if block == "v":
+            return self.line(f"load {self.type}, ptr {self.row(f'%p{row}', self.index)}, align 8")
+        first = self.line(f"insertelement {self.type} poison, double %s{row}, i64 0")
+        return self.line(f"shufflevector {self.type} {first}, {self.type} poison, <{self.lanes} x i32> zeroinitializer")
+
+
+def print_rowwise(name: str, function: Callable, vectors: int, scalars: int, lanes: int) -> str:
+    """The function name(out, p0, p1, ..., s0, ..., n): out[i] = function(v, s) for n rows; out may be one of the vectors."""
+    tape, (output,) = record(lambda v, s: [function(*v, *s)], v=vectors, s=scalars)
+    body = _RowPrinter(lanes)
+    body.tape = tape
+    with body.loop("%n") as body.index:
+        result = body.node(output)
+        body.lines.append(f"  store {body.type} {result}, ptr {body.row('%out', body.index)}, align 8")
+    arguments = ["ptr %out", *(f"ptr %p{i}" for i in range(vectors)), *(f"double %s{i}" for i in range(scalars)), "i64 %n"]
+    return body.function(name, arguments, "internal")

@@ -9,14 +9,16 @@ from awescli.learning.correction import ROWS, Correction, HybridKite
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
 from awescli.learning.starts import Own, estimated_starts, own_unknowns
 from awescli.notation.errors import BadInput
-from awescli.notation.quantities import ANGLES
+from awescli.notation.quantities import ANGLES, STATES
 from awescli.physics.kite import GUSTS, Kite
 from awescli.simulation.hybrid import CorrectedSimulator, Prepared
 from awescli.simulation.rollout import Simulator
-from awescli.simulation.segments import Observed, observe, wrap
+from awescli.simulation.segments import Observed, noise_std, observe, wrap
 
-COMPARED = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
-"""The whole state (seed section 5), as it is measured."""
+MEASURED_STATE = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
+"""The whole state as it is measured: what starts are estimated from."""
+COMPARED = STATES
+"""The whole state (seed section 5): what the cost sees. Velocities in body axes, since across the line and along it errors differ by far."""
 DIVERGED_COST = 25.0
 """Cost of a sample that a diverged rollout never reached: five times the physics' own error, squared."""
 
@@ -25,10 +27,11 @@ DIVERGED_COST = 25.0
 class Data:
     """Segments to predict: warm-up of `warmup` steps that only fits the start, then the horizon that counts.
 
-    sigma: (12,) unit of error per channel; weight: (K, N+1, 12), 1/sigma where a sample counts, else 0; prepared: for the kernels.
+    target: (K, N+1, 12) measured states; sigma: (12,) unit of error per channel; weight: (K, N+1, 12), 1/sigma where a sample counts, else 0; prepared: for the kernels.
     """
 
     observed: Observed
+    target: np.ndarray
     warmup: int
     sigma: np.ndarray
     weight: np.ndarray
@@ -43,9 +46,11 @@ class Problem:
 
     def __init__(self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, substeps: int = 1, decay: float = 0.0, solver: str = "rk4"):
         self.kite, self.log, self.correction, self.decay = kite, log, correction, decay
-        self.outputs = tuple(n for n in COMPARED if n in log)
-        if len(self.outputs) < 6:
-            raise BadInput(f"flight '{log.name}' measures too little of the state ({', '.join(self.outputs)})")
+        if missing := [n for n in MEASURED_STATE if n not in log]:
+            raise BadInput(f"flight '{log.name}' does not measure {', '.join(missing)}", do="Training needs the whole state.")
+        self.outputs = COMPARED
+        self.measured = np.stack([log[name] for name in COMPARED], axis=1)
+        self.noise = state_noise(kite, log)
         self.warmup = max(2, int(round(warmup / log.dt)))
         if solver == "rk4":
             inputs = network_inputs(kite, correction.inputs)
@@ -62,7 +67,7 @@ class Problem:
 
     def observed(self, first: np.ndarray, horizon: int) -> Observed:
         """Segments that predict `horizon` samples from sample `first` on; their warm-up lies before it."""
-        return observe(self.log, self.kite, np.asarray(first) - self.warmup, self.warmup + horizon, self.outputs)
+        return observe(self.log, self.kite, np.asarray(first) - self.warmup, self.warmup + horizon, MEASURED_STATE)
 
     def data(self, observed: Observed, weights: np.ndarray, sigma: np.ndarray | None = None) -> Data:
         """Segments with starts estimated by the model with these weights.
@@ -75,14 +80,14 @@ class Problem:
         prepared = self.corrected.prepare(observed.segments)
         counts = np.isfinite(observed.sigma)
         counts[:, : self.warmup + 1] = False
+        target = self.measured[observed.segments.first[:, None] + np.arange(observed.segments.steps + 1)[None]]
         if sigma is None:
             run = self.corrected.rollout(prepared, weights, self.constants)
-            error, reached = self._error(observed, run)
+            error, reached = self._error(target, run)
             use = counts & reached[:, :, None]
-            noise = np.array([_typical(observed.sigma[..., i]) for i in range(len(self.outputs))])
             rms = np.sqrt((np.where(use, error, 0) ** 2).sum((0, 1)) / np.maximum(use.sum((0, 1)), 1))
-            sigma = np.maximum(noise, rms)
-        return Data(observed, self.warmup, sigma, counts / sigma, prepared)
+            sigma = np.maximum(self.noise, rms)
+        return Data(observed, target, self.warmup, sigma, counts / sigma, prepared)
 
     def smoothed(self, observed: Observed, weights: np.ndarray) -> Own:
         """The segments with starts and the error of the recorded wind fitted to all of their samples: what wind can explain is no effect."""
@@ -91,9 +96,9 @@ class Problem:
     def values(self, weights: np.ndarray) -> dict[str, float]:
         return {f"network.{i}": float(w) for i, w in enumerate(weights)}
 
-    def _error(self, observed: Observed, run) -> tuple[np.ndarray, np.ndarray]:
+    def _error(self, target: np.ndarray, run) -> tuple[np.ndarray, np.ndarray]:
         """Simulated less measured (K, N+1, n_out), 0 beyond a divergence; and which samples (K, N+1) were reached."""
-        error = run.outputs - observed.measured
+        error = run.outputs - target
         for i, name in enumerate(self.outputs):
             if name in ANGLES:
                 error[..., i] = wrap(error[..., i])
@@ -102,30 +107,34 @@ class Problem:
 
     def costs(self, data: Data, weights: np.ndarray) -> np.ndarray:
         """(K, n_out) mean squared error in units of sigma, per segment and channel, without penalty."""
-        error, reached = self._error(data.observed, self.corrected.rollout(data.prepared, weights, self.constants))
-        return self._squares(data, error, reached).sum(1) / np.maximum((data.weight > 0).sum(1), 1)
+        error, reached = self._error(data.target, self.corrected.rollout(data.prepared, weights, self.constants))
+        return self._squares(data.weight, error, reached).sum(1) / np.maximum((data.weight > 0).sum(1), 1)
 
-    def _squares(self, data: Data, error, reached) -> np.ndarray:
-        return np.where(reached[..., None], (error * data.weight) ** 2, DIVERGED_COST * (data.weight > 0))
+    @staticmethod
+    def _squares(weight: np.ndarray, error: np.ndarray, reached: np.ndarray) -> np.ndarray:
+        return np.where(reached[..., None], (error * weight) ** 2, DIVERGED_COST * (weight > 0))
 
     def gradient(self, data: Data, weights: np.ndarray, groups: Sequence[int] | None = None) -> tuple[float, np.ndarray, int]:
         """(cost, its gradient, number of diverged segments) on all segments, or on some lane groups; weight decay included."""
-        prepared, observed, weight = data.prepared, data.observed, data.weight
+        prepared, target, weight = data.prepared, data.target, data.weight
         if groups is not None:
             from awescli.engine.machine import LANES
 
             which = np.concatenate([np.arange(g * LANES, min((g + 1) * LANES, len(data))) for g in groups])
-            prepared, observed, weight = prepared.groups(list(groups)), observed.pick(which), weight[which]
-        data = Data(observed, data.warmup, data.sigma, weight, prepared)
+            prepared, target, weight = prepared.groups(list(groups)), target[which], weight[which]
         run = self.corrected.rollout(prepared, weights, self.constants)
-        error, reached = self._error(observed, run)
+        error, reached = self._error(target, run)
         total = max(int((weight > 0).sum()), 1)
-        cost = float(self._squares(data, error, reached).sum()) / total
+        cost = float(self._squares(weight, error, reached).sum()) / total
         bar, _ = self.corrected.gradient(run, 2 / total * error * weight**2)
         diverged = int((~reached[:, -1]).sum())
         return cost + 0.5 * self.decay * float(weights @ weights), bar + self.decay * weights, diverged
 
 
-def _typical(sigma: np.ndarray) -> float:
-    finite = sigma[np.isfinite(sigma)]
-    return float(np.median(finite)) if finite.size else 1.0
+def state_noise(kite: Kite, log) -> np.ndarray:
+    """(12,) standard deviation of the measured states; u, v, w carry the noise of the velocity and of the angles that turn it."""
+    noise = kite.declaration.noise
+    typical = {name: float(np.median(noise_std(noise, name, log[name]))) for name in MEASURED_STATE}
+    speed = float(np.median(np.sqrt(sum(log[n] ** 2 for n in ("v_n", "v_e", "v_d")))))
+    turned = float(np.hypot(typical["v_n"], speed * typical["theta"]))
+    return np.array([turned if name in ("u", "v", "w") else typical[name] for name in COMPARED])

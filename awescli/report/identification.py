@@ -86,8 +86,7 @@ def parameters(evidence: Evidence) -> str:
         flags += [chip("hardly seen")] if not p.get("excited", True) else []
         flags += [chip(f"with {', '.join(p['partners'])}")] if p.get("partners") else []
         lines.append((
-            Cell(f"<code>{esc(name)}</code>", name), Cell(with_std(p["value"], p["std"]), p["value"]) if factor == 1 else
-            Cell(with_std(p["value"] * factor, p["std"] * factor), p["value"]), unit,
+            Cell(f"<code>{esc(name)}</code>", name), Cell(with_std(p["value"] * factor, p["std"] * factor), p["value"]), unit,
             Cell(f"{number(p['prior'] * factor, 4)} ± {number(2 * p['prior_std'] * factor, 2)}", p["prior"]),
             Cell(f"{p['shift_in_prior_std']:+.2f}".replace("-", "−"), p["shift_in_prior_std"]), Cell(" ".join(flags), len(flags)), p.get("advice", ""),
         ))  # fmt: skip

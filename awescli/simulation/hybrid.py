@@ -11,7 +11,7 @@ import numpy as np
 from awescli.engine.adjoint import compile_reversible
 from awescli.engine.dense import compile_network, weight_count
 from awescli.engine.machine import LANES
-from awescli.notation.quantities import OUTPUTS
+from awescli.notation.quantities import OUTPUTS, STATES
 from awescli.simulation.rollout import Segments
 
 
@@ -78,7 +78,8 @@ class CorrectedSimulator:
     """A kite whose derivatives in `rows` have a network's outputs added, compiled for rollouts and gradients.
 
     network_inputs: function (x, u, c) lists -> list of scalars, recorded with the physics; sizes: layer widths (inputs, hidden...,
-    outputs); outputs: names of the simulated channels that the cost sees; law: as `rollout.Simulator`.
+    outputs); outputs: names of the simulated channels that the cost sees (of OUTPUTS, or u, v, w);
+    law: as `rollout.Simulator`.
     """
 
     def __init__(
@@ -86,15 +87,15 @@ class CorrectedSimulator:
         law: Callable | None = None, substeps: int = 1,
     ):  # fmt: skip
         self.kite, self.substeps, self.outputs = kite, substeps, tuple(outputs)
-        places = [OUTPUTS.index(name) for name in outputs]
         dimensions = (len(kite.x_names), len(kite.input_names), len(kite.parameter_names))
 
         def right_hand_side(x, u, c):
             return [*kite.derivative(x, u, c), *network_inputs(x, u, c)]
 
         def compared(x, u, c):
-            reported = kite.outputs(x, u, c)
-            return [reported[i] for i in places]
+            reported = dict(zip(OUTPUTS, kite.outputs(x, u, c), strict=True))
+            reported |= {name: x[i] for i, name in enumerate(STATES) if name not in reported}
+            return [reported[name] for name in outputs]
 
         self.f = compile_reversible(right_hand_side, *dimensions)
         self.g = compile_reversible(compared, *dimensions)

@@ -10,7 +10,7 @@ from numba import njit, prange
 from awescli.engine.adjoint import call_adjoint
 from awescli.engine.call import call_value
 from awescli.engine.dense import call_network, call_network_backward
-from awescli.simulation.kernels import _inputs_at, _sample, _stop_diverged
+from awescli.simulation.sampling import _inputs_at, _sample, _stop_diverged
 
 
 @njit(cache=True)

@@ -13,7 +13,7 @@ from torchdiffeq._impl.rk_common import rk4_step_func
 from awescli.engine.dense import FARTHEST, layer_slices
 from awescli.engine.machine import LANES
 from awescli.notation.errors import BadInput, did_you_mean
-from awescli.notation.quantities import OUTPUTS
+from awescli.notation.quantities import OUTPUTS, STATES
 from awescli.simulation.kernels import LIMIT
 from awescli.simulation.rollout import Segments
 
@@ -64,7 +64,7 @@ class TorchHybrid:
         if solver not in solver_names():
             raise BadInput(f"unknown solver '{solver}'", do=did_you_mean(solver, solver_names()))
         self.kite, self.inputs, self.sizes, self.rows = kite, inputs_of_instant, tuple(sizes), list(rows)
-        self.places = [OUTPUTS.index(n) for n in outputs]
+        self.outputs = tuple(outputs)
         self.solver, self.options = solver, options or {}
         self.n_s = len(kite.state_names)
 
@@ -110,8 +110,9 @@ class TorchHybrid:
             states = torch.stack(found)
         reported = []
         for k in range(N + 1):
-            y = kite.outputs(columns(states[k], k), list(U[:, k].unbind(-1)), c)
-            reported.append(torch.stack([torch.as_tensor(y[i], dtype=x.dtype).expand(len(segments)) for i in self.places], -1))
+            y = dict(zip(OUTPUTS, kite.outputs(columns(states[k], k), list(U[:, k].unbind(-1)), c), strict=True))
+            y |= {name: states[k][:, i] for i, name in enumerate(STATES) if name not in y}
+            reported.append(torch.stack([torch.as_tensor(y[n], dtype=x.dtype).expand(len(segments)) for n in self.outputs], -1))
         return torch.stack(reported, 1)
 
 

@@ -1,206 +1,296 @@
-"""Numba kernels that step compiled programs through time: classical RK4, LANES segments abreast, groups of lanes in parallel.
+"""Step compiled programs through time: classical RK4, LANES segments abreast, groups of lanes on all cores.
 
-They know addresses of programs and sizes, no kite. x = [states, held set-points]; exogenous inputs run linearly between samples,
+The loops know addresses of programs and sizes, no kite. x = [states, held set-points]; exogenous inputs run linearly between samples,
 set-points are held from sample to sample (seed eq. 9e as flown: sample and hold).
+
+They are printed as LLVM IR like the programs they call, with sizes as arguments: one compiled loop serves every kite, and costs a tenth
+of a second once, where numba took half a minute. ctypes lets go of Python's lock during a call, so plain threads share the groups.
 """
 
-import numpy as np
-from numba import njit, prange
+import ctypes
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
+from functools import cache
 
-from awescli.engine.call import call_tangent, call_value
+import numpy as np
+
+from awescli.engine.llvm_ir import Body, hexadecimal, print_rowwise
+from awescli.engine.machine import LANES, _compile
 
 LIMIT = 1e6
 """A state beyond this, or not finite, has diverged; its lane stops there and is set back to its start so that it stays harmless."""
 
-
-@njit(cache=True)
-def _inputs_at(u, U, k, share):
-    """u = U[k] + share (U[k+1] - U[k])"""
-    for i in range(u.shape[0]):
-        for lane in range(u.shape[1]):
-            u[i, lane] = U[k, i, lane] + share * (U[k + 1, i, lane] - U[k, i, lane])
-
-
-@njit(cache=True)
-def _sample(x, k, SP, n_s):
-    """Take over the recorded set-points of sample k."""
-    for i in range(SP.shape[1]):
-        for lane in range(x.shape[1]):
-            x[n_s + i, lane] = SP[k, i, lane]
+_COMMON = (
+    "ptr f", "ptr g", "ptr initial", "ptr law", "i64 n_s", "i64 n_sp", "i64 n_u", "i64 n_y", "i64 samples", "i64 substeps", "double h",
+    "ptr x0", "ptr sp", "ptr inputs", "ptr c", "ptr X", "ptr Y", "ptr alive", "ptr work",
+)  # fmt: skip
+_TANGENT = (
+    "i64 n_col", "ptr state_columns", "i64 n_wrt", "ptr always", "i64 n_w", "ptr w_parameter", "ptr w_column", "ptr w_first",
+    "ptr w_last", "i64 n_rows", "ptr rows", "i64 count", "i64 stride", "ptr J", "ptr columns",
+)  # fmt: skip
+"""Arguments of the printed loops, for one group of lanes; see `rollout` and `sensitivities`."""
 
 
-@njit(cache=True)
-def _stop_diverged(x, start, alive, k):
-    """Mark lanes whose state left the numbers; put them back to their start. Returns how many stopped now."""
-    stopped = 0
-    for lane in range(x.shape[1]):
-        good = True
-        for i in range(x.shape[0]):
-            if not (abs(x[i, lane]) < LIMIT):
-                good = False
-        if not good:
-            if alive[lane] > k:
-                alive[lane] = k
-                stopped += 1
-            for i in range(x.shape[0]):
-                x[i, lane] = start[i, lane]
-    return stopped
+class _Loop(Body):
+    """Prints the loop over the samples of one group. tangent: sensitivities S (n_x, n_col, L) go beside every state."""
+
+    def __init__(self, tangent: bool):
+        super().__init__(LANES)
+        self.tangent = tangent
+        n_x = self.whole("add", "%n_s", "%n_sp")
+        self.used = "%work"
+        # a vector is a pair of addresses: its numbers, and their derivatives
+        self.x, self.start, self.stage, *self.k = (self._vector(n_x) for _ in range(7))
+        self.u, self.n_x = self._rows("%n_u"), n_x
+        self.D = self._rows(self.whole("mul", "%n_y", "%n_col")) if tangent else ""
+        self._print()
+
+    def _rows(self, n) -> str:
+        here, self.used = self.used, self.row(self.used, n)
+        return here
+
+    def _vector(self, n) -> tuple[str, ...]:
+        return (self._rows(n), self._rows(self.whole("mul", n, "%n_col"))) if self.tangent else (self._rows(n),)
+
+    def _parts(self, first, n):
+        """(first row, number of rows) of components first..first+n of a vector, for its numbers and its derivatives."""
+        yield first, n
+        if self.tangent:
+            yield self.whole("mul", first, "%n_col"), self.whole("mul", n, "%n_col")
+
+    def _copy(self, to, at, source, n) -> None:
+        """to[at : at + n] = source[:n]"""
+        for (first, rows), a, b in zip(self._parts(at, n), to, source, strict=True):
+            self.call("@copy", f"ptr {self.row(a, first)}", f"ptr {b}", f"i64 {rows}")
+
+    def _rowwise(self, name, *arguments) -> None:
+        """A printed formula on the n_s stepped components; arguments: vectors and numbers."""
+        for part, (_, rows) in enumerate(self._parts(0, "%n_s")):
+            typed = [f"double {a}" if isinstance(a, str) else f"ptr {a[part]}" for a in arguments]
+            self.call(f"@{name}", *typed, f"i64 {rows}")
+
+    def _program(self, address, x, u, y) -> None:
+        """y = program(x, u, c), with derivatives."""
+        arguments = [x[0], u, "%c", y[0], *([x[1], y[1]] if self.tangent else [])]
+        more = ["i64 %n_col", "ptr %columns"] if self.tangent else []
+        self.call(address, *(f"ptr {a}" for a in arguments), *more)
+
+    def _set_points(self, u, k) -> None:
+        """The set-points of sample k: what the law says, or else the recorded ones."""
+        recorded = self.row("%sp", self.whole("mul", k, "%n_sp"))
+        self.call("@copy", f"ptr {self.row(self.x[0], '%n_s')}", f"ptr {recorded}", "i64 %n_sp")
+        with self.when(self.line("icmp ne ptr %law, null")):
+            self._program("%law", self.x, u, self.k[0])
+            self._copy(self.x, "%n_s", self.k[0], "%n_sp")
+
+    def _columns_now(self, k) -> None:
+        """Columns that differentiate with respect to a parameter during step k: those of the whole segment and those of a window."""
+        if not self.tangent:
+            return
+        load = lambda block, i: self.line(f"load i64, ptr {self.line(f'getelementptr i64, ptr %{block}, i64 {i}')}")  # noqa: E731
+        with self.loop("%n_wrt") as j:
+            self.lines.append(f"  store i64 {load('always', j)}, ptr {self.line(f'getelementptr i64, ptr %columns, i64 {j}')}")
+        with self.loop("%n_w") as i:
+            begun = self.line(f"icmp sle i64 {load('w_first', i)}, {k}")
+            on = self.line(f"icmp slt i64 {k}, {load('w_last', i)}")
+            with self.when(self.line(f"and i1 {begun}, {on}")):
+                place = self.line(f"getelementptr i64, ptr %columns, i64 {load('w_parameter', i)}")
+                self.lines.append(f"  store i64 {load('w_column', i)}, ptr {place}")
+
+    def _begin(self) -> None:
+        """x and S at the first sample."""
+        self.call("@copy", f"ptr {self.x[0]}", "ptr %x0", "i64 12")
+        if self.tangent:
+            with self.loop(12) as i:
+                column = self.line(f"load i64, ptr {self.line(f'getelementptr i64, ptr %state_columns, i64 {i}')}")
+                with self.when(self.line(f"icmp sge i64 {column}, 0")):
+                    row = self.row(self.x[1], self.whole("add", self.whole("mul", i, "%n_col"), column))
+                    self.lines.append(f"  store {self.type} {self._splat(1.0)}, ptr {row}, align 8")
+        self._columns_now(0)
+        self._set_points("%inputs", 0)
+        with self.when(self.line("icmp sgt i64 %n_s, 12")):
+            self._program("%initial", self.x, "%inputs", self.k[0])
+            self._copy(self.x, 12, self.k[0], self.whole("sub", "%n_s", 12))
+        self.call("@copy", f"ptr {self.start[0]}", f"ptr {self.x[0]}", f"i64 {self.n_x}")
+
+    def _print(self) -> None:
+        substeps = self.line("sitofp i64 %substeps to double")
+        step = self.line(f"fdiv double %h, {substeps}")
+        half, sixth = (self.line(f"fdiv double {step}, {hexadecimal(d)}") for d in (2.0, 6.0))
+        last = self.whole("sub", "%samples", 1)
+        self._begin()
+        with self.loop("%samples") as k:
+            u = self.row("%inputs", self.whole("mul", k, "%n_u"))
+            self._columns_now(k)
+            self._set_points(u, k)
+            self.call("@copy", f"ptr {self.row('%X', self.whole('mul', k, self.n_x))}", f"ptr {self.x[0]}", f"i64 {self.n_x}")
+            y = self.row("%Y", self.whole("mul", k, "%n_y"))
+            self._program("%g", self.x, u, (y, self.D))
+            if self.tangent:
+                self._hand_out(k)
+            with self.when(self.line(f"icmp slt i64 {k}, {last}")):
+                with self.loop("%substeps") as sub:
+                    self._step(self.line(f"sitofp i64 {sub} to double"), substeps, u, step, half, sixth)
+                self._stop_diverged(self.whole("add", k, 1))
+
+    def _step(self, sub, substeps, u, step, half, sixth) -> None:
+        """One classical Runge-Kutta step."""
+        after = self.row(u, "%n_u")
+
+        def derivative(at, vector, k):
+            if at is not None:
+                share = self.line(f"fdiv double {self.line(f'fadd double {sub}, {hexadecimal(at)}')}, {substeps}")
+                self.call("@between", f"ptr {self.u}", f"ptr {u}", f"ptr {after}", f"double {share}", "i64 %n_u")
+            self._program("%f", vector, self.u, k)
+
+        k1, k2, k3, k4 = self.k
+        held = [self.row(p, first) for p, (first, _) in zip(self.x, self._parts("%n_s", "%n_sp"), strict=True)]
+        self._copy(self.stage, "%n_s", held, "%n_sp")
+        derivative(0.0, self.x, k1)
+        self._rowwise("moved", self.stage, self.x, k1, half)
+        derivative(0.5, self.stage, k2)
+        self._rowwise("moved", self.stage, self.x, k2, half)
+        derivative(None, self.stage, k3)
+        self._rowwise("moved", self.stage, self.x, k3, step)
+        derivative(1.0, self.stage, k4)
+        self._rowwise("stepped", self.x, self.x, k1, k2, k3, k4, sixth)
+
+    def _hand_out(self, k) -> None:
+        """J[lane, k, i, j] = D[rows[i], j, lane]"""
+        block = self.whole("mul", "%n_rows", "%n_col")
+        with self.loop("%count") as lane, self.loop("%n_rows") as i:
+            row = self.line(f"load i64, ptr {self.line(f'getelementptr i64, ptr %rows, i64 {i}')}")
+            source = self.row(self.D, self.whole("mul", row, "%n_col"))
+            before = self.whole("add", self.whole("mul", lane, "%stride"), self.whole("mul", k, block))
+            to = self.line(f"getelementptr double, ptr %J, i64 {self.whole('add', before, self.whole('mul', i, '%n_col'))}")
+            with self.loop("%n_col") as j:
+                value = self.line(f"load double, ptr {self.line(f'getelementptr {self.type}, ptr {source}, i64 {j}, i64 {lane}')}")
+                self.lines.append(f"  store double {value}, ptr {self.line(f'getelementptr double, ptr {to}, i64 {j}')}")
+
+    def _stop_diverged(self, k) -> None:
+        """Lanes whose state left the numbers end at sample k and go back to their start, with derivatives zero."""
+        t, mask, whole = self.type, f"<{self.lanes} x i1>", f"<{self.lanes} x i64>"
+        gone = self.line(f"call {mask} @gone(ptr {self.x[0]}, i64 {self.n_x})")
+        with self.when(self.line(f"icmp ne i{self.lanes} {self.line(f'bitcast {mask} {gone} to i{self.lanes}')}, 0")):
+            first = self.line(f"insertelement {whole} poison, i64 {k}, i64 0")
+            now = self.line(f"shufflevector {whole} {first}, {whole} poison, <{self.lanes} x i32> zeroinitializer")
+            alive = self.line(f"load {whole}, ptr %alive, align 8")
+            sooner = self.line(f"call {whole} @llvm.smin.v{self.lanes}i64({whole} {alive}, {whole} {now})")
+            self.lines.append(f"  store {whole} {self.line(f'select {mask} {gone}, {whole} {sooner}, {whole} {alive}')}, ptr %alive, align 8")
+            for part, (_, rows) in enumerate(self._parts(0, self.n_x)):
+                with self.loop(rows) as i:
+                    here = self.row(self.x[part], i)
+                    back = "zeroinitializer" if part else self.line(f"load {t}, ptr {self.row(self.start[0], i)}, align 8")
+                    old = self.line(f"load {t}, ptr {here}, align 8")
+                    self.lines.append(f"  store {t} {self.line(f'select {mask} {gone}, {t} {back}, {t} {old}')}, ptr {here}, align 8")
 
 
-@njit(parallel=True, cache=True)
+def _print_gone() -> str:
+    """gone(x, n): the lanes where one of n rows is not below LIMIT, or not a number."""
+    body, mask = Body(LANES), f"<{LANES} x i1>"
+    total = body.line(f"alloca {mask}")
+    body.lines.append(f"  store {mask} zeroinitializer, ptr {total}")
+    with body.loop("%n") as i:
+        value = body.line(f"load {body.type}, ptr {body.row('%x', i)}, align 8")
+        size = body.line(f"call {body.type} @llvm.fabs.v{LANES}f64({body.type} {value})")
+        beyond = body.line(f"fcmp uge {body.type} {size}, {body._splat(LIMIT)}")
+        so_far = body.line(f"load {mask}, ptr {total}")
+        body.lines.append(f"  store {mask} {body.line(f'or {mask} {so_far}, {beyond}')}, ptr {total}")
+    result = body.line(f"load {mask}, ptr {total}")
+    lines = "\n".join(body.lines)
+    return f"define internal {mask} @gone(ptr %x, i64 %n) {{\nentry:\n{lines}\n  ret {mask} {result}\n}}\n"
+
+
+_C_TYPES = {"ptr": ctypes.c_void_p, "i64": ctypes.c_int64, "double": ctypes.c_double}
+
+
+@cache
+def _compiled(tangent: bool) -> Callable:
+    """The loop over one group of lanes, as a function of _COMMON (and _TANGENT)."""
+    declared = [*_COMMON, *(_TANGENT if tangent else ())]
+    text = _Loop(tangent).function("loop", [f"{kind} %{name}" for kind, name in (a.split() for a in declared)])
+    text += _print_gone()
+    text += print_rowwise("copy", lambda a: a, 1, 0, LANES)
+    text += print_rowwise("between", lambda a, b, share: a + share * (b - a), 2, 1, LANES)
+    text += print_rowwise("moved", lambda x, k, scale: x + scale * k, 2, 1, LANES)
+    text += print_rowwise("stepped", lambda x, k1, k2, k3, k4, scale: x + scale * (k1 + 2.0 * k2 + 2.0 * k3 + k4), 5, 1, LANES)
+    t, i = f"<{LANES} x double>", f"<{LANES} x i64>"
+    text += f"declare {t} @llvm.fabs.v{LANES}f64({t})\ndeclare {i} @llvm.smin.v{LANES}i64({i}, {i})\n"
+    address = _compile(text).get_function_address("loop")
+    return ctypes.CFUNCTYPE(None, *(_C_TYPES[a.split()[0]] for a in declared))(address)
+
+
+def _each_group(work: Callable[[int], None], groups: int) -> None:
+    """work(0), ..., work(groups - 1) on all cores. Threads live for one call: a pool that is kept would not survive a fork."""
+    threads = min(groups, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+    with ThreadPoolExecutor(threads) if threads > 1 else nullcontext() as pool:
+        for _ in (pool.map if pool else map)(work, range(groups)):
+            pass
+
+
+def _addresses(*arrays: np.ndarray) -> list[Callable[[int], int]]:
+    """For each array, the address of its part of a group (the first axis)."""
+    assert all(a.flags.c_contiguous and a.dtype.itemsize == 8 for a in arrays)
+    return [lambda group, a=a.ctypes.data, step=a.strides[0] if a.ndim else 0: a + group * step for a in arrays]
+
+
+def _zeros(rows: int) -> tuple[np.ndarray, int]:
+    """(array, address of rows of lanes in it that begin on a cache line)"""
+    array = np.zeros(rows * LANES + 8)
+    return array, -(-array.ctypes.data // 64) * 64
+
+
 def rollout(f, g, initial, law, n_s, X0, SP, U, C, h, substeps, X, Y, alive):
     """Simulate. X0 (G, 12, L); SP (G, K+1, n_sp, L); U (G, K+1, n_u, L); C (G, n_c, L); h [s] between samples.
 
     f, g, initial, law: addresses of `value` functions (law = 0: recorded set-points). Fills X (G, K+1, n_x, L), Y (G, K+1, n_y, L)
     and alive (G, L), the number of samples before divergence.
     """
-    G, samples, n_x, L = X.shape
-    step = h / substeps
-    for group in prange(G):
-        x = np.zeros((n_x, L))
-        u = np.empty((U.shape[2], L))
-        stage = np.empty((n_x, L))
-        k1, k2, k3, k4 = np.empty((n_s, L)), np.empty((n_s, L)), np.empty((n_s, L)), np.empty((n_s, L))
-        c = C[group].ctypes.data
-        for i in range(12):
-            x[i] = X0[group, i]
-        _sample(x, 0, SP[group], n_s)
-        if law:
-            call_value(law, (x.ctypes.data, U[group, 0].ctypes.data, c, x[n_s:].ctypes.data))
-        call_value(initial, (x.ctypes.data, U[group, 0].ctypes.data, c, x[12:].ctypes.data))
-        start = x.copy()
-        for k in range(samples):
-            _sample(x, k, SP[group], n_s)
-            if law:
-                call_value(law, (x.ctypes.data, U[group, k].ctypes.data, c, k1.ctypes.data))
-                x[n_s:] = k1[: n_x - n_s]
-            X[group, k] = x
-            call_value(g, (x.ctypes.data, U[group, k].ctypes.data, c, Y[group, k].ctypes.data))
-            if k == samples - 1:
-                break
-            for sub in range(substeps):
-                _inputs_at(u, U[group], k, sub / substeps)
-                call_value(f, (x.ctypes.data, u.ctypes.data, c, k1.ctypes.data))
-                stage[:] = x
-                for i in range(n_s):
-                    for lane in range(L):
-                        stage[i, lane] = x[i, lane] + step / 2 * k1[i, lane]
-                _inputs_at(u, U[group], k, (sub + 0.5) / substeps)
-                call_value(f, (stage.ctypes.data, u.ctypes.data, c, k2.ctypes.data))
-                for i in range(n_s):
-                    for lane in range(L):
-                        stage[i, lane] = x[i, lane] + step / 2 * k2[i, lane]
-                call_value(f, (stage.ctypes.data, u.ctypes.data, c, k3.ctypes.data))
-                for i in range(n_s):
-                    for lane in range(L):
-                        stage[i, lane] = x[i, lane] + step * k3[i, lane]
-                _inputs_at(u, U[group], k, (sub + 1.0) / substeps)
-                call_value(f, (stage.ctypes.data, u.ctypes.data, c, k4.ctypes.data))
-                for i in range(n_s):
-                    for lane in range(L):
-                        x[i, lane] += step / 6 * (k1[i, lane] + 2 * k2[i, lane] + 2 * k3[i, lane] + k4[i, lane])
-            _stop_diverged(x, start, alive[group], k + 1)
+    G, samples, n_x, _ = X.shape
+    n_u, sizes = U.shape[2], (n_s, SP.shape[2], U.shape[2], Y.shape[2], samples, substeps, h)
+    places, loop = _addresses(X0, SP, U, C, X, Y, alive), _compiled(False)
+
+    def work(group):
+        keep, scratch = _zeros(7 * n_x + n_u)
+        loop(f, g, initial, law, *sizes, *(at(group) for at in places), scratch)
+
+    _each_group(work, G)
 
 
-@njit(cache=True)
-def _columns_now(column_of, always, k, w_parameter, w_column, w_first, w_last):
-    """Columns that differentiate with respect to a parameter during step k: those of the whole segment and those of a window."""
-    for j in range(column_of.shape[0]):
-        column_of[j] = always[j]
-    for i in range(w_parameter.shape[0]):
-        if w_first[i] <= k < w_last[i]:
-            column_of[w_parameter[i]] = w_column[i]
-
-
-@njit(cache=True)
-def _axpy(out, a, scale, b, n):
-    """out[:n] = a[:n] + scale b[:n], flat"""
-    o, x, y = out.reshape(-1), a.reshape(-1), b.reshape(-1)
-    for i in range(n):
-        o[i] = x[i] + scale * y[i]
-
-
-@njit(cache=True)
-def _weighted_sum(x, scale, a, b, c, d, n):
-    """x[:n] += scale (a + 2 b + 2 c + d)[:n], flat"""
-    o, p, q, r, s = x.reshape(-1), a.reshape(-1), b.reshape(-1), c.reshape(-1), d.reshape(-1)
-    for i in range(n):
-        o[i] += scale * (p[i] + 2.0 * q[i] + 2.0 * r[i] + s[i])
-
-
-@njit(parallel=True, cache=True)
 def sensitivities(f, g, initial, law, n_s, X0, SP, U, C, h, substeps, state_columns, always, w_parameter, w_column, w_first, w_last,
                   n_col, rows, X, Y, J, alive):  # fmt: skip
-    """`rollout`, and the exact derivative of its outputs: J (G*L, K+1, len(rows), n_col) = dY[rows] / d columns.
+    """`rollout`, and the exact derivative of its outputs: J (segments, K+1, len(rows), n_col) = dY[rows] / d columns.
 
     f, g, initial, law: addresses of `tangent` functions. state_columns (12,): column of each initial state, or -1;
     always (n_wrt,): column of each parameter over the whole segment, or -1; w_*: columns of a parameter in steps first..last-1.
     """
     G, samples, n_x, L = X.shape
-    n_y = Y.shape[2]
-    step = h / substeps
-    for group in prange(G):
-        x, u, stage = np.zeros((n_x, L)), np.empty((U.shape[2], L)), np.empty((n_x, L))
-        k1, k2, k3, k4 = np.empty((n_x, L)), np.empty((n_x, L)), np.empty((n_x, L)), np.empty((n_x, L))
-        S, T = np.zeros((n_x, n_col, L)), np.zeros((n_x, n_col, L))
-        d1, d2, d3, d4 = np.zeros((n_x, n_col, L)), np.zeros((n_x, n_col, L)), np.zeros((n_x, n_col, L)), np.zeros((n_x, n_col, L))
-        D = np.empty((n_y, n_col, L))
-        column_of = np.empty(always.shape[0], np.int64)
-        c, columns = C[group].ctypes.data, column_of.ctypes.data
-        n, m = n_s * L, n_s * n_col * L
-        for i in range(12):
-            x[i] = X0[group, i]
-            if state_columns[i] >= 0:
-                S[i, state_columns[i], :] = 1.0
-        _sample(x, 0, SP[group], n_s)
-        _columns_now(column_of, always, 0, w_parameter, w_column, w_first, w_last)
-        u0 = U[group, 0].ctypes.data
-        if law:
-            call_tangent(law, (x.ctypes.data, u0, c, k1.ctypes.data, S.ctypes.data, d1.ctypes.data, n_col, columns))
-            x[n_s:] = k1[: n_x - n_s]
-            S[n_s:] = d1[: n_x - n_s]
-        if n_s > 12:
-            call_tangent(initial, (x.ctypes.data, u0, c, k1.ctypes.data, S.ctypes.data, d1.ctypes.data, n_col, columns))
-            x[12:n_s] = k1[: n_s - 12]
-            S[12:n_s] = d1[: n_s - 12]
-        start = x.copy()
-        for k in range(samples):
-            _columns_now(column_of, always, k, w_parameter, w_column, w_first, w_last)
-            u_k = U[group, k].ctypes.data
-            _sample(x, k, SP[group], n_s)
-            if law:
-                call_tangent(law, (x.ctypes.data, u_k, c, k1.ctypes.data, S.ctypes.data, d1.ctypes.data, n_col, columns))
-                x[n_s:] = k1[: n_x - n_s]
-                S[n_s:] = d1[: n_x - n_s]
-            X[group, k] = x
-            call_tangent(g, (x.ctypes.data, u_k, c, Y[group, k].ctypes.data, S.ctypes.data, D.ctypes.data, n_col, columns))
-            for lane in range(L):
-                segment = group * L + lane
-                if segment < J.shape[0]:
-                    for i in range(rows.shape[0]):
-                        for j in range(n_col):
-                            J[segment, k, i, j] = D[rows[i], j, lane]
-            if k == samples - 1:
-                break
-            for sub in range(substeps):
-                _inputs_at(u, U[group], k, sub / substeps)
-                call_tangent(f, (x.ctypes.data, u.ctypes.data, c, k1.ctypes.data, S.ctypes.data, d1.ctypes.data, n_col, columns))
-                stage[:] = x
-                T[n_s:] = S[n_s:]
-                _axpy(stage, x, step / 2, k1, n)
-                _axpy(T, S, step / 2, d1, m)
-                _inputs_at(u, U[group], k, (sub + 0.5) / substeps)
-                call_tangent(f, (stage.ctypes.data, u.ctypes.data, c, k2.ctypes.data, T.ctypes.data, d2.ctypes.data, n_col, columns))
-                _axpy(stage, x, step / 2, k2, n)
-                _axpy(T, S, step / 2, d2, m)
-                call_tangent(f, (stage.ctypes.data, u.ctypes.data, c, k3.ctypes.data, T.ctypes.data, d3.ctypes.data, n_col, columns))
-                _axpy(stage, x, step, k3, n)
-                _axpy(T, S, step, d3, m)
-                _inputs_at(u, U[group], k, (sub + 1.0) / substeps)
-                call_tangent(f, (stage.ctypes.data, u.ctypes.data, c, k4.ctypes.data, T.ctypes.data, d4.ctypes.data, n_col, columns))
-                _weighted_sum(x, step / 6, k1, k2, k3, k4, n)
-                _weighted_sum(S, step / 6, d1, d2, d3, d4, m)
-            if _stop_diverged(x, start, alive[group], k + 1) > 0:
-                for lane in range(L):
-                    if alive[group, lane] == k + 1:
-                        S[:, :, lane] = 0.0
+    n_u, n_y = U.shape[2], Y.shape[2]
+    sizes, stride = (n_s, SP.shape[2], n_u, n_y, samples, substeps, h), int(np.prod(J.shape[1:]))
+    places, loop = _addresses(X0, SP, U, C, X, Y, alive), _compiled(True)
+    state_columns, always, *windows = (
+        np.ascontiguousarray(a, np.int64) for a in (state_columns, always, w_parameter, w_column, w_first, w_last)
+    )
+    rows = np.ascontiguousarray(rows, np.int64)
+
+    def work(group):
+        keep, scratch = _zeros(7 * n_x * (1 + n_col) + n_u + n_y * n_col)
+        columns = np.empty(len(always), np.int64)
+        loop(
+            f, g, initial, law, *sizes, *(at(group) for at in places), scratch,
+            n_col, state_columns.ctypes.data, len(always), always.ctypes.data, len(windows[0]), *(w.ctypes.data for w in windows),
+            len(rows), rows.ctypes.data, min(L, len(J) - group * L), stride, J.ctypes.data + group * L * stride * 8, columns.ctypes.data,
+        )  # fmt: skip
+
+    _each_group(work, G)
+
+
+def __getattr__(name: str):
+    """The numba helpers of `hybrid_kernels`, under the name by which it knows them; numba is imported only for them."""
+    if name in ("_inputs_at", "_sample", "_stop_diverged"):
+        from awescli.simulation import sampling
+
+        return getattr(sampling, name)
+    raise AttributeError(name)

@@ -6,6 +6,7 @@ from awescli.stages.fit_controller import FitController
 from awescli.stages.identify import Identify
 from awescli.stages.simulate import Simulate
 from awescli.stages.trace_residual import TraceResidual
+from awescli.stages.train_hybrid import TrainHybrid
 
-STAGES: tuple[Stage, ...] = (FitController(), Identify(), TraceResidual(), Simulate(), Evaluate())
+STAGES: tuple[Stage, ...] = (FitController(), Identify(), TraceResidual(), TrainHybrid(), Simulate(), Evaluate())
 """fit-controller -> identify -> trace-residual -> train-hybrid -> simulate -> evaluate. The commands are made from this table."""

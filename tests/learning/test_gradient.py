@@ -6,12 +6,12 @@ from learning.small_flight import small_kite, small_segments
 
 from awescli.learning.correction import ROWS, Correction, HybridKite, evaluate, initial_weights
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
-from awescli.learning.problem import COMPARED
 from awescli.notation.quantities import OUTPUTS
 from awescli.simulation.hybrid import CorrectedSimulator
 from awescli.simulation.rollout import Simulator
 
 INPUTS = ("u", "w", "q", "sin_phi", "alpha", "beta", "V_a", "rudder", "stretch")
+COMPARED = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 PLACES = [OUTPUTS.index(name) for name in COMPARED]
 
 

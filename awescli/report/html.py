@@ -1,0 +1,60 @@
+"""The page: evidence in, one self-contained HTML text out. It asks nothing of a network and opens from a file:// address."""
+
+from importlib.resources import files
+
+from plotly.offline import get_plotlyjs
+
+from awescli.report.controller import controller
+from awescli.report.evidence import Evidence
+from awescli.report.flight import flight
+from awescli.report.headline import headline
+from awescli.report.hybrid import hybrid
+from awescli.report.identification import identification
+from awescli.report.marks import Section, esc
+from awescli.report.next_steps import next_steps
+from awescli.report.prediction import prediction
+from awescli.report.provenance import provenance
+from awescli.report.residual import residual
+
+SECTIONS = (headline, flight, controller, identification, residual, hybrid, prediction, next_steps, provenance)
+"""The story, in order."""
+
+NAMES = {
+    "summary": "Summary", "flight": "Flight", "controller": "Controller", "identification": "Identification", "residual": "Residual",
+    "hybrid": "Hybrid", "prediction": "Simulated", "next": "Next", "provenance": "Provenance",
+}  # fmt: skip
+
+POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
+"""What the browser lets the page do: nothing but what stands in it. plotly.js compiles its 3-D shaders' glue, hence eval."""
+
+
+def page(evidence: Evidence) -> str:
+    """The whole page."""
+    sections = [tell(evidence) for tell in SECTIONS]
+    first, *rest = sections
+    links = "".join(f'<a href="#{s.id}">{NAMES[s.id]}</a>' for s in sections)
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">\n'
+        f"<title>{esc(first.title)} · {esc(evidence.log.name)}</title>\n<style>{_own('page.css')}</style></head>\n<body>\n"
+        f'<nav aria-label="sections"><div>{links}</div></nav>\n{_top(evidence, first)}<main>\n'
+        f"{''.join(s.html() for s in rest)}<footer>Made by awes {esc(evidence.versions.get('awes', ''))}.</footer></main>\n"
+        f"<script>{_inline(get_plotlyjs())}</script>\n<script>{_inline(_own('page.js'))}</script>\n</body></html>\n"
+    )
+
+
+def _top(evidence: Evidence, first: Section) -> str:
+    """The first screen is no chapter: its title is the page's."""
+    kicker = f"Flight {esc(evidence.log.name)} · model against measurement"
+    return f'<header class="top" id="{first.id}"><p class="kicker">{kicker}</p><h1>{esc(first.title)}</h1>\n{first.body}</header>\n'
+
+
+def _own(name: str) -> str:
+    """A file of this room."""
+    return (files("awescli.report") / name).read_text(encoding="utf-8")
+
+
+def _inline(script: str) -> str:
+    """JavaScript inside a script element: only its end mark could end it."""
+    return script.replace("</script", "<\\/script")

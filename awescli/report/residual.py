@@ -1,0 +1,205 @@
+"""The residual and what it was traced to: errors before and after, candidates, the loop-averaged residual, parameter shifts."""
+
+import numpy as np
+
+from awescli.report.evidence import Evidence
+from awescli.report.marks import Cell, Section, absent, bar, chip, esc, folded, paragraph, table
+from awescli.report.plots import axis, bars, dots, figure, grid, line, shared
+from awescli.report.words import COLOURS, channel, effect_words, listed, number, percent, scale_of, short, with_std
+
+PANELS = 6
+"""Channels shown over the loop: those whose error before stands highest above the noise."""
+BINS = 24
+"""Parts of a loop: 15 degrees each."""
+RACED = "not raced"
+
+
+def residual(evidence: Evidence) -> Section:
+    title = "The residual, and what it was traced to"
+    if evidence.effects is None:
+        return Section("residual", title, absent("awes trace-residual", "the residual was not traced"))
+    body = paragraph(f"{verdict_chip(evidence)} {esc(evidence.effects['sentence'])}") + sizes(evidence) + before_after(evidence)
+    return Section("residual", title, body + over_loop(evidence) + unexplained(evidence) + ranking(evidence) + shifts(evidence))
+
+
+def verdict_chip(evidence: Evidence) -> str:
+    return chip(evidence.effects["verdict"].replace("_", " "), "good" if evidence.effects["verdict"] in ("found", "none") else "bad")
+
+
+def sizes(evidence: Evidence) -> str:
+    """The accepted (or suspected) effects with intervals and rivals."""
+    rows = [
+        (effect_words(e["name"], e.get("acts_on", "")), e.get("doc", ""), name, Cell(with_std(p["value"], p["std"], p["unit"]), p["value"]),
+         listed([effect_words(r["name"], r.get("acts_on", "")) for r in e["rivals"]]) or "none")
+        for e in evidence.effects["effects"]
+        for name, p in e["parameters"].items()
+    ]  # fmt: skip
+    gust = evidence.effects.get("gust_m_s")
+    air = paragraph(f"Gusts that the flight shows: {number(gust)} m/s.") if gust else ""
+    return (f"<br>{table(('effect', 'what it is', 'parameter', 'size ± 2 std', 'rivals'), rows, sortable=False)}" if rows else "") + air
+
+
+def labels(evidence: Evidence) -> tuple[str, str]:
+    """What before and after mean."""
+    return "before: model as declared, fitted", f"after: {evidence.label('with_effects')}"
+
+
+def before_after(evidence: Evidence) -> str:
+    """Errors per channel before and after, with the noise floor."""
+    error = evidence.effects["error"]
+    names = [n for n in error["before"] if n != "mean"] + ["mean"]
+    x = ["mean" if n == "mean" else short(n) for n in names]
+    told = [channel(n) for n in names]
+    data = [
+        bars(x, [100 * error[which][n] for n in names], label, COLOURS[model], text=told, textposition="none",
+             hovertemplate="%{text}: %{y:.3g} %<extra></extra>")
+        for which, label, model in zip(("before", "after"), labels(evidence), ("identified", "with_effects"), strict=True)
+    ]  # fmt: skip
+    data.append(
+        dots(
+            x, [100 * error["noise_floor"][n] for n in names], "noise alone", "@ink", symbol="line-ew", size=22,
+            marker={"line": {"width": 2, "color": "@ink"}}, hovertemplate="noise alone: %{y:.3g} %<extra></extra>",
+        )
+    )  # fmt: skip
+    lost = error.get("diverged_before", 0), error.get("diverged_after", 0)
+    note = f"Predictions that diverged: {lost[0]} before, {lost[1]} after." if any(lost) else ""
+    return figure(
+        "fig-residual", f"Error {error['horizon_s']:g} s ahead, before and after", data,
+        {"yaxis": axis("NRMSE [% of range]", rangemode="tozero"), "xaxis": {"type": "category", "tickangle": 0}},
+        split=f"{error.get('split', 'test')} {evidence.parts.of}", note=note, height=320,
+    )  # fmt: skip
+
+
+def over_loop(evidence: Evidence) -> str:
+    """What repeats: the residual averaged over loops, at every phase of a loop, and what the effect explains of it."""
+    if not evidence.residuals or "test_first" not in evidence.residuals:
+        return ""
+    if evidence.loops.kind != "loops":
+        return paragraph("The flight does not loop, so there is no residual per phase of a loop.", "absent")
+    r = evidence.residuals
+    phase = loop_phase(evidence, r["test_first"][:, None] + np.arange(len(r["time"]))[None])
+    names = [k.removeprefix("test_before_") for k in r if k.startswith("test_before_")]
+    error = evidence.effects["error"]
+    names = sorted(names, key=lambda n: -(error["before"].get(n, 0.0) / max(error["noise_floor"].get(n, 1.0), 1e-12)))[:PANELS]
+    panels = [_panel(evidence, name, phase) for name in names if f"test_after_{name}" in r]
+    middle = (np.arange(BINS) + 0.5) * 360 / BINS
+    id = "fig-phase"
+    note = (
+        "Measured minus predicted, averaged over the test loops at each phase of a loop. What repeats before and is gone after was the missing "
+        "effect; the dashed line is what the effect puts in. Shaded: ± 1 standard deviation over loops. The six channels that stand highest above noise."
+        if evidence.tracing_added
+        else "Measured minus predicted, averaged over the test loops at each phase of a loop; shaded: ± 1 standard deviation over loops."
+    )
+    return f'<div id="{id}"><h3>What repeats in every loop</h3>{paragraph(note, "soft")}{shared("phase", middle)}{grid(panels)}</div>'
+
+
+def loop_phase(evidence: Evidence, samples: np.ndarray) -> np.ndarray:
+    """0..1 through its loop for sample indices of any shape; NaN in no loop."""
+    phase = np.full(len(evidence.log), np.nan)
+    for first, last in evidence.loops.bounds:
+        phase[first:last] = np.arange(last - first) / (last - first)
+    inside = samples < len(phase)
+    return np.where(inside, phase[np.minimum(samples, len(phase) - 1)], np.nan)
+
+
+def _panel(evidence: Evidence, name: str, phase: np.ndarray) -> str:
+    before, after = evidence.residuals[f"test_before_{name}"], evidence.residuals[f"test_after_{name}"]
+    unit, factor = scale_of(name, before)
+    width = {"width": 2}
+    mean, spread = loop_mean(before * factor, phase)
+    data = [*_band(mean, spread, "@blue"), dots("$phase", mean, "before", COLOURS["identified"], size=5)]
+    if evidence.tracing_added:
+        data.append(line("$phase", loop_mean((before - after) * factor, phase)[0], "what the effect explains", COLOURS["measured"], dash="dash"))
+        mean, spread = loop_mean(after * factor, phase)
+        data += [*_band(mean, spread, "@green"), line("$phase", mean, "after", COLOURS["with_effects"], **width)]
+    layout = {
+        "xaxis": axis("phase of the loop [°]", range=[0, 360], dtick=90), "yaxis": axis(f"[{unit}]" if unit else "", zeroline=True),
+        "margin": {"t": 6}, "legend": {"font": {"size": 10}},
+    }  # fmt: skip
+    return figure(f"fig-phase-{name}", channel(name), data, layout, split=f"test {evidence.parts.of}", height=240, part=True)
+
+
+def _band(mean: np.ndarray, spread: np.ndarray, colour: str) -> list[dict]:
+    """Shaded mean ± spread."""
+    common = {"type": "scatter", "mode": "lines", "x": "$phase", "hoverinfo": "skip", "showlegend": False, "line": {"width": 0}}
+    return [{**common, "y": mean - spread}, {**common, "y": mean + spread, "fill": "tonexty", "fillcolor": f"{colour}/0.18"}]
+
+
+def loop_mean(values: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(mean, standard deviation) per bin of the phase; NaN where a bin is empty."""
+    known = np.isfinite(phase) & np.isfinite(values)
+    index = (phase[known] * BINS).astype(int)
+    count = np.bincount(index, minlength=BINS).astype(float)
+    count[count == 0] = np.nan
+    mean = np.bincount(index, values[known], BINS) / count
+    return mean, np.sqrt(np.maximum(np.bincount(index, values[known] ** 2, BINS) / count - mean**2, 0.0))
+
+
+def unexplained(evidence: Evidence) -> str:
+    """The empirical expression for what has no name in the library."""
+    found = evidence.effects.get("unexplained")
+    if not found:
+        return ""
+    text = f"In <b>{esc(channel(found.get('channel', '')))}</b>, {percent(found.get('share'))} of the gap on validation is described by"
+    text += f" <code>{esc(found['expression'])}</code>" if found.get("expression") else " nothing simple"
+    return f'<div id="unexplained"><h3>Without a name in the library</h3>{paragraph(text + ". These terms are empirical: they describe, they do not explain.")}</div>'
+
+
+def ranking(evidence: Evidence) -> str:
+    """Every candidate: how much of the residual it explains, and what it gains on unseen loops."""
+    effects = evidence.effects
+    accepted = {e["name"] for e in effects["effects"]} if evidence.tracing_added else set()
+    rivals = {r["name"] for e in effects["effects"] for r in e["rivals"]}
+    rows = []
+    for place, c in enumerate(effects["ranking"], 1):
+        state = chip("accepted", "good") if c["name"] in accepted else chip("rival", "bad") if c["name"] in rivals else ""
+        raced = c.get("outcome") != RACED
+        gain = c["test_gain"] if raced else None
+        rows.append((
+            Cell(str(place), place), Cell(f"{esc(effect_words(c['name'], c.get('acts_on', '')))} {state}", c["name"]), bar(c["explained_share"], percent(c["explained_share"])),
+            Cell(percent(gain) if raced else "–", gain), Cell(number(c["score"]), c["score"]), Cell(number(c["p_value"], 2), c["p_value"]),
+            "yes" if c["plausible_size"] else "no", str(c.get("outcome", "")).replace("_", " "),
+        ))  # fmt: skip
+    if not rows:
+        return ""
+    head = ("", "candidate", "explains of the gap", "gain on validation", "score", "p value", "plausible size", "race")
+    note = (
+        "Every effect of the library, tried on the residual of the declared model. Score: by how much it lowers χ² on train, to first order; the best "
+        "were fitted in full and raced on validation loops."
+    )
+    seen = effects.get("detectable") or {}
+    small = [(effect_words(*_key(k)), Cell(number(v), v)) for k, v in seen.items()]
+    more = folded("What this flight would have shown: smallest size of each effect that stands out", table(("effect", "smallest size (in its unit)"), small)) if small else ""
+    return f'<div id="tab-ranking"><h3>Candidates</h3>{paragraph(note, "soft")}<br>{table(head, rows)}{more}</div>'
+
+
+def _key(key: str) -> tuple[str, str]:
+    name, _, target = key.partition(":")
+    return name, target
+
+
+def shifts(evidence: Evidence) -> str:
+    """How far each parameter lay from its prior before and after: what parameters had swallowed returns."""
+    moved = evidence.effects.get("parameter_shifts") or {}
+    if not moved:
+        return ""
+    names = sorted(moved, key=lambda n: -abs(moved[n]["before_in_prior_std"]))
+    before, after = ([moved[n][f"{w}_in_prior_std"] for n in names] for w in ("before", "after"))
+    y = [esc(n) for n in names]
+    ways = [v for b, a in zip(before, after, strict=True) for v in (b, a, None)]
+    data = [line(ways, [v for n in y for v in (n, n, None)], "", "@grey/0.6", width=2, showlegend=False, hoverinfo="skip")]
+    data.append(dots(before, y, "before", COLOURS["identified"], size=8, hovertemplate="%{y} before: %{x:.2f} prior std<extra></extra>"))
+    if evidence.tracing_added:
+        data.append(dots(after, y, "after", COLOURS["with_effects"], size=8, hovertemplate="%{y} after: %{x:.2f} prior std<extra></extra>"))
+    layout = {
+        "xaxis": axis("distance from the prior, in prior standard deviations", zeroline=True),
+        "yaxis": {"autorange": "reversed", "type": "category", "categoryorder": "array", "categoryarray": y, "dtick": 1},
+        "shapes": [{"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": -1, "x1": 1, "fillcolor": "@grey/0.12", "line": {"width": 0}}],
+    }
+    note = "A parameter that stood in for the missing effect goes back towards its prior once the effect is there. Shaded: ± 1 prior standard deviation."
+    return figure(
+        "fig-shifts", "What the parameters had swallowed", data, layout, split="fitted to train",
+        note=note if evidence.tracing_added else "Nothing was added, so nothing moved.", height=90 + 17 * len(names),
+    )  # fmt: skip
+
+

@@ -1,0 +1,60 @@
+"""Gather what the stages left behind, and write report.html beside evaluate's numbers."""
+
+from pathlib import Path
+
+from awescli.stages.base import Context
+
+UPSTREAM = ("fit-controller", "identify", "trace-residual", "train-hybrid")
+
+
+def write_report(context: Context, log, parts, metrics: dict, arrays: dict) -> None:
+    """report.html in the stage's folder. metrics, arrays: evaluate's own, which are not yet in place."""
+    from awescli.artifacts import write_text
+    from awescli.report.html import page
+
+    write_text(context.folder / "report.html", page(gather(context, log, parts, metrics, arrays)))
+
+
+def gather(context: Context, log, parts, metrics: dict, arrays: dict):
+    """The evidence: what of the upstream stages is there."""
+    from awescli.artifacts import PROVENANCE, versions
+    from awescli.flightlog.loops import find_loops
+    from awescli.flightlog.phases import phases
+    from awescli.flightlog.quality import data_quality
+    from awescli.report.evidence import Evidence
+
+    law, identified, traced, trained = (context.upstream(stage) for stage in UPSTREAM)
+    labels = phases(log)
+    records = {stage: _json(context.upstream(stage), PROVENANCE) for stage in UPSTREAM}
+    return Evidence(
+        log=log, loops=find_loops(log, labels), phases=labels, quality=data_quality(log), parts=parts, scores=metrics, predictions=arrays,
+        controller=_json(law, "metrics.json"), commanded=_commanded(law, log),
+        identify=_json(identified, "metrics.json"), params=_json(identified, "params.json"),
+        effects=_json(traced, "effects.json"), residuals=_arrays(traced, "residuals.npz"),
+        hybrid=_json(trained, "metrics.json"), network=_json(trained, "network.json"),
+        provenance={stage: record for stage, record in records.items() if record}, versions=versions(),
+    )  # fmt: skip
+
+
+def _commanded(folder: Path | None, log) -> dict:
+    """What the fitted law commands at the measured states; nothing where there is no law."""
+    if folder is None:
+        return {}
+    from awescli.control.law import deflections_of_log
+    from awescli.stages.controller_artifact import read_controller, wind_direction
+
+    law = read_controller(folder)
+    commanded = deflections_of_log(law, log, wind_direction(log))
+    return {surface: commanded[surface] for surface in law.surfaces}
+
+
+def _json(folder: Path | None, name: str):
+    from awescli.artifacts import read_json
+
+    return read_json(folder / name) if folder and (folder / name).is_file() else None
+
+
+def _arrays(folder: Path | None, name: str):
+    from awescli.artifacts import read_arrays
+
+    return read_arrays(folder / name) if folder and (folder / name).is_file() else None
