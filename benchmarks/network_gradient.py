@@ -24,7 +24,10 @@ from awescli.learning.problem import COMPARED  # noqa: E402
 from awescli.simulation.hybrid import CorrectedSimulator  # noqa: E402
 from awescli.simulation.hybrid_torch import TorchHybrid  # noqa: E402
 
-INPUTS = ("u", "v", "w", "p", "q", "r", "sin_phi", "cos_phi", "sin_theta", "cos_theta", "alpha", "beta", "V_a", "rudder", "stretch", "tension")
+INPUTS = (
+    "u", "v", "w", "p", "q", "r", "sin_phi", "cos_phi", "sin_theta", "cos_theta", "alpha", "beta", "V_a", "rudder", "stretch",
+    "tension",
+)  # fmt: skip
 HIDDEN = (32, 32)
 
 
@@ -56,12 +59,12 @@ def main() -> int:
         target = ours.rollout(prepared, 0 * c.weights, c.constants).outputs
         size = target.std((0, 1)) + 1e-3
 
-        def fast():
+        def fast(prepared=prepared, target=target, size=size):
             run = ours.rollout(prepared, c.weights, c.constants)
             error = (run.outputs - target) / size
             return ours.gradient(run, 2 * error / size / error.size)[0]
 
-        def slow(solver):
+        def slow(solver, flown=flown, target=target, size=size):
             w = torch.tensor(c.weights, requires_grad=True)
             y = TorchHybrid(kite, inputs_of_instant(c.inputs), c.sizes, ROWS, COMPARED, solver=solver).rollout(flown, w, c.constants)
             (((y - torch.as_tensor(target)) / torch.as_tensor(size)) ** 2).mean().backward()

@@ -121,7 +121,7 @@ def run_case(name: str, case: dict) -> dict:
         flight = dev_like(truth, case["seed"], _anchored(truth, case), air=case.get("air", "table"), duration=case.get("duration", 150.0))
         parts = split(find_loops(flight.log))
         finding, before = trace_flight(flight.declared, flight.log, parts)
-        effects = account(finding, flight.log, parts, 5.0, before, finding.simulator.holding(finding.model.table))
+        effects = account(finding, flight.log, parts, 5.0, before, finding.after())
     except AwesError as e:
         return {"case": name, **case, "verdict": "failed", "error": str(e)}
     return {

@@ -128,7 +128,7 @@ class _Writer(Printer):
 
 def print_network(sizes: Sequence[int], lanes: int) -> str:
     """The function `value`."""
-    w, n, m = _Writer(lanes, sizes), sizes[0], sizes[-1]
+    w, n = _Writer(lanes, sizes), sizes[0]
     layer, row = [], 0
     fading = "zeroinitializer"
     for i in range(n):
@@ -143,7 +143,8 @@ def print_network(sizes: Sequence[int], lanes: int) -> str:
     fade = w.exp(w.op("fsub", "zeroinitializer", fading))
     for number, (W, b) in enumerate(layer_slices(sizes)):
         a = len(layer)
-        layer = w.sums(layer, sizes[number + 1], lambda i, j, W=W, a=a: W.start + i * a + j, lambda i, b=b: w.broadcast("weights", b.start + i))
+        bias = lambda i, b=b: w.broadcast("weights", b.start + i)  # noqa: E731
+        layer = w.sums(layer, sizes[number + 1], lambda i, j, W=W, a=a: W.start + i * a + j, bias)
         if number < len(sizes) - 2:
             layer = [w.tanh(s) for s in layer]
         for value in layer:

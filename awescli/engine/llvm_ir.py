@@ -108,7 +108,12 @@ def print_tangent(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence[in
     for i, output in enumerate(outputs):
         body.store(body.node(output), "y", str(i))
     names = {place: body.node(node) for place, node in entries.items()}
-    body.lines += ["  %any = icmp sgt i64 %ncol, 0", "  br i1 %any, label %columns, label %parameters0", "columns:", "  %col = phi i64 [ 0, %entry ], [ %next, %columns ]"]
+    body.lines += [
+        "  %any = icmp sgt i64 %ncol, 0",
+        "  br i1 %any, label %columns, label %parameters0",
+        "columns:",
+        "  %col = phi i64 [ 0, %entry ], [ %next, %columns ]",
+    ]
     t, n_y = body.type, len(outputs)
     used = sorted({j for _, j in names if j < n_x})
     rows = {j: body.load("S", body.line(f"add i64 {body.line(f'mul i64 %ncol, {j}')}, %col")) for j in used}

@@ -1,12 +1,14 @@
 """Compile printed IR with LLVM (the one numba brings) and hand out addresses of the functions.
 
-A compiled object is cached on disk by the hash of its IR, the processor and LLVM's version; the cache may be deleted at any time.
+A compiled object is cached on disk by the hash of what it was made from, the processor and LLVM's version. The cache may be deleted at
+any time.
 """
 
 import hashlib
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import llvmlite.binding as llvm
@@ -48,13 +50,25 @@ def compile_program(
     """
     tape, outputs = record(function, x=n_x, u=n_u, c=n_c)
     operations = len(tape.nodes)
-    text = print_value(tape, outputs, LANES)
-    if tangent:
-        text += print_tangent(tape, outputs, n_x, wrt, LANES)
-    text += print_functions(calls_of(tape), LANES)
-    engine = _compile(text)
+
+    def text():
+        text = print_value(tape, outputs, LANES)
+        if tangent:
+            text += print_tangent(tape, outputs, n_x, wrt, LANES)
+        return text + print_functions(calls_of(tape), LANES)
+
+    # what was recorded, and who prints it, decide what would be printed: a program in the cache is not derived and printed again
+    engine = _compile(text, f"{tape.nodes}{outputs}{n_x}{tuple(wrt)}{tangent}{_engine_source()}")
     address = engine.get_function_address
     return Program(n_x, n_u, n_c, len(outputs), tuple(wrt), address("value"), address("tangent") if tangent else 0, operations)
+
+
+@cache
+def _engine_source() -> str:
+    """Hash of the files that turn a recorded function into machine code."""
+    here = Path(__file__).parent
+    names = ("record.py", "derive.py", "approximations.py", "llvm_ir.py", "machine.py")
+    return hashlib.sha256(b"".join((here / name).read_bytes() for name in names)).hexdigest()
 
 
 def _machine():
@@ -68,20 +82,31 @@ def _machine():
     return _target_machine
 
 
-def _compile(text: str):
+def _compile(text: str | Callable[[], str], key: str = ""):
+    """The engine that holds the functions of an IR text. key: what decides the text, where it is known without printing it."""
     machine = _machine()
-    module = llvm.parse_assembly(text)
-    module.triple, module.data_layout = machine.triple, str(machine.target_data)
-    options = llvm.create_pipeline_tuning_options(speed_level=1)
-    llvm.create_pass_builder(machine, options).getModulePassManager().run(module, llvm.create_pass_builder(machine, options))
-    engine = llvm.create_mcjit_compiler(module, machine)
     key = hashlib.sha256(
-        f"{text}{llvm.llvm_version_info}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}".encode()
+        f"{key or text}{llvm.llvm_version_info}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}".encode()
     ).hexdigest()
-    engine.set_object_cache(notify_func=lambda _, code: _store(key, code), getbuffer_func=lambda _: _load(key))
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    code = _load(key)
+    if code is None:
+        code = _emit(text if isinstance(text, str) else text(), machine)
+        _store(key, code)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     _KEPT.append(engine)
     return engine
+
+
+def _emit(text: str, machine) -> bytes:
+    """Optimised machine code of an IR text, as an object file."""
+    module = llvm.parse_assembly(text)
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    options = llvm.create_pipeline_tuning_options(speed_level=1)
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    return machine.emit_object(module)
 
 
 def cache_folder() -> Path:

@@ -1,5 +1,7 @@
 """What a fit says about its own answer: standard deviations, correlations, what the flight does not excite, what sits at a bound."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from awescli.estimation.simulation_error import Fit
@@ -11,19 +13,22 @@ COLLINEAR = 0.95
 """Correlation beyond which two parameters are named as a pair that only their combination is known of."""
 
 
-def describe(fit: Fit, prior: ParameterTable) -> dict:
+def describe(fit: Fit, prior: ParameterTable, record: Sequence[str] = ()) -> dict:
     """Per free parameter: value, std (scaled by the residual's level where that is above the noise), prior, shift, flags, advice.
 
     std is the Gauss-Newton posterior standard deviation; excited: std < half of the prior's; at_bound: the value sits at an end of
-    its range; partners: parameters correlated by more than 0.95.
+    its range; partners: parameters correlated by more than 0.95. record: names of nuisance parameters, listed apart.
     """
     scale = np.sqrt(max(fit.chi2, 1.0))
     std = np.sqrt(np.diag(fit.covariance)) * scale
     correlation = (
         fit.covariance / np.outer(np.sqrt(np.diag(fit.covariance)), np.sqrt(np.diag(fit.covariance))) if len(std) else np.zeros((0, 0))
     )
-    rows = {}
+    rows, errors = {}, {}
     for i, name in enumerate(fit.names):
+        if name in record:
+            errors[name] = {"value": fit.parameters[name].value, "std": float(std[i]), "unit": fit.parameters[name].unit}
+            continue
         p, before = fit.parameters[name], prior[name]
         width = p.upper - p.lower
         partners = [fit.names[j] for j in np.flatnonzero(np.abs(correlation[i]) > COLLINEAR) if j != i]
@@ -38,6 +43,7 @@ def describe(fit: Fit, prior: ParameterTable) -> dict:
         }  # fmt: skip
     return {
         "parameters": rows,
+        "wind_record_error": errors,
         "correlation": {"names": list(fit.names), "matrix": np.round(correlation, 6).tolist()},
         "weakest_direction": _weakest(fit, prior),
     }

@@ -29,9 +29,10 @@ def bounded_step(H: np.ndarray, b: np.ndarray, lower: np.ndarray, upper: np.ndar
     """argmin 1/2 d'Hd - b'd with lower <= d <= upper, H positive definite. Scaled to unit diagonal first."""
     if not len(b):
         return np.zeros(0)
-    scale = 1 / np.sqrt(np.diag(H))
-    Hs = H * scale * scale[:, None]
-    L = cholesky(Hs + 1e-13 * np.eye(len(b)), lower=True)
+    diagonal = np.diag(H)
+    # a parameter that nothing depends on has a row of zeros: it stays where it is
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    L = _factor(H * scale * scale[:, None])
     target = solve_triangular(L, b * scale, lower=True)
     d = solve_triangular(L.T, target, lower=False) * scale
     if (d >= lower).all() and (d <= upper).all():
@@ -39,6 +40,25 @@ def bounded_step(H: np.ndarray, b: np.ndarray, lower: np.ndarray, upper: np.ndar
     # BVLS wants an interior: bounds that coincide with the present point are opened by nothing that matters
     width = 1e-12 * np.maximum(1.0, np.abs(upper - lower))
     return lsq_linear(L.T, target, bounds=((lower - width) / scale, (upper + width) / scale), method="bvls").x * scale
+
+
+def _factor(H: np.ndarray) -> np.ndarray:
+    """Lower Cholesky factor of H + ridge, the least ridge that rounding asks for: H of unit diagonal may be singular."""
+    for ridge in (1e-13, 1e-11, 1e-9, 1e-7):
+        try:
+            return cholesky(H + ridge * np.eye(len(H)), lower=True)
+        except np.linalg.LinAlgError:
+            continue
+    return cholesky(H + 1e-4 * np.eye(len(H)), lower=True)
+
+
+def covariance(H: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Inverse of an information matrix that may be singular, positive definite always: a direction of which H knows next to nothing,
+    less than 1e-12 of the best known one in units of `scale` (n,), gets the large but finite variance of that floor."""
+    values, vectors = np.linalg.eigh(H * scale * scale[:, None])
+    floor = 1e-12 * max(values[-1], 1e-300) if len(values) else 0.0
+    scaled = vectors * scale[:, None]
+    return scaled / np.maximum(values, floor) @ scaled.T
 
 
 def minimise(

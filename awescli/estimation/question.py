@@ -1,7 +1,7 @@
 """From a log and a kite to a contest: compile the library, cut the segments, settle the nuisance wind, fit the null model."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,8 +46,13 @@ def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), l
     heights = log.wind.height if log.wind is not None else (10.0,)
     kite = Kite(declaration, heights, extra)
     own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
-    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in GUSTS]
+    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in (*GUSTS, *kite.record)]
     return Simulator(kite, wrt, law)
+
+
+def without_record(kite: Kite, table: ParameterTable) -> ParameterTable:
+    """The table with the wind record's fitted error taken out: what a kite file holds, and what predictions are scored with."""
+    return table.with_values(dict.fromkeys(kite.record, 0.0))
 
 
 def nuisance_wind(declaration: KiteDeclaration, log, kite: Kite) -> tuple[Gusts, float]:
@@ -87,7 +92,7 @@ def ask(
             spans = np.array([0.01 * (np.ptp(log[n]) or 1.0) for n in cut.outputs])
             cut = cut.with_sigma(np.where(np.isfinite(cut.sigma), spans, np.inf))
         observed.append(with_gust_noise(simulator, cut, gusts) if level > GUSTY else cut)
-    return Question(simulator, kite, observed[0], observed[1], gusts, level, kite.parameters.free, kite.parameters)
+    return Question(simulator, kite, observed[0], observed[1], gusts, level, (*kite.parameters.free, *kite.record), kite.parameters)
 
 
 def fit_in_stages(
@@ -99,6 +104,9 @@ def fit_in_stages(
     start: name -> value to start from where that differs from the declared one. Returns the fit and the question with the noise as
     finally used.
     """
+    if not prior:
+        # without priors nothing keeps the wind record near what was recorded
+        question = replace(question, names=tuple(n for n in question.names if n not in question.kite.record))
     table, simulator = question.simulator.kite.parameters.with_values(start or {}), question.simulator
     outputs = question.fitted.outputs
     for horizon in horizons:
@@ -122,6 +130,6 @@ def fit_in_stages(
         ratio = (raised.sigma / question.fitted.sigma)[0, 0]
         ratio = np.where(np.isfinite(ratio), ratio, 1.0)
         choice = question.choice.with_sigma(question.choice.sigma * ratio)
-        question = Question(simulator, question.kite, raised, choice, question.gusts, question.gust, question.names, question.prior)
+        question = replace(question, fitted=raised, choice=choice)
         result = whole(raised, result.parameters, result.own)
     return result, question

@@ -1,12 +1,12 @@
 """Simulation error of re-initialised segments (seed eq. 11): parameters and segment starts that fit them together."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from awescli.estimation.gauss_newton import Solution, minimise
+from awescli.estimation.gauss_newton import Solution, covariance, minimise
 from awescli.estimation.gust_level import within_window
 from awescli.estimation.information import Information, reduce
 from awescli.notation.parameters import ParameterTable
@@ -35,7 +35,9 @@ class Gusts:
         if self.std <= 0:
             return ()
         length = max(1, int(round(min(self.window, steps * dt) / dt)))
-        return tuple((f"gust.{axis}", a, min(a + length, steps + 1)) for a in range(0, steps, length) for axis in "ned")
+        # the last window holds the last sample too
+        last = lambda a: a + length if a + length < steps else steps + 1  # noqa: E731
+        return tuple((f"gust.{axis}", a, last(a)) for a in range(0, steps, length) for axis in "ned")
 
     def precision(self, steps: int, dt: float) -> np.ndarray:
         """Prior precision of the windows, in the order of `columns`."""
@@ -151,12 +153,16 @@ class SimulationError:
     def _reached(self, trajectories) -> np.ndarray:
         return np.arange(self.observed.measured.shape[1])[None] < trajectories.alive[:, None]
 
-    def costs(self, x: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """(K,) cost of every segment at other parameters and own unknowns: whitened squares, prior of the own wind, divergence."""
+    def costs(self, x: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(cost, whole), each (K,), at other parameters and own unknowns: whitened squares and the prior of the own wind; whole: the
+        segment did not diverge. One that did is charged DIVERGED_COST per sample that it missed, and at most that for the others."""
         trajectories = self.simulator.rollout(self.segments(own), self.values(x))
         r = self.observed.residual(trajectories)
-        missing = (~self._reached(trajectories)).sum(axis=1) * len(self.observed.outputs)
-        return (r * r).sum(axis=(1, 2)) + np.einsum("ki,ij,kj->k", own, self.own_prior, own) + DIVERGED_COST * missing
+        reached = self._reached(trajectories)
+        whole = reached.all(axis=1)
+        squares, limit = (r * r).sum(axis=2), DIVERGED_COST * len(self.observed.outputs)
+        squares[~whole] = np.where(reached[~whole], np.minimum(squares[~whole], limit), limit)
+        return squares.sum(axis=1) + np.einsum("ki,ij,kj->k", own, self.own_prior, own), whole
 
 
 def fit(
@@ -191,19 +197,27 @@ def fit(
     here: dict = {}
 
     def total(x, own):
-        return float(problem.costs(x, own).sum() + precision @ (centre - x) ** 2)
+        cost, whole = problem.costs(x, own)
+        if (here["flies"] & ~whole).any():
+            return np.inf  # a step may not lose a segment
+        # segments that had diverged before are set aside at a fixed price until a new linearisation finds them flying
+        aside = DIVERGED_COST * observed.measured[0].size * np.count_nonzero(~here["heard"])
+        return float(cost[here["heard"]].sum() + aside + precision @ (centre - x) ** 2)
 
     def linearise(x):
         info, trajectories = problem.information(x)
-        here.update(x=x, info=info, alive=trajectories.alive)
-        b = info.b.sum(0) + precision * (centre - x)
+        # a segment that diverged keeps its own unknowns and has no say in the step, unless all did
+        flies = trajectories.alive > observed.segments.steps
+        heard = flies if flies.any() else np.ones_like(flies)
+        here.update(x=x, info=info, alive=trajectories.alive, flies=flies, heard=heard)
+        b = info.b[heard].sum(0) + precision * (centre - x)
         # what the own unknowns alone can still gain counts as progress too
-        own_gain = float((problem.costs(x, problem.own) - info.cost).sum())
-        return total(x, problem.own), b, info.H.sum(0) + np.diag(precision), own_gain
+        own_gain = float((problem.costs(x, problem.own)[0] - info.cost)[flies].sum())
+        return total(x, problem.own), b, info.H[heard].sum(0) + np.diag(precision), own_gain
 
     def move(step, share):
         moved = problem.own.copy()
-        for k in np.flatnonzero(here["alive"] > observed.segments.steps):
+        for k in np.flatnonzero(here["flies"]):
             moved[k] += share * here["info"].own(k, step)
         here["moved"] = moved
         return total(np.clip(here["x"] + share * step, lower, upper), moved)
@@ -214,6 +228,9 @@ def fit(
     solution = minimise(linearise, move, accept, x0, lower, upper, tolerance=tolerance, iterations=iterations, on_iteration=on_iteration)
     info = here["info"]
     table = parameters.with_values(dict(zip(names, solution.x, strict=True)))
-    covariance = np.linalg.inv(solution.H) if len(names) else np.zeros((0, 0))
-    chi2 = float(info.cost.sum() / max(info.dof.sum() - len(names), 1))
-    return Fit(names, table, problem.own, solution, info, covariance, chi2, here["alive"])
+    spread = covariance(solution.H, np.array([r.prior_std for r in rows]))
+    # the level of the residual is that of the segments that fly; a lost one stands in the account at its price
+    flies = here["flies"]
+    chi2 = float(info.cost[flies].sum() / max(info.dof[flies].sum() - len(names), 1)) if flies.any() else DIVERGED_COST
+    info = replace(info, cost=np.where(flies, info.cost, DIVERGED_COST * observed.measured[0].size))
+    return Fit(names, table, problem.own, solution, info, spread, chi2, here["alive"])

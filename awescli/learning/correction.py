@@ -41,9 +41,10 @@ class Correction:
     width: float = 0.3
 
     def __post_init__(self):
-        n, arrays = len(self.inputs), {"mean": self.mean, "deviation": self.deviation, "middle": self.middle, "half": self.half}
         check_inputs(self.inputs)
-        for name, a, size in (*((k, v, n) for k, v in arrays.items()), ("scale", self.scale, 6), ("weights", self.weights, weight_count(self.sizes))):
+        sizes = dict.fromkeys(("mean", "deviation", "middle", "half"), len(self.inputs))
+        for name, size in {**sizes, "scale": len(CORRECTED), "weights": weight_count(self.sizes)}.items():
+            a = getattr(self, name)
             if np.shape(a) != (size,) or not np.isfinite(a).all():
                 raise BadInput(f"network: '{name}' is not {size} finite numbers (shape {np.shape(a)})", do="Train it again.")
         if (self.deviation <= 0).any() or (self.half <= 0).any() or self.width <= 0:
@@ -97,7 +98,8 @@ class Correction:
             raise BadInput(f"not a correction network{f' (lacks {missing})' if missing else ''}", where, again)
         try:
             known = {k: np.asarray(arrays[k], dtype=float) for k in ("weights", "mean", "deviation", "middle", "half", "scale")}
-            loaded = cls(tuple(description["inputs"]), tuple(int(n) for n in description["hidden"]), width=float(description["width"]), **known)
+            hidden = tuple(int(n) for n in description["hidden"])
+            loaded = cls(tuple(description["inputs"]), hidden, width=float(description["width"]), **known)
         except (KeyError, TypeError, ValueError) as e:
             raise BadInput(f"its description is damaged: {e}", where, again) from None
         except BadInput as e:

@@ -39,7 +39,7 @@ def train_ensemble(kite: Kite, log, train_ranges, validation_ranges, config: Tra
 
 
 def spread(kite: Kite, corrections: Sequence[Correction], segments: Segments, law: Callable | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """(mean, standard deviation) of the simulated outputs (K, N+1, 23) over the members; samples that any member diverged before are NaN."""
+    """(mean, standard deviation) of the simulated outputs (K, N+1, 23) over the members; NaN from where any of them diverged."""
     found = []
     for correction in corrections:
         trajectories = Simulator(HybridKite(kite, correction), (), law).rollout(segments)

@@ -88,7 +88,6 @@ def untrained(log, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[in
         raise BadInput("no network input changes on the training samples", do="Choose other inputs.")
     names = tuple(n for n, m in zip(names, moving, strict=True) if m)
     signals, mean, deviation = signals[:, moving], mean[moving], deviation[moving]
-    z = (signals - mean) / deviation
     known = (input_signals(log, kite, names)[samples_of((*ranges, *validation), log.valid)] - mean) / deviation
     middle, half = (known.max(0) + known.min(0)) / 2, (known.max(0) - known.min(0)) / 2 * (1 + 2 * MARGIN)
     slow = uniform_filter1d(residual_acceleration(log, kite), max(1, int(round(SLOW / log.dt))), axis=0)

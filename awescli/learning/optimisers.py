@@ -30,8 +30,13 @@ class Adam:
         return replace(self, first=m, second=v, count=t), x - step
 
 
-def lbfgs(cost: Callable[[np.ndarray], tuple[float, np.ndarray]], x: np.ndarray, iterations: int, memory: int = 20) -> tuple[np.ndarray, float, int]:
-    """(x, cost there, evaluations): scipy's L-BFGS-B without bounds; its line search (More & Thuente 1994) meets the strong Wolfe conditions."""
+def lbfgs(
+    cost: Callable[[np.ndarray], tuple[float, np.ndarray]], x: np.ndarray, iterations: int, memory: int = 20
+) -> tuple[np.ndarray, float, int]:
+    """(x, cost there, evaluations): scipy's L-BFGS-B without bounds.
+
+    Its line search (More & Thuente 1994) meets the strong Wolfe conditions.
+    """
     from scipy.optimize import minimize
 
     options = {"maxiter": iterations, "maxcor": memory, "maxfun": 3 * iterations, "ftol": 1e-9, "gtol": 1e-9}

@@ -18,7 +18,7 @@ from awescli.simulation.segments import Observed, noise_std, observe, wrap
 MEASURED_STATE = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 """The whole state as it is measured: what starts are estimated from."""
 COMPARED = STATES
-"""The whole state (seed section 5): what the cost sees. Velocities in body axes, since across the line and along it errors differ by far."""
+"""The whole state (seed section 5): what the cost sees. Velocities in body axes: across the line and along it errors differ by far."""
 DIVERGED_COST = 25.0
 """Cost of a sample that a diverged rollout never reached: five times the physics' own error, squared."""
 
@@ -27,7 +27,8 @@ DIVERGED_COST = 25.0
 class Data:
     """Segments to predict: warm-up of `warmup` steps that only fits the start, then the horizon that counts.
 
-    target: (K, N+1, 12) measured states; sigma: (12,) unit of error per channel; weight: (K, N+1, 12), 1/sigma where a sample counts, else 0; prepared: for the kernels.
+    target: (K, N+1, 12) measured states; sigma: (12,) unit of error per channel; weight: (K, N+1, 12), 1/sigma where a sample
+    counts, else 0; prepared: for the kernels.
     """
 
     observed: Observed
@@ -44,7 +45,10 @@ class Data:
 class Problem:
     """One flight, one kite, one shape of network. `data` cuts segments, `cost` and `gradient` judge weights on them."""
 
-    def __init__(self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, substeps: int = 1, decay: float = 0.0, solver: str = "rk4"):
+    def __init__(
+        self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, substeps: int = 1, decay: float = 0.0,
+        solver: str = "rk4",
+    ):  # fmt: skip
         self.kite, self.log, self.correction, self.decay = kite, log, correction, decay
         if missing := [n for n in MEASURED_STATE if n not in log]:
             raise BadInput(f"flight '{log.name}' does not measure {', '.join(missing)}", do="Training needs the whole state.")
@@ -58,7 +62,8 @@ class Problem:
         else:
             from awescli.simulation.hybrid_torch import SlowSimulator
 
-            self.corrected = SlowSimulator(kite, inputs_of_instant(correction.inputs), correction.sizes, ROWS, self.outputs, law, solver=solver)
+            inputs = inputs_of_instant(correction.inputs)
+            self.corrected = SlowSimulator(kite, inputs, correction.sizes, ROWS, self.outputs, law, solver=solver)
         self.hybrid = HybridKite(kite, correction)
         # the law is a function of the physical parameters, which stand first
         own = len(kite.parameter_names)
@@ -89,9 +94,15 @@ class Problem:
             sigma = np.maximum(self.noise, rms)
         return Data(observed, target, self.warmup, sigma, counts / sigma, prepared)
 
-    def smoothed(self, observed: Observed, weights: np.ndarray) -> Own:
-        """The segments with starts and the error of the recorded wind fitted to all of their samples: what wind can explain is no effect."""
-        return own_unknowns(self.simulator, observed, self.values(weights), self.kite.declaration.wind.std)
+    def smoothed(self, observed: Observed, weights: np.ndarray, sigma: np.ndarray) -> Own:
+        """The segments with starts and the error of the recorded wind fitted to all of their samples: what wind explains is no effect.
+
+        sigma: (12,) unit of error of `data`. Where it exceeds the sensors' noise, residuals are model error that repeats from sample to
+        sample; taken as so many independent measurements they would bend the wind beyond what is known of it. So the wind's own
+        precision is raised by as much.
+        """
+        excess = float(np.sqrt(((sigma / self.noise) ** 2).mean()))
+        return own_unknowns(self.simulator, observed, self.values(weights), self.kite.declaration.wind.std / excess)
 
     def values(self, weights: np.ndarray) -> dict[str, float]:
         return {f"network.{i}": float(w) for i, w in enumerate(weights)}

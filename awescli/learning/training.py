@@ -94,13 +94,15 @@ class State:
             vectors = [np.asarray(a[k], dtype=float) for k in ("weights", "best", "first", "second")]
             switch = None
             if switched >= 0:
-                switch = (np.asarray(a["switch_weights"]), Adam(np.asarray(a["switch_first"]), np.asarray(a["switch_second"]), int(switched), rate, clip))
+                point, first, second = (np.asarray(a[f"switch_{k}"]) for k in ("weights", "first", "second"))
+                switch = (point, Adam(first, second, int(switched), rate, clip))
             history = tuple(tuple(float(v) for v in row) for row in np.asarray(a["history"]).reshape(-1, len(HISTORY)))
         except (KeyError, ValueError, TypeError) as e:
             raise BadInput(f"not a training checkpoint: {e}", where, "Train from the beginning: --force.") from None
         n = vectors[0].size if n is None else n
         if any(v.shape != (n,) or not np.isfinite(v).all() for v in vectors):
-            raise BadInput(f"the checkpoint belongs to another network (this one has {n} weights)", where, "Train from the beginning: --force.")
+            what = f"the checkpoint belongs to another network (this one has {n} weights)"
+            raise BadInput(what, where, "Train from the beginning: --force.")
         weights, best, first, second = vectors
         adam = Adam(first, second, int(count), rate, clip)
         return cls(weights, adam, best, best_cost, int(phase), int(round_), int(idle), reference, switch, evaluations, seconds, history)
@@ -149,7 +151,8 @@ def train(
     correction = untrained(log, kite, train_ranges, names, config.hidden, config.seed, validation_ranges)
     dropped |= {n: "never changes in training" for n in names if n not in correction.inputs}
     problem = Problem(kite, log, correction, config.warmup, law=law, decay=config.decay, solver=config.solver)
-    sets = [_Horizon(problem, h, train_ranges, validation_ranges, correction.weights) for h in _usable(config.horizons, log, train_ranges, validation_ranges, config)]
+    horizons = _usable(config.horizons, log, train_ranges, validation_ranges, config)
+    sets = [_Horizon(problem, h, train_ranges, validation_ranges, correction.weights) for h in horizons]
     n = correction.weights.size
     if state is None:
         adam = Adam.fresh(n, config.rate, config.clip)
@@ -178,7 +181,8 @@ def usable_inputs(kite, log, train_ranges, validation_ranges, names) -> tuple[tu
 
 def _usable(horizons, log, train_ranges, validation_ranges, config) -> list[float]:
     """Horizons that fit into the ranges, ascending; at least one."""
-    longest = min(max((b - a for a, b in ranges), default=0) for ranges in (train_ranges, validation_ranges)) * log.dt - config.warmup - 2 * log.dt
+    shorter = min(max((b - a for a, b in ranges), default=0) for ranges in (train_ranges, validation_ranges))
+    longest = (shorter - 2) * log.dt - config.warmup
     fit = [h for h in sorted(horizons) if h <= longest]
     if not fit and longest <= 0.2:
         raise BadInput("training and validation ranges are too short to predict anything", do="Use a longer flight or a shorter warmup.")
@@ -292,7 +296,7 @@ def _concluded(problem, sets, state, config, correction, dropped, out_of_time, r
     last = sets[-1]
     costs = last.validation_costs(state.best)
     null = _nulled(correction)
-    chi2 = [problem.smoothed(last.validation_observed, w).chi2 for w in (null, state.best)]
+    chi2 = [problem.smoothed(last.validation_observed, w, last.sigma).chi2 for w in (null, state.best)]
     accepted, evidence = gate((last.baseline.mean(1), costs.mean(1)), chi2, config.material)
     trained = correction.with_weights(state.best if accepted else null)
     outcome = "budget_reached" if out_of_time and accepted else "trained" if accepted else "nothing_to_learn"
@@ -344,7 +348,11 @@ def compare(problem: Problem, last: _Horizon, state: State, config: TrainingConf
         n: {"adam": float(np.sqrt(a)), "adam_lbfgs": float(np.sqrt(b))}
         for n, a, b in zip(problem.outputs, alone.mean(0), costs.mean(0), strict=True)
     }
-    numbers = {"gradients": float(spent), "adam": float(alone.mean()), "adam_lbfgs": float(costs.mean()), "channels": rows}
+    # the validation's best may be the same point for both; what each has minimised tells the optimisers apart
+    minimised = {name: float(problem.costs(last.train(w), w).mean()) for name, w in (("adam", weights), ("adam_lbfgs", state.weights))}
+    numbers = {
+        "gradients": float(spent), "adam": float(alone.mean()), "adam_lbfgs": float(costs.mean()), "training": minimised, "channels": rows,
+    }  # fmt: skip
     return correction.with_weights(best), numbers
 
 

@@ -41,6 +41,7 @@ class WindLaw(_Frozen):
     reference_height: float = Field(10.0, gt=0, description="height of a station without a height column [m]")
     roughness: float = Field(0.0002, gt=0, description="roughness length of the log law [m]")
     std: float = Field(0.1, ge=0, description="standard deviation of the recorded wind [m/s]; its error is a nuisance, not an effect")
+    direction_std: float = Field(0.01, ge=0, description="standard deviation of the recorded direction [rad]")
 
 
 class TetherLaw(_Frozen):

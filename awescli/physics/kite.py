@@ -21,8 +21,26 @@ REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz", "d_t", "CtD", "rtx
 """Parameters that every kite file names: mass, gravity, geometry, inertia, tether (see effects/tether.py)."""
 GUSTS = ("gust.n", "gust.e", "gust.d")
 """Nuisance wind [m/s] that every kite carries at null: the error of the recorded wind, and gusts, are differentiated through it."""
-_SIGNALS = ("tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate", "turbulence_n", "turbulence_e", "turbulence_d",
-            "gust_n", "gust_e", "gust_d")  # fmt: skip
+_SIGNALS = (
+    "tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate",
+    "turbulence_n", "turbulence_e", "turbulence_d", "gust_n", "gust_e", "gust_d",
+)  # fmt: skip
+
+
+def record_errors(declaration: KiteDeclaration, stations: int) -> list[Parameter]:
+    """Nuisance parameters: the error of the recorded speed [m/s] and direction [rad] of every station, lasting the whole flight.
+
+    The kite meets the same stations' errors in every loop, so they bias parameters unless they are estimated with them. They belong to a
+    flight, not to a kite: never written into a kite file. Three standard deviations at most: more is not an error of the record but
+    an effect on the wind, which is traced.
+    """
+    law = declaration.wind
+    stds = {"speed": ("m/s", max(law.std, 1e-6)), "direction": ("rad", max(law.direction_std, 1e-6))}
+    return [
+        Parameter(f"record.{kind}_{i}", 0.0, unit, -3 * std, 3 * std, std=std, source="nuisance")
+        for kind, (unit, std) in stds.items()
+        for i in range(stations)
+    ]
 
 
 def make_effect(key: str, declaration: KiteDeclaration) -> Effect:
@@ -85,8 +103,10 @@ class Kite:
         self.effects = [make_effect(k, declaration) for k in (*keys[:at], *extra, *keys[at:])]
         table = declaration.table()
         own = [p for effect in self.effects for p in effect.rows() if p.name not in table]
-        gusts = [Parameter(n, 0.0, "m/s", std=declaration.wind.std, source="nuisance") for n in GUSTS]
-        self.parameters: ParameterTable = table.with_rows([*own, *(g for g in gusts if g.name not in table)])
+        gusts = [Parameter(n, 0.0, "m/s", std=max(declaration.wind.std, 1e-6), source="nuisance") for n in GUSTS]
+        record = record_errors(declaration, len(self.heights))
+        self.record = tuple(p.name for p in record)
+        self.parameters: ParameterTable = table.with_rows([*own, *gusts, *record])
         self.parameter_names = tuple(self.parameters)
         self.state_names = (*STATES, *(s for e in self.effects for s in e.state_names()))
         self.x_names = (*self.state_names, *SURFACES)
@@ -113,7 +133,8 @@ class Kite:
         for e in self._at("actuate"):
             at.deflections = e.actuate(at.deflections, at, e.own(at))
         # air
-        wind = wind_vector(*declared_wind(self.declaration.wind, self.heights, -z.p_d, inputs), inputs["density"])
+        stations = inputs | {f"wind_{n.removeprefix('record.')}": inputs[f"wind_{n.removeprefix('record.')}"] + values[n] for n in self.record}
+        wind = wind_vector(*declared_wind(self.declaration.wind, self.heights, -z.p_d, stations), inputs["density"])
         # the estimated error of the recorded wind: a signal, and the parameters through which it is differentiated
         wind = wind._replace(**{axis: getattr(wind, axis) + (inputs[f"gust_{axis}"] + values[f"gust.{axis}"]) for axis in "ned"})
         for e in self._at("airflow"):

@@ -17,7 +17,9 @@ OUTCOMES = {
 def controller(evidence: Evidence) -> Section:
     title = "The controller"
     if evidence.controller is None:
-        return Section("controller", title, absent("awes fit-controller", "no control law was fitted; set-points are replayed from the log"))
+        return Section(
+            "controller", title, absent("awes fit-controller", "no control law was fitted; set-points are replayed from the log")
+        )
     body = paragraph(sentence(evidence)) + fit_table(evidence)
     body += "".join(law_against_log(evidence, s) for s in evidence.commanded)
     return Section("controller", title, body + survival(evidence) + features(evidence))
@@ -29,7 +31,8 @@ def sentence(evidence: Evidence) -> str:
     names = report.get("surfaces", [])
     seen = (report.get("features") or {}).get("chosen", [])
     delay = (report.get("delay") or {}).get("delay_s")
-    text = f"A {esc(report.get('kind', 'fitted'))} law with {esc(report.get('nonzeros', '?'))} terms drives {esc(listed(list(names)))} from {len(seen)} quantities"
+    law = f"A {esc(report.get('kind', 'fitted'))} law with {esc(report.get('nonzeros', '?'))} terms"
+    text = f"{law} drives {esc(listed(list(names)))} from {len(seen)} quantities"
     return f"{text}{f', delayed by {number(delay)} s' if delay else ''}."
 
 
@@ -86,12 +89,19 @@ def survival(evidence: Evidence) -> str:
     heights = [c for f in flown for c in (0, f, None)]
     data = [
         line(ends, heights, "flown", COLOURS["initial"], width=3, showlegend=False, hoverinfo="skip"),
-        dots(list(starts), list(flown), "flown", COLOURS["initial"], hovertemplate="from %{x:.0f} s: %{y:.1f} s<extra></extra>", showlegend=False),
+        dots(
+            list(starts),
+            list(flown),
+            "flown",
+            COLOURS["initial"],
+            hovertemplate="from %{x:.0f} s: %{y:.1f} s<extra></extra>",
+            showlegend=False,
+        ),
     ]
     layout = {
         "xaxis": axis("start in the flight [s]"), "yaxis": axis("flown [s]", range=[0, 1.1 * asked]),
-        "shapes": [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": asked, "y1": asked, "line": {"color": "@grey", "dash": "dot"}}],
-        "annotations": [{"xref": "paper", "x": 1, "y": asked, "text": "asked", "showarrow": False, "yanchor": "bottom", "xanchor": "right"}],
+        "shapes": [dict(type="line", xref="paper", x0=0, x1=1, y0=asked, y1=asked, line={"color": "@grey", "dash": "dot"})],
+        "annotations": [dict(xref="paper", x=1, y=asked, text="asked", showarrow=False, yanchor="top", xanchor="right")],
     }  # fmt: skip
     return figure(
         "fig-survival", "Closed loop with the declared model", data, layout, split="starts over the whole flight", note=text, height=240
@@ -108,4 +118,7 @@ def features(evidence: Evidence) -> str:
     ]
     if not rows:
         return ""
-    return folded(f"The {len(rows)} quantities the law sees", paragraph(esc(found.get("how", ""))) + table(("quantity", "error grows without it by"), rows))
+    return folded(
+        f"The {len(rows)} quantities the law sees",
+        paragraph(esc(found.get("how", ""))) + table(("quantity", "error grows without it by"), rows),
+    )

@@ -19,6 +19,10 @@ LADDER = ("initial", "identified", "with_effects", "hybrid")
 """Models in the order in which they are made."""
 
 
+EMPTY = ("nothing_to_learn", "diverged")
+"""Outcomes of a training that leaves the network at zero."""
+
+
 @dataclass(frozen=True)
 class Evidence:
     """log, loops, phases, quality, parts: the flight and how it is divided; phases: (N,) names.
@@ -49,8 +53,9 @@ class Evidence:
 
     @property
     def models(self) -> tuple[str, ...]:
-        """Models of the ladder that were scored, in order."""
-        return tuple(m for m in LADDER if m in self.scores)
+        """Models of the ladder that were scored, in order; where tracing added nothing, its model is the identified one again."""
+        twins = {"with_effects"} if self.effects is not None and not self.tracing_added and "identified" in self.scores else set()
+        return tuple(m for m in LADDER if m in self.scores and m not in twins)
 
     @property
     def best(self) -> str:
@@ -74,6 +79,8 @@ class Evidence:
 
     def label(self, model: str) -> str:
         """A model of the ladder in words; what tracing added, if it added anything, by name."""
+        if model == "hybrid" and (self.hybrid or {}).get("outcome") in EMPTY:
+            return "hybrid (its network is zero)"
         if model != "with_effects" or self.effects is None:
             return MODELS.get(model, model)
         if not self.tracing_added:

@@ -18,8 +18,8 @@ def flight(evidence: Evidence) -> Section:
     log, quality = evidence.log, evidence.quality
     counts = ", ".join(f"{n} {part}" for n, part in zip(evidence.parts.counts, PARTS, strict=True))
     facts = (
-        f"{esc(log.name)}: {quality.duration:.1f} s at {quality.rate:.3g} Hz, {quality.samples} samples. {esc(quality.loops)}, dealt whole to "
-        f"the three parts: {counts}. Models are fitted to train, chosen on validation, judged on test."
+        f"{esc(log.name)}: {quality.duration:.1f} s at {quality.rate:.3g} Hz, {quality.samples} samples. {esc(quality.loops)}, "
+        f"dealt whole to the three parts: {counts}. Models are fitted to train, chosen on validation, judged on test."
     )
     body = paragraph(facts) + path(evidence) + timeline(evidence) + wind(evidence) + checks(evidence) + signals(evidence)
     return Section("flight", "The flight", body)
@@ -42,7 +42,7 @@ def path(evidence: Evidence) -> str:
         x, y, z = (np.where(here, s, np.nan)[::step] for s in (log["p_e"], log["p_n"], -log["p_d"]))
         data.append({
             "type": "scatter3d", "mode": "lines", "x": x, "y": y, "z": z, "name": name,
-            "line": {"color": COLOURS.get(name, COLOURS["floor"]), "width": 3},
+            "line": {"color": COLOURS.get(name, "@grey/0.6"), "width": 3 if name in PARTS else 1.5},
             "hovertemplate": "east %{x:.1f} m, north %{y:.1f} m, up %{z:.1f} m<extra>" + name + "</extra>",
         })  # fmt: skip
     data.append({
@@ -50,7 +50,8 @@ def path(evidence: Evidence) -> str:
         "marker": {"size": 5, "color": COLOURS["measured"], "symbol": "diamond"},
     })  # fmt: skip
     return figure(
-        "fig-3d-flight", "The measured path", data, {"scene": scene(), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
+        "fig-3d-flight", "The measured path", data,
+        {"scene": scene(log["p_e"], log["p_n"], -log["p_d"], winch=True), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
         split="whole flight, by part", note="Drag to turn, scroll or pinch to come nearer.", height=460,
     )  # fmt: skip
 
@@ -124,7 +125,7 @@ def checks(evidence: Evidence) -> str:
     body = table(("check", "value", "limit", "", "what it means"), rows)
     left = {k: v for k, v in evidence.quality.left_out.items() if v > 0}
     out = f"Left out: {esc(', '.join(f'{k} {v:.1f} s' for k, v in left.items()))}." if left else ""
-    return f'<div id="tab-quality"><h3>Data quality</h3>{paragraph(out) if out else ""}<br>{body}</div>'
+    return f'<div id="tab-quality"><h3>Data quality</h3>{paragraph(out) if out else ""}{body}</div>'
 
 
 def signals(evidence: Evidence) -> str:

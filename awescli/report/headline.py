@@ -2,25 +2,32 @@
 
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Section, bullets, esc, link, paragraph
-from awescli.report.plots import axis, dots, figure
+from awescli.report.plots import LOG, axis, dots, figure
 from awescli.report.words import COLOURS, channel, effect_words, listed, percent, short, times, with_std
 
 ODDS = {
     "none": "Nothing is missing that this flight could show",
     "not_deterministic": "What is left is gusts: it does not repeat from loop to loop",
 }
+LEADS = {
+    "cannot_tell": "Several explanations do equally well on this flight; {next}.",
+    "none": "Nothing is missing that this flight could show at its noise; {detectable}.",
+}
+"""Where effects.json points to another of its keys, the page points to a place on the page."""
 SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
 
 
 def headline(evidence: Evidence) -> Section:
     """Title, verdict, claims, numbers of the ladder, and the ladder per channel."""
-    body = (
-        (paragraph(esc(evidence.effects["sentence"]), "lead") if evidence.effects else "")
-        + tiles(evidence)
-        + bullets(claims(evidence))
-        + ladder(evidence)
-    )
+    body = (paragraph(lead(evidence), "lead") if evidence.effects else "") + tiles(evidence) + bullets(claims(evidence)) + ladder(evidence)
     return Section("summary", title(evidence), body)
+
+
+def lead(evidence: Evidence) -> str:
+    """The verdict in a sentence."""
+    places = {"next": link("next", "what would tell them apart"), "detectable": link("detectable", "what would have been seen")}
+    known = LEADS.get(evidence.effects["verdict"])
+    return known.format(**places) if known else esc(evidence.effects["sentence"])
 
 
 def title(evidence: Evidence) -> str:
@@ -33,7 +40,10 @@ def title(evidence: Evidence) -> str:
     if verdict == "found":
         return f"The model lacked {listed(names)}"
     if verdict == "cannot_tell":
-        pairs = [[n, *(effect_words(r["name"], r.get("acts_on", "")) for r in e["rivals"])] for n, e in zip(names, effects["effects"], strict=True)]
+        pairs = [
+            [n, *(effect_words(r["name"], r.get("acts_on", "")) for r in e["rivals"])]
+            for n, e in zip(names, effects["effects"], strict=True)
+        ]
         return f"Something is missing: {' and '.join(' or '.join(p) for p in pairs)}; this flight cannot tell which"
     if verdict == "unexplained":
         where = (effects.get("unexplained") or {}).get("channel", "")
@@ -49,7 +59,9 @@ def tiles(evidence: Evidence) -> str:
         f'<a class="tile" href="#fig-ladder" style="--tone:var(--{colour[1:]})"><b>{percent(value)}</b><span>{esc(label)}</span></a>'
         for label, value, colour in rows
     )
-    what = f"Prediction error {evidence.horizon:g} s ahead on the test loops: mean NRMSE of the 12 states, in percent of each state's range."
+    what = (
+        f"Prediction error {evidence.horizon:g} s ahead on the test loops: mean NRMSE of the 12 states, in percent of each state's range."
+    )
     return f'<div class="tiles">{cells}</div>' + paragraph(f'<span class="soft">{what}</span>')
 
 
@@ -103,7 +115,9 @@ def _shifts(evidence: Evidence) -> list[str]:
     if not shifts or not evidence.tracing_added:
         return _bounds(evidence)
     far = {which: sum(abs(s[f"{which}_in_prior_std"]) > 1 for s in shifts.values()) for which in ("before", "after")}
-    text = f"Without it, {link('fig-shifts', 'parameters had to stand in')}: {far['before']} of {len(shifts)} lay more than one prior std off"
+    text = (
+        f"Without it, {link('fig-shifts', 'parameters had to stand in')}: {far['before']} of {len(shifts)} lay more than one prior std off"
+    )
     text += f", {len(bounded)} at a bound" if bounded else ""
     return [f"{text}; with it {far['after']} do."]
 
@@ -130,10 +144,17 @@ def _controller(evidence: Evidence) -> str:
     if not test:
         return ""
     noise = ((evidence.controller.get("noise_nrmse") or {}).get("test")) or {}
-    pieces = [f"{esc(s)} to {link('fig-law-' + esc(s), percent(v))}" + (f" (noise {percent(noise[s])})" if s in noise else "") for s, v in test.items()]
+    pieces = [
+        f"{esc(s)} to {link('fig-law-' + esc(s), percent(v))}" + (f" (noise {percent(noise[s])})" if s in noise else "")
+        for s, v in test.items()
+    ]
     loop = (evidence.controller.get("closed_loop") or {}).get("outcome")
-    flown = {"flies": "and flies the declared model in closed loop", "departs": "but does not hold the declared model in closed loop"}.get(loop, "")
-    return f"The fitted controller repeats {listed(pieces)} of its range on the test {esc(evidence.parts.of)}{f', {flown}' if flown else ''}."
+    flown = {"flies": "and flies the declared model in closed loop", "departs": "but does not hold the declared model in closed loop"}.get(
+        loop, ""
+    )
+    return (
+        f"The fitted controller repeats {listed(pieces)} of its range on the test {esc(evidence.parts.of)}{f', {flown}' if flown else ''}."
+    )
 
 
 def _flight(evidence: Evidence) -> str:
@@ -159,16 +180,17 @@ def ladder(evidence: Evidence) -> str:
     data.append(
         dots(
             [100 * evidence.floor[n] for n in names], labels, "noise alone", COLOURS["floor"], size=14, symbol="line-ns",
-            marker={"line": {"width": 2.5, "color": COLOURS["floor"]}}, text=full, hovertemplate="%{text}: %{x:.3g} %<extra>noise alone</extra>",
+            marker={"line": {"width": 2.5, "color": COLOURS["floor"]}},
+            text=full, hovertemplate="%{text}: %{x:.3g} %<extra>noise alone</extra>",
         )
     )  # fmt: skip
     layout = {
-        "xaxis": axis("NRMSE [% of range]", type="log", dtick="D2"),
+        "xaxis": axis("NRMSE [% of range]", **LOG),
         "yaxis": {"autorange": "reversed", "type": "category", "dtick": 1},
         "margin": {"l": 64},
     }
     return figure(
         "fig-ladder", f"Prediction error {evidence.horizon:g} s ahead, per channel", data, layout, split=f"test {evidence.parts.of}",
-        note="Further left is better; each step of the axis is a factor. Nothing can be left of the grey mark: that is sensor noise.",
+        note="Further left is better; the axis is logarithmic. Nothing can stay left of the grey mark: that is sensor noise.",
         height=max(60 + 24 * len(names), 260),
     )  # fmt: skip

@@ -3,12 +3,9 @@
 from collections.abc import Mapping
 
 from awescli.report.evidence import Evidence
-from awescli.report.marks import Cell, Section, absent, esc, paragraph, table
+from awescli.report.marks import Cell, Section, absent, bullets, esc, paragraph, table
 from awescli.report.plots import axis, bars, figure, grid, line
 from awescli.report.words import COLOURS, channel, listed, number, percent
-
-COLUMNS = ("phase", "round", "horizon", "train", "validation", "validation_last_horizon", "diverged", "evaluations", "seconds")
-"""Columns of a training history that comes as rows without names."""
 
 
 def hybrid(evidence: Evidence) -> Section:
@@ -35,6 +32,8 @@ def sentence(evidence: Evidence) -> str:
     if isinstance(network.get("inputs"), (list, tuple)):
         hidden = " × ".join(str(h) for h in network.get("hidden", []))
         text.append(f"A network with hidden layers of {esc(hidden)} sees {esc(listed([str(i) for i in network['inputs']]))}.")
+    if isinstance(report.get("outside_box_test"), (int, float)):
+        text.append(f"On {percent(report['outside_box_test'])} of the test samples it faded, as the flight left what it was trained on.")
     if isinstance(report.get("seconds"), (int, float)):
         text.append(f"Training took {number(report['seconds'])} s.")
     return " ".join(text)
@@ -45,9 +44,11 @@ def scores(evidence: Evidence) -> str:
     models = [m for m in ("identified", "with_effects", "hybrid") if m in evidence.models]
     panels = []
     for id, title, names in (
-        ("fig-hybrid-velocities", "Linear velocities (figure 4)", ("u", "v", "w")), ("fig-hybrid-rates", "Angular velocities", ("p", "q", "r")),
-        ("fig-hybrid-positions", "Positions (figure 3)", ("p_n", "p_e", "p_d")), ("fig-hybrid-attitude", "Attitude", ("phi", "theta", "psi")),
-    ):  # fmt: skip
+        ("fig-hybrid-velocities", "Linear velocities", ("u", "v", "w")),
+        ("fig-hybrid-rates", "Angular velocities", ("p", "q", "r")),
+        ("fig-hybrid-positions", "Positions", ("p_n", "p_e", "p_d")),
+        ("fig-hybrid-attitude", "Attitude", ("phi", "theta", "psi")),
+    ):
         data = [
             bars([channel(n) for n in names], [100 * evidence.nrmse(m)[n] for n in names], evidence.label(m), COLOURS[m])
             for m in models if all(n in evidence.nrmse(m) for n in names)
@@ -58,19 +59,20 @@ def scores(evidence: Evidence) -> str:
 
 
 def optimisers(evidence: Evidence) -> str:
-    """Adam alone against Adam and L-BFGS, where the stage compared them (figure 3 of the seed)."""
-    rows = (training(evidence).get("comparison") or {}).get("channels") or {}
-    rows = {n: r for n, r in rows.items() if isinstance(r, Mapping) and {"adam", "adam_lbfgs"} <= set(r)}
-    if not rows:
+    """Figure 3 of the seed: positions with Adam alone against Adam and L-BFGS, where the stage compared them."""
+    found = training(evidence).get("comparison")
+    test = (found.get("test") or {}) if isinstance(found, Mapping) else {}
+    names = [n for n in ("p_n", "p_e", "p_d", "mean") if n in (test.get("adam") or {}) and n in (test.get("adam_lbfgs") or {})]
+    if not names:
         return ""
-    x = [channel(n) for n in rows]
+    x = [channel(n) for n in names]
     data = [
-        bars(x, [r["adam"] for r in rows.values()], "Adam alone", COLOURS["initial"]),
-        bars(x, [r["adam_lbfgs"] for r in rows.values()], "Adam, then L-BFGS", COLOURS["identified"]),
+        bars(x, [100 * test["adam"][n] for n in names], "Adam alone", COLOURS["initial"]),
+        bars(x, [100 * test["adam_lbfgs"][n] for n in names], "Adam, then L-BFGS", COLOURS["identified"]),
     ]
     return figure(
         "fig-optimisers", "Adam alone, and Adam followed by L-BFGS, at equal cost", data,
-        {"yaxis": axis("RMSE / noise", rangemode="tozero")}, split=f"validation {evidence.parts.of}", height=300,
+        {"yaxis": axis("NRMSE [% of range]", rangemode="tozero")}, split=f"test {evidence.parts.of}", height=300,
     )  # fmt: skip
 
 
@@ -88,7 +90,10 @@ def history(evidence: Evidence) -> str:
         along.append(total)
     data = [
         line(along, [r.get(key) for r in rows], words, colour, mode="lines+markers")
-        for key, words, colour in (("train", "train", COLOURS["train"]), ("validation_last_horizon", "validation, full horizon", COLOURS["validation"]))
+        for key, words, colour in (
+            ("train", "train", COLOURS["train"]),
+            ("validation_last_horizon", "validation, full horizon", COLOURS["validation"]),
+        )
         if any(isinstance(r.get(key), (int, float)) for r in rows)
     ]
     layout = {"xaxis": axis("gradient evaluations"), "yaxis": axis("squared error / physics alone", type="log")}
@@ -99,27 +104,21 @@ def history(evidence: Evidence) -> str:
 
 
 def _history(evidence: Evidence) -> list[dict]:
-    """Rows of the training history with names, from any of the shapes a stage may store."""
-    for source in (training(evidence), evidence.network or {}):
-        found = source.get("history")
-        if isinstance(found, Mapping):
-            keys = [k for k, v in found.items() if isinstance(v, (list, tuple))]
-            count = min((len(found[k]) for k in keys), default=0)
-            return [{k: found[k][i] for k in keys} for i in range(count)]
-        if isinstance(found, (list, tuple)) and found:
-            if isinstance(found[0], Mapping):
-                return [dict(r) for r in found]
-            columns = source.get("history_columns") or COLUMNS
-            return [dict(zip(columns, r, strict=False)) for r in found if isinstance(r, (list, tuple))]
-    return []
+    """Rows of the training history by column."""
+    found = training(evidence).get("history")
+    if not isinstance(found, Mapping) or not isinstance(found.get("rows"), (list, tuple)):
+        return []
+    return [dict(zip(found.get("columns", ()), row, strict=False)) for row in found["rows"]]
 
 
 def shares(evidence: Evidence) -> str:
-    """How large the network's part is, and the formula nearest to it, where the stage tells."""
+    """How large the network's part in the motion is, and the formulas nearest to it."""
     report = training(evidence)
-    found = report.get("shares") or report.get("correction_share") or {}
-    rows = [(str(k), Cell(percent(v), v)) for k, v in found.items() if isinstance(v, (int, float))] if isinstance(found, Mapping) else []
+    found = report.get("share_of_acceleration") or {}
     ratio = report.get("validation_rmse_ratio") or {}
+    rows = [(str(k), Cell(percent(v), v)) for k, v in found.items() if isinstance(v, (int, float))]
     more = [(channel(k), Cell(number(v), v)) for k, v in ratio.items() if isinstance(v, (int, float))]
-    text = f"<h3>Share of the network in the motion</h3><br>{table(('derivative', 'share'), rows)}" if rows else ""
-    return text + (f"<h3>Error with the network over error without, validation</h3><br>{table(('channel', 'ratio'), more)}" if more else "")
+    text = f"<h3>Share of the network in the motion</h3>{table(('derivative', 'share'), rows)}" if rows else ""
+    text += f"<h3>Error with the network over error without, validation</h3>{table(('channel', 'ratio'), more)}" if more else ""
+    formulas = [f"<code>{esc(f)}</code>" for f in report.get("distilled") or ()]
+    return text + (f"<h3>Formulas nearest to what the network learned</h3>{bullets(formulas)}" if formulas else "")

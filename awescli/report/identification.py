@@ -60,14 +60,20 @@ def shifts(evidence: Evidence) -> str:
         data.append(
             dots(
                 [p["shift_in_prior_std"] for p in here.values()], [esc(n) for n in here], name, colour, size=8,
-                error_x={"type": "data", "array": [2 * p["std"] / p["prior_std"] for p in here.values()], "thickness": 1.4, "width": 0, "color": colour},
+                error_x=dict(array=[2 * p["std"] / p["prior_std"] for p in here.values()], thickness=1.4, width=0, color=colour),
                 text=[esc(with_std(p["value"], p["std"], p["unit"])) for p in here.values()],
                 hovertemplate="%{y} = %{text}<br>%{x:.2f} prior std from its prior<extra></extra>",
             )
         )  # fmt: skip
     layout = {
         "xaxis": axis("shift from the prior, in prior standard deviations", zeroline=True),
-        "yaxis": {"autorange": "reversed", "type": "category", "categoryorder": "array", "categoryarray": [esc(n) for n in rows], "dtick": 1},
+        "yaxis": {
+            "autorange": "reversed",
+            "type": "category",
+            "categoryorder": "array",
+            "categoryarray": [esc(n) for n in rows],
+            "dtick": 1,
+        },
         "shapes": [{"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": -1, "x1": 1, "fillcolor": "@grey/0.12", "line": {"width": 0}}],
     }
     return figure(
@@ -88,7 +94,7 @@ def parameters(evidence: Evidence) -> str:
         lines.append((
             Cell(f"<code>{esc(name)}</code>", name), Cell(with_std(p["value"] * factor, p["std"] * factor), p["value"]), unit,
             Cell(f"{number(p['prior'] * factor, 4)} ± {number(2 * p['prior_std'] * factor, 2)}", p["prior"]),
-            Cell(f"{p['shift_in_prior_std']:+.2f}".replace("-", "−"), p["shift_in_prior_std"]), Cell(" ".join(flags), len(flags)), p.get("advice", ""),
+            Cell(f"{p['shift_in_prior_std']:+.2f}".replace("-", "−"), p["shift_in_prior_std"]), Cell(" ".join(flags), -len(flags)),
         ))  # fmt: skip
-    head = ("parameter", "value ± 2 std", "unit", "prior ± 2 std", "shift [prior std]", "flags", "what to do")
-    return f'<div id="tab-parameters"><h3>Parameters</h3><br>{table(head, lines)}</div>'
+    head = ("parameter", "value ± 2 std", "unit", "prior ± 2 std", "shift [prior std]", "flags")
+    return f'<div id="tab-parameters"><h3>Parameters</h3>{table(head, lines)}</div>'

@@ -11,6 +11,10 @@ def esc(text: Any) -> str:
     return escape(str(text), quote=True)
 
 
+TIGHT = 12
+"""Letters of a cell that is not broken over lines."""
+
+
 @dataclass(frozen=True)
 class Cell:
     """A cell whose shown text is not what it is sorted by. html: already escaped."""
@@ -45,8 +49,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "",
     title = f"<caption>{esc(caption)}</caption>" if caption else ""
     kind = ' class="sortable"' if sortable else ""
     return (
-        f'<div class="table"><button type="button" class="copy">copy</button><div class="wide"><table{kind}>{title}<thead><tr>{heads}</tr></thead>'
-        f"<tbody>{''.join(lines)}</tbody></table></div></div>\n"
+        f'<div class="table"><button type="button" class="copy">copy</button><div class="wide"><table{kind}>{title}'
+        f"<thead><tr>{heads}</tr></thead><tbody>{''.join(lines)}</tbody></table></div></div>\n"
     )
 
 
@@ -54,7 +58,7 @@ def _cell(value: Any, first: bool) -> str:
     cell = value if isinstance(value, Cell) else Cell(esc(value), value if isinstance(value, (int, float)) else None)
     key = "" if cell.key is None else f' data-v="{esc(cell.key)}"'
     tone = f" {cell.tone}" if cell.tone else ""
-    kind = "num" if isinstance(cell.key, (int, float)) and not isinstance(cell.key, bool) else "txt"
+    kind = "num" if isinstance(cell.key, (int, float)) else "tight" if len(cell.html) <= TIGHT else "txt"
     if first:
         return f'<th scope="row" class="{kind}{tone}"{key}>{cell.html}</th>'
     return f'<td class="{kind}{tone}"{key}>{cell.html}</td>'
@@ -71,13 +75,23 @@ def chip(text: str, tone: str = "") -> str:
     return f'<span class="chip {esc(tone)}">{esc(text)}</span>'
 
 
+def keys(entries: Sequence[tuple[str, str, str]], linked: str = "") -> str:
+    """A legend of many plots: (label, @colour, CSS line style). linked: a click shows or hides that line in all plots of that name."""
+    pieces = []
+    for label, colour, style in entries:
+        swatch = f'<i style="--tone:var(--{esc(colour[1:])});--line:{esc(style)}"></i>{esc(label)}'
+        button = f'<button type="button" aria-pressed="true" data-line="{esc(label)}">{swatch}</button>'
+        pieces.append(button if linked else f"<span>{swatch}</span>")
+    return f'<div class="keys"{f" data-for={chr(34)}{esc(linked)}{chr(34)}" if linked else ""}>{"".join(pieces)}</div>\n'
+
+
 def link(target: str, html: str) -> str:
     """A link within the page."""
     return f'<a href="#{esc(target)}">{html}</a>'
 
 
 def paragraph(html: str, kind: str = "") -> str:
-    return f'<p{f" class={chr(34)}{kind}{chr(34)}" if kind else ""}>{html}</p>\n'
+    return f"<p{f' class={chr(34)}{kind}{chr(34)}' if kind else ''}>{html}</p>\n"
 
 
 def bullets(items: Iterable[str]) -> str:
@@ -93,4 +107,6 @@ def folded(title: str, html: str) -> str:
 
 def absent(command: str, what: str) -> str:
     """The place of what did not run."""
-    return paragraph(f"Not here: {esc(what)}. <code>{esc(command)}</code> makes it; then run <code>awes evaluate --report</code> again.", "absent")
+    return paragraph(
+        f"Not here: {esc(what)}. <code>{esc(command)}</code> makes it; then run <code>awes evaluate --report</code> again.", "absent"
+    )

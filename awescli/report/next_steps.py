@@ -6,7 +6,14 @@ from awescli.report.words import effect_words, listed
 
 
 def next_steps(evidence: Evidence) -> Section:
-    items = [*_rivals(evidence), *_parameters(evidence), *_controller(evidence), *_data(evidence), *_untestable(evidence), *_missing(evidence)]
+    items = [
+        *_rivals(evidence),
+        *_parameters(evidence),
+        *_controller(evidence),
+        *_data(evidence),
+        *_untestable(evidence),
+        *_missing(evidence),
+    ]
     return Section("next", "What to do next", bullets(items) or paragraph("Nothing: the model predicts this flight to its noise."))
 
 
@@ -16,7 +23,9 @@ def _rivals(evidence: Evidence) -> list[str]:
     if effects.get("verdict") == "found":
         items.append("<b>Use the model.</b> <code>trace-residual/kite.yaml</code> holds the kite with the effect and its new values.")
     if effects.get("verdict") == "unexplained":
-        items.append("<b>Name what is left.</b> The empirical terms say in which channel it acts and what it grows with; the physics is yet to be found.")
+        items.append(
+            "<b>Name what is left.</b> The empirical terms say in which channel it acts and with what it grows; the physics is open."
+        )
     if effects.get("verdict") == "not_deterministic":
         items.append("<b>Fly in calmer air,</b> or log the wind at the kite's height: what is left differs from loop to loop.")
     return items
@@ -34,9 +43,10 @@ def _parameters(evidence: Evidence) -> list[str]:
 
 def _controller(evidence: Evidence) -> list[str]:
     proof = (evidence.controller or {}).get("closed_loop") or {}
-    if proof.get("outcome") == "departs":
-        return [f"<b>The controller</b> does not hold the declared model ({link('fig-survival', 'how long it flies')}): try <code>awes simulate</code> with the newest model."]
-    return []
+    if proof.get("outcome") != "departs":
+        return []
+    shown = link("fig-survival", "how long it flies")
+    return [f"<b>The controller</b> does not hold the declared model ({shown}): try <code>awes simulate</code> with the newest model."]
 
 
 def _data(evidence: Evidence) -> list[str]:

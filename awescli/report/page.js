@@ -35,11 +35,13 @@
       scene: { xaxis: wall, yaxis: wall, zaxis: wall },
       margin: { l: 52, r: 12, t: 10, b: 40 }, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", bgcolor: "rgba(0,0,0,0)" },
       hoverlabel: { bgcolor: css("panel"), bordercolor: css("rule"), font: { color: css("ink") } },
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: css("rule"), activecolor: css("soft") },
       hovermode: "closest", bargap: 0.25, bargroupgap: 0.05, dragmode: touch ? false : "zoom",
     } };
   };
   const config = (div) => ({
-    responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
+    responsive: true, displaylogo: false, displayModeBar: innerWidth < 700 ? false : "hover", modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "zoom3d", "pan3d",
+      "orbitRotation", "tableRotation", "resetCameraLastSave3d"],
     toImageButtonOptions: { format: div.dataset.three ? "png" : "svg", filename: div.closest("figure").id },
   });
   const spec = (div, more) => {
@@ -86,6 +88,16 @@
       } finally { busy = false; }
     });
   }
+
+  document.querySelectorAll(".keys[data-for] button").forEach((button) => button.addEventListener("click", () => {
+    const show = button.getAttribute("aria-pressed") !== "true";
+    button.setAttribute("aria-pressed", String(show));
+    plots.filter((d) => d.dataset.linked === button.parentElement.dataset.for && d.dataset.drawn).forEach((div) => {
+      // `meta` is the plain name; `name` is escaped, as plotly.js reads marks in it
+      const lines = div.data.map((t, i) => [t.meta, i]).filter(([name]) => name === button.dataset.line).map(([, i]) => i);
+      if (lines.length) Plotly.restyle(div, { visible: show }, lines);
+    });
+  }));
 
   // --- paper: light colours, a still picture instead of WebGL, everything unfolded ------------------------------------------
   async function stills() {

@@ -9,10 +9,14 @@ import numpy as np
 
 from awescli.report.marks import chip, esc
 
-MOST_POINTS = 3000
+MOST_POINTS = 2500
 """Samples of one line at most: more than a screen has pixels."""
 
 LINE = 1.4
+
+_TICKS = [m * 10.0**e for e in range(-4, 5) for m in (1, 2, 5)]
+LOG = {"type": "log", "tickvals": _TICKS, "ticktext": [f"{t:g}" for t in _TICKS]}
+"""A logarithmic axis that says its numbers in full: plotly's own short ticks (2, 5) want explaining."""
 
 
 def figure(
@@ -42,8 +46,8 @@ def shared(name: str, values) -> str:
     return f'<script type="application/json" class="shared" data-name="{esc(name)}">{to_json(values, digits=8)}</script>\n'
 
 
-def to_json(obj: Any, digits: int = 6) -> str:
-    """JSON for inside a script element: floats to 6 digits (a pixel is 1 in 2000), what is not finite as null (a gap), no '<' that could end the element."""
+def to_json(obj: Any, digits: int = 5) -> str:
+    """JSON for inside a script element, where no '<' may end it: floats to 5 digits (a screen shows 4), what is not finite as a gap."""
     return json.dumps(_plain(obj, digits), ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
@@ -94,7 +98,21 @@ def axis(title: str, **more) -> dict:
     return {"title": {"text": esc(title)}, **more}
 
 
-def scene(title_unit: str = "m") -> dict:
-    """East, north and up at one scale."""
-    axes = {f"{k}axis": {"title": {"text": f"{w} [{title_unit}]"}} for k, w in zip("xyz", ("east", "north", "up"), strict=True)}
-    return {**axes, "aspectmode": "data", "camera": {"eye": {"x": 1.3, "y": -1.3, "z": 0.7}}}
+def scene(east, north, up, *, winch: bool = False) -> dict:
+    """East, north and up at one scale, in metres, seen from the side of the line from the winch to the middle of the path."""
+    points = [np.append(v, 0.0) if winch else np.asarray(v) for v in (east, north, up)]
+    low, high = (np.array([f(p) for p in points]) for f in (np.nanmin, np.nanmax))
+    room = 0.04 * max(float((high - low).max()), 1e-6)
+    ratio = (high - low + 2 * room) / float((high - low + 2 * room).max())
+    axes = {
+        f"{k}axis": {"title": {"text": f"{w} [m]"}, "range": [low[i] - room, high[i] + room], "nticks": 6}
+        for i, (k, w) in enumerate(zip("xyz", ("east", "north", "up"), strict=True))
+    }
+    e, n = float(np.nanmean(east)), float(np.nanmean(north))
+    length = max(math.hypot(e, n), 1e-9)
+    # square to the line, and a little from its far end: a loop seen edge-on would be a stroke
+    x, y = (-0.75 * n + 0.65 * e) / length, (0.75 * e + 0.65 * n) / length
+    return {
+        **axes, "aspectmode": "manual", "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
+        "camera": {"eye": {"x": 1.25 * x, "y": 1.25 * y, "z": 0.3}, "center": {"x": 0, "y": 0, "z": -0.05}},
+    }  # fmt: skip

@@ -4,8 +4,8 @@ import numpy as np
 
 from awescli.notation.quantities import ANGLES
 from awescli.report.evidence import Evidence
-from awescli.report.marks import Cell, Section, esc, folded, paragraph, table
-from awescli.report.plots import LINE, axis, figure, grid, line, scene, shared, stride, with_gaps
+from awescli.report.marks import Cell, Section, esc, folded, keys, paragraph, table
+from awescli.report.plots import LINE, LOG, axis, figure, grid, line, scene, shared, stride, with_gaps
 from awescli.report.words import COLOURS, GROUPS, channel, number, percent, scale_of
 
 SPATIAL = ("p_n", "p_e", "p_d")
@@ -14,8 +14,9 @@ SPATIAL = ("p_n", "p_e", "p_d")
 def prediction(evidence: Evidence) -> Section:
     count = len(evidence.predictions["first"])
     text = (
-        f"{count} predictions of {evidence.horizon:g} s on the test {esc(evidence.parts.of)}: each sets out from a start that is fitted to the second "
-        "before it, and sees nothing of the flight after that but set-points, winch and wind. Where a line breaks, the next prediction begins."
+        f"{count} predictions of {evidence.horizon:g} s on the test {esc(evidence.parts.of)}: each sets out from a start that is fitted to "
+        "the second before it, and sees nothing of the flight after that but set-points, winch and wind. "
+        "Where a line breaks, the next prediction begins."
     )
     body = paragraph(text) + paths(evidence) + over_horizon(evidence) + channels(evidence) + scores(evidence)
     return Section("prediction", "Measured against simulated", body)
@@ -28,7 +29,16 @@ def paths(evidence: Evidence) -> str:
 
     def path(model: str, name: str, **more) -> dict:
         n, e, d = (with_gaps(arrays[f"{model}_{c}"], step) for c in SPATIAL)
-        return {"type": "scatter3d", "mode": "lines", "x": e, "y": n, "z": -d, "name": esc(name), "line": {"color": COLOURS[model], "width": 4}, **more}
+        return {
+            "type": "scatter3d",
+            "mode": "lines",
+            "x": e,
+            "y": n,
+            "z": -d,
+            "name": esc(name),
+            "line": {"color": COLOURS[model], "width": 4},
+            **more,
+        }
 
     data = [path("measured", "measured")]
     data += [path(m, evidence.label(m), visible=True if m in (evidence.best, "initial") else "legendonly") for m in evidence.models]
@@ -37,10 +47,14 @@ def paths(evidence: Evidence) -> str:
         "type": "scatter3d", "mode": "markers", "x": starts[1], "y": starts[0], "z": -starts[2], "name": "starts",
         "marker": {"size": 3.5, "color": COLOURS["measured"]},
     })  # fmt: skip
+    view = scene(arrays["measured_p_e"], arrays["measured_p_n"], -arrays["measured_p_d"])
+    note = (
+        "Drag to turn; a click in the legend shows or hides a model. "
+        "Where only one line is to be seen, the simulation lies on the measurement."
+    )
     return figure(
-        "fig-3d-prediction", "Measured and simulated paths", data, {"scene": scene(), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
-        split=f"test {evidence.parts.of}", note="Drag to turn; a click in the legend shows or hides a model. Where only one line is to be seen, "
-        "the simulation lies on the measurement.", height=480,
+        "fig-3d-prediction", "Measured and simulated paths", data, {"scene": view, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
+        split=f"test {evidence.parts.of}", note=note, height=480,
     )  # fmt: skip
 
 
@@ -49,13 +63,18 @@ def over_horizon(evidence: Evidence) -> str:
     data = []
     for m in evidence.models:
         at = evidence.scores[m].get("by_horizon") or {}
-        data.append(line([float(h) for h in at], [100 * v for v in at.values()], evidence.label(m), COLOURS[m], width=2, mode="lines+markers"))
+        data.append(
+            line([float(h) for h in at], [100 * v for v in at.values()], evidence.label(m), COLOURS[m], width=2, mode="lines+markers")
+        )
     if not any(t["x"] for t in data):
         return ""
     floor = 100 * evidence.floor["mean"]
     ends = [min(min(t["x"]) for t in data if t["x"]), max(max(t["x"]) for t in data if t["x"])]
     data.append(line(ends, [floor, floor], "noise alone", COLOURS["floor"], dash="dot", width=2))
-    layout = {"xaxis": axis("predicted ahead [s]", type="log", tickvals=data[0]["x"]), "yaxis": axis("mean NRMSE [% of range]", type="log", dtick="D2")}
+    layout = {
+        "xaxis": axis("predicted ahead [s]", type="log", tickvals=data[0]["x"]),
+        "yaxis": axis("mean NRMSE [% of range]", **LOG),
+    }
     return figure("fig-horizon", "How far ahead", data, layout, split=f"test {evidence.parts.of}", height=300)
 
 
@@ -65,8 +84,12 @@ def channels(evidence: Evidence) -> str:
     dt = evidence.log.dt
     step = stride(arrays["measured_p_n"].size)
     time = with_gaps(evidence.log.time[0] + arrays["first"][:, None] * dt + arrays["time"][None], step)
-    text = paragraph("All channels zoom in time together: drag sideways; a double click goes back. A click in the legend shows or hides a line.", "soft")
-    out = [shared("test_time", time), '<div id="fig-channels"><h3>Every channel over time</h3>', text]
+    text = paragraph(
+        "All channels zoom in time together: drag sideways; a double click goes back. A click on a name shows or hides its line in all.",
+        "soft",
+    )
+    entries = [("measured", COLOURS["measured"], "solid"), *((evidence.label(m), COLOURS[m], "solid") for m in evidence.models)]
+    out = [shared("test_time", time), '<div id="fig-channels"><h3>Every channel over time</h3>', text, keys(entries, "test")]
     for group, names in GROUPS.items():
         panels = [_channel(evidence, n, step) for n in names if f"measured_{n}" in arrays]
         if panels:
@@ -78,25 +101,25 @@ def _channel(evidence: Evidence, name: str, step: int) -> str:
     arrays = evidence.predictions
     measured = arrays[f"measured_{name}"]
     unit, factor = scale_of(name, measured)
-    # a yaw that turns on and on is shown within one turn, the same for all lines, so that no line is a turn away
-    data = [line("$test_time", with_gaps(measured * factor, step), "measured", COLOURS["measured"], width=2)]
+    if name in ANGLES:
+        # an angle that goes round is drawn on, not back by a turn; simulated ones follow it, so that none is a turn away
+        measured = np.unwrap(measured, axis=1)
+    data = [line("$test_time", with_gaps(measured * factor, step), "measured", COLOURS["measured"], width=2, meta="measured")]
     for m in evidence.models:
         simulated = arrays.get(f"{m}_{name}")
         if simulated is None:
             continue
         if name in ANGLES:
             simulated = measured + np.angle(np.exp(1j * (simulated - measured)))
-        data.append(line("$test_time", with_gaps(simulated * factor, step), evidence.label(m), COLOURS[m], width=LINE))
+        label = evidence.label(m)
+        data.append(line("$test_time", with_gaps(simulated * factor, step), label, COLOURS[m], width=LINE, meta=label))
     low, high = np.nanmin(measured * factor), np.nanmax(measured * factor)
     room = 0.15 * (high - low) or 1.0
     # a model that runs away must not flatten what was measured
     layout = {
-        "xaxis": axis("time [s]"), "yaxis": axis(f"[{unit}]" if unit else "", range=[low - room, high + room]), "margin": {"t": 4},
+        "xaxis": axis("time [s]"), "yaxis": axis(f"[{unit}]" if unit else "", range=[low - room, high + room]), "margin": {"t": 24},
         "showlegend": False, "uirevision": name,
     }  # fmt: skip
-    if name == "p_n":
-        layout["showlegend"] = True
-        layout["legend"] = {"font": {"size": 10}}
     return figure(f"fig-{name}", channel(name), data, layout, split=f"test {evidence.parts.of}", height=230, linked="test", part=True)
 
 
@@ -123,6 +146,4 @@ def scores(evidence: Evidence) -> str:
     for m in evidence.models:
         head += [f"{evidence.label(m)}: NRMSE", "RMSE", "R²", "Theil U"]
     parts = table(("model", "train", "validation", "test", "diverged"), rows)
-    return f"<h3>Mean error by part</h3><br>{parts}" + folded("All scores per channel, test", table(head, test))
-
-
+    return f"<h3>Mean error by part</h3>{parts}" + folded("All scores per channel, test", table(head, test))

@@ -16,9 +16,9 @@ def provenance(evidence: Evidence) -> Section:
         ))  # fmt: skip
         inputs.update({str(k): str(v) for k, v in (stamp.get("inputs") or {}).items()})
         settings += [(stage, str(k), str(v)) for k, v in (stamp.get("settings") or {}).items()]
-    body = f"<br>{table(('stage', 'made', 'took', 'seed', 'code (sha256)'), rows)}" if rows else ""
+    body = f"{table(('stage', 'made', 'took', 'seed', 'code (sha256)'), rows)}" if rows else ""
     hashes = [(name, Cell(f"<code>{esc(digest[:32])}…</code>", digest)) for name, digest in inputs.items()]
-    body += f"<br>{table(('input', 'content (sha256)'), hashes, sortable=False)}" if hashes else ""
+    body += f"{table(('input', 'content (sha256)'), hashes, sortable=False)}" if hashes else ""
     body += folded("Settings", table(("stage", "setting", "value"), settings)) if settings else ""
     body += folded("Versions", table(("package", "version"), list(evidence.versions.items())))
     about = "This page is one file: it asks nothing of any network and can be sent as it is. Plots: plotly.js (MIT licence), inside."

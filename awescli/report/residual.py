@@ -3,7 +3,8 @@
 import numpy as np
 
 from awescli.report.evidence import Evidence
-from awescli.report.marks import Cell, Section, absent, bar, chip, esc, folded, paragraph, table
+from awescli.report.headline import lead
+from awescli.report.marks import Cell, Section, absent, bar, chip, esc, folded, keys, paragraph, table
 from awescli.report.plots import axis, bars, dots, figure, grid, line, shared
 from awescli.report.words import COLOURS, channel, effect_words, listed, number, percent, scale_of, short, with_std
 
@@ -18,7 +19,7 @@ def residual(evidence: Evidence) -> Section:
     title = "The residual, and what it was traced to"
     if evidence.effects is None:
         return Section("residual", title, absent("awes trace-residual", "the residual was not traced"))
-    body = paragraph(f"{verdict_chip(evidence)} {esc(evidence.effects['sentence'])}") + sizes(evidence) + before_after(evidence)
+    body = paragraph(f"{verdict_chip(evidence)} {lead(evidence)}") + sizes(evidence) + before_after(evidence)
     return Section("residual", title, body + over_loop(evidence) + unexplained(evidence) + ranking(evidence) + shifts(evidence))
 
 
@@ -36,7 +37,7 @@ def sizes(evidence: Evidence) -> str:
     ]  # fmt: skip
     gust = evidence.effects.get("gust_m_s")
     air = paragraph(f"Gusts that the flight shows: {number(gust)} m/s.") if gust else ""
-    return (f"<br>{table(('effect', 'what it is', 'parameter', 'size ± 2 std', 'rivals'), rows, sortable=False)}" if rows else "") + air
+    return (f"{table(('effect', 'what it is', 'parameter', 'size ± 2 std', 'rivals'), rows, sortable=False)}" if rows else "") + air
 
 
 def labels(evidence: Evidence) -> tuple[str, str]:
@@ -50,10 +51,11 @@ def before_after(evidence: Evidence) -> str:
     names = [n for n in error["before"] if n != "mean"] + ["mean"]
     x = ["mean" if n == "mean" else short(n) for n in names]
     told = [channel(n) for n in names]
+    shown = ("before", "after") if evidence.tracing_added else ("before",)
     data = [
         bars(x, [100 * error[which][n] for n in names], label, COLOURS[model], text=told, textposition="none",
              hovertemplate="%{text}: %{y:.3g} %<extra></extra>")
-        for which, label, model in zip(("before", "after"), labels(evidence), ("identified", "with_effects"), strict=True)
+        for which, label, model in zip(shown, labels(evidence), ("identified", "with_effects"), strict=False)
     ]  # fmt: skip
     data.append(
         dots(
@@ -85,12 +87,17 @@ def over_loop(evidence: Evidence) -> str:
     middle = (np.arange(BINS) + 0.5) * 360 / BINS
     id = "fig-phase"
     note = (
-        "Measured minus predicted, averaged over the test loops at each phase of a loop. What repeats before and is gone after was the missing "
-        "effect; the dashed line is what the effect puts in. Shaded: ± 1 standard deviation over loops. The six channels that stand highest above noise."
+        "Measured minus predicted, averaged over the test loops at each phase of a loop. What repeats before and is gone after was the "
+        "missing effect; the dashed line is what the effect puts in. Shaded: ± 1 standard deviation over loops. "
+        "Shown: the six channels that stand highest above noise."
         if evidence.tracing_added
         else "Measured minus predicted, averaged over the test loops at each phase of a loop; shaded: ± 1 standard deviation over loops."
     )
-    return f'<div id="{id}"><h3>What repeats in every loop</h3>{paragraph(note, "soft")}{shared("phase", middle)}{grid(panels)}</div>'
+    entries = [("before", COLOURS["identified"], "dotted")]
+    if evidence.tracing_added:
+        entries += [("what the effect explains", COLOURS["measured"], "dashed"), ("after", COLOURS["with_effects"], "solid")]
+    head = f"<h3>What repeats in every loop</h3>{paragraph(note, 'soft')}{keys(entries)}"
+    return f'<div id="{id}">{head}{shared("phase", middle)}{grid(panels)}</div>'
 
 
 def loop_phase(evidence: Evidence, samples: np.ndarray) -> np.ndarray:
@@ -109,12 +116,14 @@ def _panel(evidence: Evidence, name: str, phase: np.ndarray) -> str:
     mean, spread = loop_mean(before * factor, phase)
     data = [*_band(mean, spread, "@blue"), dots("$phase", mean, "before", COLOURS["identified"], size=5)]
     if evidence.tracing_added:
-        data.append(line("$phase", loop_mean((before - after) * factor, phase)[0], "what the effect explains", COLOURS["measured"], dash="dash"))
+        data.append(
+            line("$phase", loop_mean((before - after) * factor, phase)[0], "what the effect explains", COLOURS["measured"], dash="dash")
+        )
         mean, spread = loop_mean(after * factor, phase)
         data += [*_band(mean, spread, "@green"), line("$phase", mean, "after", COLOURS["with_effects"], **width)]
     layout = {
         "xaxis": axis("phase of the loop [°]", range=[0, 360], dtick=90), "yaxis": axis(f"[{unit}]" if unit else "", zeroline=True),
-        "margin": {"t": 6}, "legend": {"font": {"size": 10}},
+        "margin": {"t": 24}, "showlegend": False,
     }  # fmt: skip
     return figure(f"fig-phase-{name}", channel(name), data, layout, split=f"test {evidence.parts.of}", height=240, part=True)
 
@@ -142,35 +151,52 @@ def unexplained(evidence: Evidence) -> str:
         return ""
     text = f"In <b>{esc(channel(found.get('channel', '')))}</b>, {percent(found.get('share'))} of the gap on validation is described by"
     text += f" <code>{esc(found['expression'])}</code>" if found.get("expression") else " nothing simple"
-    return f'<div id="unexplained"><h3>Without a name in the library</h3>{paragraph(text + ". These terms are empirical: they describe, they do not explain.")}</div>'
+    told = paragraph(f"{text}. These terms are empirical: they describe, they do not explain.")
+    return f'<div id="unexplained"><h3>Without a name in the library</h3>{told}</div>'
 
 
 def ranking(evidence: Evidence) -> str:
     """Every candidate: how much of the residual it explains, and what it gains on unseen loops."""
     effects = evidence.effects
-    accepted = {e["name"] for e in effects["effects"]} if evidence.tracing_added else set()
-    rivals = {r["name"] for e in effects["effects"] for r in e["rivals"]}
+    accepted = effects["effects"] if evidence.tracing_added else []
+    rivals = [r for e in effects["effects"] for r in e["rivals"]]
     rows = []
     for place, c in enumerate(effects["ranking"], 1):
-        state = chip("accepted", "good") if c["name"] in accepted else chip("rival", "bad") if c["name"] in rivals else ""
+        known = [a for a in effects["ranking"] if a["name"] == c["name"]]
+        state = chip("accepted", "good") if _among(c, accepted, known) else chip("rival", "bad") if _among(c, rivals, known) else ""
         raced = c.get("outcome") != RACED
         gain = c["test_gain"] if raced else None
         rows.append((
-            Cell(str(place), place), Cell(f"{esc(effect_words(c['name'], c.get('acts_on', '')))} {state}", c["name"]), bar(c["explained_share"], percent(c["explained_share"])),
-            Cell(percent(gain) if raced else "–", gain), Cell(number(c["score"]), c["score"]), Cell(number(c["p_value"], 2), c["p_value"]),
+            Cell(str(place), place), Cell(f"{esc(effect_words(c['name'], c.get('acts_on', '')))} {state}", c["name"]),
+            bar(c["explained_share"], percent(c["explained_share"])), Cell(percent(gain) if raced else "–", gain),
+            Cell(number(c["score"]), c["score"]), Cell(number(c["p_value"], 2), c["p_value"]),
             "yes" if c["plausible_size"] else "no", str(c.get("outcome", "")).replace("_", " "),
         ))  # fmt: skip
     if not rows:
         return ""
-    head = ("", "candidate", "explains of the gap", "gain on validation", "score", "p value", "plausible size", "race")
+    head = ("", "candidate", "share of the gap it explains", "χ² gain on validation", "score", "p value", "plausible size", "race")
     note = (
-        "Every effect of the library, tried on the residual of the declared model. Score: by how much it lowers χ² on train, to first order; the best "
-        "were fitted in full and raced on validation loops."
+        "Every effect of the library, tried on the residual of the declared model. Score: by how much it lowers χ² on train, to first "
+        "order; the best were fitted in full and raced on validation loops."
     )
     seen = effects.get("detectable") or {}
     small = [(effect_words(*_key(k)), Cell(number(v), v)) for k, v in seen.items()]
-    more = folded("What this flight would have shown: smallest size of each effect that stands out", table(("effect", "smallest size (in its unit)"), small)) if small else ""
-    return f'<div id="tab-ranking"><h3>Candidates</h3>{paragraph(note, "soft")}<br>{table(head, rows)}{more}</div>'
+    more = (
+        folded(
+            "What this flight would have shown: smallest size of each effect that stands out",
+            table(("effect", "smallest size (in its unit)"), small),
+        )
+        if small
+        else ""
+    )
+    return f'<div id="tab-ranking"><h3>Candidates</h3>{paragraph(note, "soft")}{table(head, rows)}<div id="detectable">{more}</div></div>'
+
+
+def _among(candidate: dict, named: list, same_name: list) -> bool:
+    """Whether a candidate is one of `named`. Its target decides only where several candidates bear the name (actuator_lag on two surfaces):
+    elsewhere the two tell different things, the surface here, the place in the model there."""
+    hits = [e for e in named if e["name"] == candidate["name"]]
+    return any(len(same_name) == 1 or e.get("acts_on", "") == candidate.get("acts_on", "") for e in hits)
 
 
 def _key(key: str) -> tuple[str, str]:
@@ -196,10 +222,11 @@ def shifts(evidence: Evidence) -> str:
         "yaxis": {"autorange": "reversed", "type": "category", "categoryorder": "array", "categoryarray": y, "dtick": 1},
         "shapes": [{"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": -1, "x1": 1, "fillcolor": "@grey/0.12", "line": {"width": 0}}],
     }
-    note = "A parameter that stood in for the missing effect goes back towards its prior once the effect is there. Shaded: ± 1 prior standard deviation."
+    note = (
+        "A parameter that stood in for the missing effect goes back towards its prior once the effect is there. "
+        "Shaded: ± 1 prior standard deviation."
+    )
     return figure(
         "fig-shifts", "What the parameters had swallowed", data, layout, split="fitted to train",
         note=note if evidence.tracing_added else "Nothing was added, so nothing moved.", height=90 + 17 * len(names),
     )  # fmt: skip
-
-

@@ -1,4 +1,4 @@
-"""The slow path of the corrected kite: the same physics source on torch tensors, torchdiffeq's solvers, autograd. Oracle of the fast one."""
+"""The slow path of the corrected kite, oracle of the fast one: the same physics source on torch tensors, torchdiffeq, autograd."""
 
 from dataclasses import dataclass
 

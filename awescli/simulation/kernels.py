@@ -178,7 +178,9 @@ class _Loop(Body):
             now = self.line(f"shufflevector {whole} {first}, {whole} poison, <{self.lanes} x i32> zeroinitializer")
             alive = self.line(f"load {whole}, ptr %alive, align 8")
             sooner = self.line(f"call {whole} @llvm.smin.v{self.lanes}i64({whole} {alive}, {whole} {now})")
-            self.lines.append(f"  store {whole} {self.line(f'select {mask} {gone}, {whole} {sooner}, {whole} {alive}')}, ptr %alive, align 8")
+            self.lines.append(
+                f"  store {whole} {self.line(f'select {mask} {gone}, {whole} {sooner}, {whole} {alive}')}, ptr %alive, align 8"
+            )
             for part, (_, rows) in enumerate(self._parts(0, self.n_x)):
                 with self.loop(rows) as i:
                     here = self.row(self.x[part], i)

@@ -36,7 +36,7 @@ class Identify(Stage):
     def run(self, context, config):
         from awescli.artifacts import write_json, write_text
         from awescli.estimation.answer import describe
-        from awescli.estimation.question import ask, fit_in_stages, simulator_of
+        from awescli.estimation.question import ask, fit_in_stages, simulator_of, without_record
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.stages.flight_parts import flight_parts, law_upstream, score_parts
 
@@ -51,15 +51,16 @@ class Identify(Stage):
             question, log, parts, [h for h in config.curriculum if h < config.horizon], prior=config.prior,
             on_iteration=lambda h, i, cost: (task.advance(), task.update(f"{h:g} s, iteration {i}: cost {cost:.6g}")),
         )  # fmt: skip
-        answer = describe(fitted, question.prior)
+        answer = describe(fitted, question.prior, simulator.kite.record)
+        identified = simulator.holding(without_record(simulator.kite, fitted.parameters))
         metrics = {
             "outcome": fitted.solution.outcome, "chi2": fitted.chi2, "gust_m_s": question.gust,
             "cost_history": list(fitted.solution.history), "surfaces": config.surfaces,
             "initial": score_parts(simulator, log, parts, config.horizon),
-            **score_parts(simulator.holding(fitted.parameters), log, parts, config.horizon),
+            **score_parts(identified, log, parts, config.horizon),
         }  # fmt: skip
         write_json(context.folder / "params.json", answer)
-        write_text(context.folder / KITE_FILE, kite_text(simulator.holding(fitted.parameters).kite.declare(())))
+        write_text(context.folder / KITE_FILE, kite_text(identified.kite.declare(())))
         write_json(context.folder / "metrics.json", metrics)
         bounded = [n for n, row in answer["parameters"].items() if row["at_bound"]]
         unseen = [n for n, row in answer["parameters"].items() if not row["excited"]]

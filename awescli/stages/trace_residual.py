@@ -48,7 +48,7 @@ class TraceResidual(Stage):
         settings = config.model_dump(exclude={"report"})
         finding, before = trace_flight(declared, log, parts, start=started, progress=progress, **settings)
         progress("scoring on unseen loops")
-        after = finding.simulator.holding(finding.model.table)
+        after = finding.after()
         scores = {"before": score_parts(before, log, parts, config.horizon), "after": score_parts(after, log, parts, config.horizon)}
         effects = account(finding, log, parts, config.horizon, before, after)
         effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), before, after, config.horizon)

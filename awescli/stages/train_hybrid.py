@@ -61,7 +61,7 @@ class TrainHybrid(Stage):
         declaration = read_kite(context.model_kite())
         kite = Kite(declaration, log.wind.height)
         law = law_upstream(context, kite, log) if config.surfaces == "controller" else None
-        chosen = {k: v for k, v in config.model_dump().items() if k not in ("inputs", "surfaces", "members") and k in TrainingConfig.__annotations__}
+        chosen = {k: v for k, v in config.model_dump().items() if k != "inputs" and k in TrainingConfig.__annotations__}
         settings = TrainingConfig(**chosen, seed=context.seed, **({"inputs": config.inputs} if config.inputs else {}))
         saved = context.scratch / CHECKPOINT
         further = {"law": law}
@@ -87,7 +87,8 @@ class TrainHybrid(Stage):
         }  # fmt: skip
         if best.adam_only is not None:
             alone = hybrid_from_artifact(best.adam_only.description(), best.adam_only.to_arrays(), declaration, log)
-            metrics["comparison"]["test"] = {"adam": score_parts(alone, log, parts, horizon)["nrmse"]["test"], "adam_lbfgs": after["nrmse"]["test"]}
+            of_adam = score_parts(alone, log, parts, horizon)["nrmse"]["test"]
+            metrics["comparison"]["test"] = {"adam": of_adam, "adam_lbfgs": after["nrmse"]["test"]}
         if config.members > 1:
             learned = [c for c in ensemble.corrections if not c.is_zero]
             metrics["ensemble"] = {"members": config.members, "learned": len(learned), "outcomes": [m.outcome for m in ensemble.members]}
@@ -96,12 +97,14 @@ class TrainHybrid(Stage):
         write_tensors(context.folder / "network.safetensors", correction.to_arrays())
         write_json(context.folder / "network.json", description)
         write_json(context.folder / "metrics.json", metrics)
-        write_arrays(context.folder / "correction.npz", {"time": log.time, "correction": told.values, "physics": told.physics, "fade": np.asarray(told.fade)})
+        arrays = {"time": log.time, "correction": told.values, "physics": told.physics, "fade": np.asarray(told.fade)}
+        write_arrays(context.folder / "correction.npz", arrays)
         write_text(context.folder / KITE_FILE, kite_text(declaration))
         for name, reason in best.dropped.items():
             context.progress.note(f"network input '{name}' was left out: it {reason}")
         if metrics["outside_box_test"] > 0.05:
-            context.progress.note(f"on {100 * metrics['outside_box_test']:.0f} % of the test loops the correction faded: the flight left what it was trained on")
+            share = 100 * metrics["outside_box_test"]
+            context.progress.note(f"on {share:.0f} % of the test loops the correction faded: the flight left what it was trained on")
         context.progress.note(best.metrics["sentence"])
         return {
             "outcome": best.outcome, "test NRMSE before": before["nrmse"]["test"]["mean"], "after": after["nrmse"]["test"]["mean"],

@@ -38,7 +38,7 @@ def account(finding: Finding, log, parts, horizon: float, before: Simulator, aft
         "gust_m_s": finding.gust,
         "detectable": finding.library.detectable,
         "not_testable": list(finding.library.rounds[0].untestable) if finding.library.rounds else [],
-        "parameter_shifts": _shifts(null, model),
+        "parameter_shifts": _shifts(finding, null, model),
         "separate": _separate(effects),
         "null_run": _null_run(finding),
     }  # fmt: skip
@@ -113,10 +113,10 @@ def _unexplained(finding: Finding) -> dict:
             "terms": [{"term": k.partition(":")[2], "k": v} for k, v in values.items()]}  # fmt: skip
 
 
-def _shifts(null: Runner, model: Runner) -> dict:
+def _shifts(finding: Finding, null: Runner, model: Runner) -> dict:
     """What the parameters had swallowed: value and distance from the prior, in prior standard deviations, before and after."""
     shifts = {}
-    for name in null.names:
+    for name in (n for n in null.names if n not in finding.simulator.kite.record):
         p, prior = null.table[name], null.prior[name]
         after = model.table[name].value if name in model.table else p.value
         shifts[name] = {

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from awescli.estimation.question import ask, fit_in_stages, simulator_of
+from awescli.estimation.question import ask, fit_in_stages, simulator_of, without_record
 from awescli.physics.declaration import KiteDeclaration
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.race import Contest, run
@@ -39,4 +39,4 @@ def trace_flight(
     contest = Contest(simulator, question.fitted, question.choice, question.gusts, question.prior)
     null = run(contest, fitted.parameters, (), question.names, own=fitted.own)
     finding = investigate(question, null, keys, log, parts, horizon, rounds=rounds, progress=progress)
-    return finding, simulator.holding(null.table)
+    return finding, simulator.holding(without_record(simulator.kite, null.table))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from awescli.estimation.question import GUSTY, Question, ask, simulator_of
+from awescli.estimation.question import GUSTY, Question, ask, simulator_of, without_record
 from awescli.estimation.simulation_error import SimulationError
 from awescli.flightlog.split import Split
 from awescli.notation.quantities import SURFACES
@@ -44,6 +44,10 @@ class Finding:
     def effect(self, key: str):
         """An effect of the library or the bank by its key."""
         return make_effect(key, self.simulator.kite.declaration)
+
+    def after(self) -> Simulator:
+        """The final model, ready to predict."""
+        return self.simulator.holding(without_record(self.simulator.kite, self.model.table))
 
     def declaration(self) -> KiteDeclaration:
         """The kite file of the final model: declared effects, accepted effects, new values; accepted strengths are free."""

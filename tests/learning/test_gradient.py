@@ -12,6 +12,7 @@ from awescli.simulation.rollout import Simulator
 
 INPUTS = ("u", "w", "q", "sin_phi", "alpha", "beta", "V_a", "rudder", "stretch")
 COMPARED = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
+LAG = {"actuator_lag:rudder.tau": 0.1, "actuator_lag:rudder.rate": 50.0}
 PLACES = [OUTPUTS.index(name) for name in COMPARED]
 
 
@@ -35,7 +36,7 @@ def follow(x, u, c):
     [
         (("gravity", "aerodynamics", "tether"), {}, None, 5.0),
         (("gravity", "aerodynamics", "tether"), {}, None, 1.6),  # partly outside the box: the fade has a gradient of its own
-        (("gravity", "aerodynamics", "actuator_lag:rudder", "tether"), {"actuator_lag:rudder.tau": 0.1, "actuator_lag:rudder.rate": 50.0}, follow, 5.0),
+        (("gravity", "aerodynamics", "actuator_lag:rudder", "tether"), LAG, follow, 5.0),
     ],
     ids=["plain", "fading", "lag and law"],
 )
@@ -72,7 +73,8 @@ def test_gradient_agrees_with_autograd_through_torchdiffeq():
     run = simulator.rollout(simulator.prepare(segments), c.weights, c.constants)
     outputs = run.outputs
     gradient, _ = simulator.gradient(run, 2 * outputs)
-    for solver, options, tolerance in (("rk4_classical", {}, 1e-11), ("rk4", {}, 1e-4), ("dopri5", {"rtol": 1e-9, "atol": 1e-9}, 1e-4)):
+    # the other two discretise differently: they differ by the error of a step
+    for solver, options, tolerance in (("rk4_classical", {}, 1e-11), ("rk4", {}, 2e-3), ("dopri5", {"rtol": 1e-8, "atol": 1e-8}, 2e-3)):
         weights = torch.tensor(c.weights, requires_grad=True)
         slow = TorchHybrid(kite, inputs_of_instant(INPUTS), c.sizes, ROWS, COMPARED, solver=solver, options=options)
         y = slow.rollout(segments, weights, c.constants)
@@ -99,9 +101,10 @@ def test_hybrid_kite_flies_as_the_fast_path_and_shows_in_the_accelerometer():
     hybrid = HybridKite(kite, c)
     flown = Simulator(hybrid, ()).rollout(segments)
     assert np.allclose(fast.rollout(fast.prepare(segments), c.weights, c.constants).outputs, flown.outputs[:, :, PLACES], rtol=0, atol=1e-9)
-    x, u, p = flown.states[0, 20], segments.inputs[0, 20], hybrid.parameters.vector()
-    extra = hybrid.outputs(list(x), list(u), list(p))[OUTPUTS.index("a_x")] - kite.outputs(list(x), list(u), list(kite.parameters.vector()))[OUTPUTS.index("a_x")]
-    inputs = network_inputs(kite, INPUTS)(list(x), list(u), list(kite.parameters.vector()))
+    x, u, p = list(flown.states[0, 20]), list(segments.inputs[0, 20]), list(kite.parameters.vector())
+    a_x = OUTPUTS.index("a_x")
+    extra = hybrid.outputs(x, u, list(hybrid.parameters.vector()))[a_x] - kite.outputs(x, u, p)[a_x]
+    inputs = network_inputs(kite, INPUTS)(x, u, p)
     assert extra == pytest.approx(evaluate(inputs, c)[0][0], rel=1e-9) and abs(extra) > 1e-3
 
 

@@ -1,13 +1,17 @@
 """Training: learns an effect that the model lacks, nothing from clean flight, goes on exactly where it was stopped."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from learning.small_flight import small_flight, small_kite
+from learning.small_flight import small_flight, small_kite, small_segments
 
 from awescli.learning.correction import Correction
+from awescli.learning.ensemble import spread, train_ensemble
 from awescli.learning.explain import along, distil
 from awescli.learning.training import State, TrainingConfig, train
 from awescli.notation.errors import BadInput
+from awescli.notation.quantities import OUTPUTS
 
 CONFIG = TrainingConfig(hidden=(8,), horizons=(0.8, 2.5), warmup=0.6, rounds=3, adam_iterations=25, lbfgs_iterations=15)
 
@@ -66,6 +70,17 @@ def test_budget_is_an_outcome(draggy):
     ticks = iter(range(0, 100000, 7))
     trained = train(small_kite(), log, ranges[:6], ranges[6:], CONFIG, clock=lambda: float(next(ticks)))
     assert trained.outcome in ("budget_reached", "trained") and len(trained.history) <= 10
+
+
+def test_ensemble_agrees_where_it_was_trained(draggy):
+    log, ranges = draggy
+    short = replace(CONFIG, rounds=1, compare=True)
+    ensemble = train_ensemble(small_kite(), log, ranges[:6], ranges[6:], short, 2)
+    assert len({c.fingerprint() for c in ensemble.corrections}) == 2 and any(m is ensemble.best for m in ensemble.members)
+    assert set(ensemble.members[0].metrics["comparison"]["training"]) == {"adam", "adam_lbfgs"}
+    mean, deviation = spread(small_kite(), ensemble.corrections, small_segments(small_kite(), 3, 50))
+    speed = OUTPUTS.index("V_a")
+    assert 0 < np.nanmean(deviation[..., speed]) < 0.05 * np.nanmean(mean[..., speed])
 
 
 def test_network_survives_the_file_and_tampering_is_noticed(learned):

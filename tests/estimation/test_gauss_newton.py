@@ -1,0 +1,139 @@
+"""The bounded Gauss-Newton: its quadratic program against independent solvers, its search on problems with known minima."""
+
+import itertools
+
+import numpy as np
+import pytest
+from oracles import kkt_violation
+from scipy.optimize import lsq_linear
+
+from awescli.estimation.gauss_newton import bounded_step, covariance, minimise
+
+
+def problem(seed, n=6, condition=1e4):
+    """(H, b, lower, upper): a random positive definite quadratic in badly mixed units, minimum in or outside a box around zero."""
+    random = np.random.default_rng(seed)
+    Q = np.linalg.qr(random.standard_normal((n, n)))[0]
+    units = 10.0 ** random.uniform(-3, 3, n)
+    H = (Q * np.geomspace(1, condition, n)) @ Q.T / np.outer(units, units)
+    d = 2 * random.standard_normal(n) * units
+    return H, H @ d, -random.uniform(0.1, 3, n) * units, random.uniform(0.1, 3, n) * units
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_step_is_optimal(seed):
+    """Guards the bounded step by its optimality conditions and by scipy's trust-region solver on the unscaled problem."""
+    H, b, lower, upper = problem(seed)
+    d = bounded_step(H, b, lower, upper)
+    size = np.abs(b / np.sqrt(np.diag(H))).max()
+    unit = np.sqrt(np.diag(H))
+    assert kkt_violation(H / np.outer(unit, unit), b / unit, lower * unit, upper * unit, d * unit) < 1e-7 * size
+    L = np.linalg.cholesky(H / np.outer(unit, unit))
+    other = lsq_linear(L.T, np.linalg.solve(L, b / unit), bounds=(lower * unit, upper * unit), method="trf", tol=1e-14).x / unit
+
+    def value(d):
+        return 0.5 * d @ H @ d - b @ d
+
+    assert value(d) <= value(other) + 1e-9 * abs(value(other))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_step_is_the_best_of_all_active_sets(seed):
+    """Guards against a wrong active set: every combination of free, lower and upper of 4 unknowns tried by brute force."""
+    H, b, lower, upper = problem(100 + seed, n=4, condition=100)
+    best, d_best = np.inf, None
+    for pattern in itertools.product((-1, 0, 1), repeat=4):
+        d = np.where(np.array(pattern) < 0, lower, np.where(np.array(pattern) > 0, upper, 0.0))
+        free = np.array(pattern) == 0
+        if free.any():
+            d[free] = np.linalg.solve(H[np.ix_(free, free)], b[free] - H[np.ix_(free, ~free)] @ d[~free])
+        if (d >= lower - 1e-12 * np.abs(lower)).all() and (d <= upper + 1e-12 * np.abs(upper)).all():
+            value = 0.5 * d @ H @ d - b @ d
+            if value < best:
+                best, d_best = value, d
+    assert bounded_step(H, b, lower, upper) == pytest.approx(d_best, rel=1e-6, abs=1e-9 * np.abs(d_best).max())
+
+
+def test_a_step_without_active_bounds_is_newtons():
+    """Guards the short cut where no bound matters, infinite bounds included."""
+    H, b, _, _ = problem(3)
+    free = np.full(6, np.inf)
+    assert bounded_step(H, b, -free, free) == pytest.approx(np.linalg.solve(H, b), rel=1e-7)
+    assert bounded_step(np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0)).shape == (0,)
+
+
+def test_a_parameter_at_its_bound_may_leave_it_inwards():
+    """Guards zero-width steps: at a bound the step towards the inside is free, the step out is zero."""
+    H = np.eye(2)
+    assert bounded_step(H, np.array([1.0, -1.0]), np.zeros(2), np.array([2.0, 2.0])) == pytest.approx([1.0, 0.0], abs=1e-9)
+
+
+def test_a_parameter_that_nothing_depends_on_stays():
+    """Guards a flight that never moves a surface, fitted without prior: a row of zeros in H made the step a NaN."""
+    H, b = np.diag([4.0, 0.0, 1.0]), np.array([4.0, 0.0, 3.0])
+    for upper in (9.0, 2.0):
+        d = bounded_step(H, b, np.full(3, -9.0), np.full(3, upper))
+        assert d == pytest.approx([1.0, 0.0, min(3.0, upper)])
+
+
+def test_a_singular_information_matrix_gives_large_and_finite_variances():
+    """Guards NaN standard deviations: two parameters of which only the sum is known have positive, huge variances; others keep theirs."""
+    H = np.array([[1.0, 1.0, 0.0], [1.0, 1.0 - 1e-16, 0.0], [0.0, 0.0, 4.0]])
+    C = covariance(H, np.ones(3))
+    assert C[2, 2] == pytest.approx(0.25) and C[0, 0] > 1e9 and C[1, 1] > 1e9
+    assert (np.linalg.eigvalsh(C) > 0).all() and C[0, 0] + 2 * C[0, 1] + C[1, 1] < 1e-3 * C[0, 0]
+    regular = problem(5)[0]
+    assert covariance(regular, 1 / np.sqrt(np.diag(regular))) == pytest.approx(np.linalg.inv(regular), rel=1e-6)
+
+
+class Curve:
+    """Residuals of y = a exp(-b t) + c: what `minimise` sees of a fit without inner unknowns."""
+
+    def __init__(self, truth=(2.0, 0.7, 0.3), noise=0.0):
+        self.t = np.linspace(0, 5, 40)
+        self.y = self.model(np.array(truth)) + noise * np.random.default_rng(0).standard_normal(40)
+        self.accepted = 0
+
+    def model(self, x):
+        return x[0] * np.exp(-np.clip(x[1] * self.t, -50, 50)) + x[2]
+
+    def linearise(self, x):
+        self.x = x
+        e = np.exp(-x[1] * self.t)
+        J = np.column_stack([e, -x[0] * self.t * e, np.ones(40)])
+        r = self.y - self.model(x)
+        return float(r @ r), J.T @ r, J.T @ J, 0.0
+
+    def move(self, step, share):
+        return float(((self.y - self.model(self.x + share * step)) ** 2).sum())
+
+    def accept(self):
+        self.accepted += 1
+
+    def solve(self, start, lower=(-9, -9, -9), upper=(9, 9, 9), **how):
+        return minimise(self.linearise, self.move, self.accept, np.array(start, float), np.array(lower, float), np.array(upper, float), **how)
+
+
+def test_it_finds_a_known_minimum_from_afar():
+    """Guards damping and line search: a nonlinear fit from a start where the full step is useless."""
+    curve = Curve()
+    found = curve.solve((0.5, 3.0, -1.0), tolerance=1e-14, iterations=60)
+    assert found.outcome == "converged" and found.x == pytest.approx((2.0, 0.7, 0.3), rel=1e-8)
+    assert list(found.history) == sorted(found.history, reverse=True) and curve.accepted == len(found.history) - 1
+
+
+def test_it_stops_at_a_bound_with_the_others_at_their_best():
+    """Guards bounds during the search: b may not fall below 0.9; the rest is the least squares solution on that edge."""
+    found = Curve().solve((1.0, 1.5, 0.0), lower=(-9, 0.9, -9), tolerance=1e-12, iterations=60)
+    A = np.column_stack([np.exp(-0.9 * np.linspace(0, 5, 40)), np.ones(40)])
+    best = np.linalg.lstsq(A, Curve().y, rcond=None)[0]
+    assert found.x[1] == pytest.approx(0.9, abs=1e-9) and found.x[[0, 2]] == pytest.approx(best, rel=1e-6)
+
+
+def test_outcomes_have_names():
+    """Guards the three endings: converged, no_progress, iteration_limit."""
+    assert Curve(noise=0.1).solve((2.0, 0.7, 0.3)).outcome == "converged"
+    assert Curve().solve((0.5, 3.0, -1.0), tolerance=1e-14, iterations=1).outcome == "iteration_limit"
+    stuck = Curve()
+    stuck.move = lambda step, share: np.nan  # whatever is tried diverges
+    assert stuck.solve((0.5, 3.0, -1.0)).outcome == "no_progress" and stuck.accepted == 0

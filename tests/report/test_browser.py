@@ -1,0 +1,90 @@
+"""The page in headless Chromium: every plot drawn, no error, no request; tables sort, the 3-D view turns."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+from report.small_evidence import evidence
+
+from awescli.report.html import page
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: apt-get install chromium)"),
+]
+
+FLAGS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--enable-logging=stderr", "--log-level=0", "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=60000",
+)  # fmt: skip
+
+USER = """
+<script>
+// a user who waits for the plots, sorts a table, turns the flight and zooms in time; what happened stands in data attributes
+const waiting = setInterval(async () => {
+  const root = document.documentElement;
+  if (!root.dataset.plots) return;
+  clearInterval(waiting);
+  try {
+    const head = document.querySelector("#tab-ranking > .table thead th:nth-child(5)");
+    const column = () => [...document.querySelectorAll("#tab-ranking > .table tbody tr")].map((r) => +r.cells[4].dataset.v).join(",");
+    head.querySelector("button").click();
+    root.dataset.sorted = column();
+    head.querySelector("button").click();
+    root.dataset.again = column();
+    const three = document.querySelector("#fig-3d-flight .plot");
+    await Plotly.relayout(three, { "scene.camera.eye": { x: 0.1, y: 0.2, z: 2 } });
+    root.dataset.eye = three._fullLayout.scene._scene.getCamera().eye.z;
+    await Plotly.relayout(document.querySelector("#fig-p_n .plot"), { "xaxis.range[0]": 60, "xaxis.range[1]": 62 });
+    await new Promise((done) => setTimeout(done, 500));
+    root.dataset.zoom = document.querySelector("#fig-theta .plot")._fullLayout.xaxis.range.join(",");
+    document.querySelector('.keys[data-for="test"] button').click();
+    root.dataset.hidden = document.querySelector("#fig-theta .plot").data[0].visible;
+    window.dispatchEvent(new Event("beforeprint"));
+    root.dataset.printed = document.querySelectorAll("details:not([open])").length;
+    window.dispatchEvent(new Event("afterprint"));
+    root.dataset.done = "yes";
+  } catch (e) { root.dataset.errors = `${root.dataset.errors || ""} user: ${e.message}`; }
+}, 50);
+</script></body>"""
+
+
+@pytest.fixture(scope="module")
+def visited(tmp_path_factory):
+    """(attributes of the root element, console) after a visit."""
+    folder = tmp_path_factory.mktemp("browser")
+    file = folder / "report.html"
+    file.write_text(page(evidence(evil="<b>&")).replace("</body></html>", USER), encoding="utf-8")
+    command = [CHROMIUM, *FLAGS, f"--user-data-dir={folder / 'profile'}", "--window-size=1280,2000", "--dump-dom", file.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=150)
+    root = re.search(r"<html[^>]*>", done.stdout)
+    assert root, done.stderr[-2000:]
+    console = [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
+    return dict(re.findall(r'data-(\w+)="([^"]*)"', root[0])), console
+
+
+def test_every_plot_is_drawn_without_error(visited):
+    attributes, console = visited
+    drawn, plots = attributes["plots"].split("/")
+    assert drawn == plots and int(plots) > 25
+    assert "errors" not in attributes, attributes["errors"]
+    # notes on the speed of the software renderer are no errors of the page
+    assert not [line for line in console if "GPU stall" not in line and "GL Driver Message" not in line], console
+
+
+def test_tables_sort_both_ways(visited):
+    values = [float(v) for v in visited[0]["sorted"].split(",")]
+    assert values == sorted(values, reverse=True) and visited[0]["again"] == ",".join(f"{v:g}" for v in sorted(values))
+
+
+def test_the_flight_turns_and_the_channels_zoom_together(visited):
+    assert float(visited[0]["eye"]) == pytest.approx(2, abs=0.05)
+    assert visited[0]["zoom"] == "60,62"
+    assert visited[0]["hidden"] == "false"
+
+
+def test_print_unfolds_everything(visited):
+    assert visited[0]["printed"] == "0" and visited[0]["done"] == "yes"

@@ -1,0 +1,174 @@
+"""The page: whole, self-contained, safe against names from users' files, and there even where stages are not."""
+
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from plotly.offline import get_plotlyjs
+from report.small_evidence import evidence
+
+from awescli.report.html import SECTIONS, page
+from awescli.report.words import number, percent, times, with_std
+
+EVIL = "\"><script>alert('x')</script><img src=http://evil.example/x onerror=alert(1)></script>&@ink$phase"
+LARGEST = 8_000_000
+
+
+@cache
+def usual() -> str:
+    return page(evidence())
+
+
+def own(text: str) -> str:
+    """The page without plotly.js, whose comments hold addresses."""
+    library = get_plotlyjs().replace("</script", "<\\/script")
+    assert library in text
+    return text.replace(library, "")
+
+
+class Reader(HTMLParser):
+    """Elements with their attributes, and the text of every script."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.elements, self.scripts, self.open = [], [], False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag == "script":
+            self.scripts.append((dict(attrs), ""))
+            self.open = True
+
+    def handle_endtag(self, tag):
+        self.open = self.open and tag != "script"
+
+    def handle_data(self, data):
+        if self.open:
+            self.scripts[-1] = (self.scripts[-1][0], self.scripts[-1][1] + data)
+
+    def documents(self):
+        return [json.loads(text, parse_constant=pytest.fail) for attrs, text in self.scripts if attrs.get("type") == "application/json"]
+
+
+def test_every_section_is_there_and_every_link_leads_somewhere():
+    reader = Reader(own(usual()))
+    ids = [a["id"] for _, a in reader.elements if "id" in a]
+    assert len(set(ids)) == len(ids)
+    targets = [a["href"] for tag, a in reader.elements if tag == "a"]
+    assert len(SECTIONS) == 9 and len(targets) > 15
+    assert all(t.startswith("#") and t[1:] in ids for t in targets), [t for t in targets if t[1:] not in ids]
+
+
+def test_nothing_is_asked_of_a_network():
+    text = own(usual())
+    assert not re.search(r"https?:|//[a-z0-9]+\.|\bsrc=|@import|url\(", text)
+    assert "default-src 'none'" in text
+
+
+def test_figures_are_strict_json_with_units_and_splits():
+    reader = Reader(own(usual()))
+    figures = [d for d in reader.documents() if isinstance(d, dict)]
+    plots = [a for tag, a in reader.elements if tag == "div" and a.get("class") == "plot"]
+    assert len(figures) == len(plots) > 25
+    assert own(usual()).count('class="chip split"') == len(plots)
+    for d in figures:
+        axes = [v["title"]["text"] for k, v in d["layout"].items() if re.fullmatch(r"[xy]axis", k) and "title" in v]
+        assert "scene" in d["layout"] or axes, d["layout"]
+    assert "NaN" not in own(usual()).replace("isNaN", "") and "Infinity" not in own(usual())
+
+
+def test_names_from_files_stay_text():
+    text = own(page(evidence(name=f"f{EVIL}", evil=EVIL)))
+    reader, plain = Reader(text), Reader(own(usual()))
+    assert sorted({t for t, _ in reader.elements}) == sorted({t for t, _ in plain.elements})
+    assert len([t for t, _ in reader.elements if t == "script"]) == len([t for t, _ in plain.elements if t == "script"])
+    assert not [a for _, a in reader.elements if "onerror" in a or "src" in a]
+    # in figures, where plotly.js reads marks in texts
+    shown = [t for d in reader.documents() if isinstance(d, dict) for t in texts(d, "meta")]
+    assert not [t for t in shown if re.search(r"<(?!br>|extra>|/extra>)", t)]
+
+
+def texts(obj, *left_out):
+    if isinstance(obj, str):
+        yield obj
+    elif isinstance(obj, dict):
+        for k, v in obj.items():
+            yield from texts(v, *left_out) if k not in left_out else ()
+    elif isinstance(obj, list):
+        for v in obj:
+            yield from texts(v, *left_out)
+
+
+MISSING = {
+    "only the declared model": dict(controller=None, commanded={}, identify=None, params=None, effects=None, residuals=None, hybrid=None),
+    "no controller": dict(controller=None, commanded={}),
+    "no tracing": dict(effects=None, residuals=None),
+    "empty controller": dict(controller={}, commanded={}),
+    "empty hybrid": dict(hybrid={}, network={}),
+    "no provenance": dict(provenance={}),
+    "no parameters": dict(params={"parameters": {}}),
+}
+
+
+@pytest.mark.parametrize("left_out", MISSING.values(), ids=MISSING.keys())
+def test_what_did_not_run_is_said(left_out):
+    whole = evidence(hybrid="hybrid" not in left_out)
+    keep = {"initial", "horizon_s", "noise_floor"} if "identify" in left_out else set(whole.scores)
+    some = replace(whole, **left_out, scores={k: v for k, v in whole.scores.items() if k in keep})
+    text = own(page(some))
+    ids = {a["id"] for _, a in Reader(text).elements if "id" in a}
+    assert {"summary", "flight", "controller", "identification", "residual", "hybrid", "prediction", "next", "provenance"} <= ids
+    if None in left_out.values():
+        assert 'class="absent"' in text
+
+
+@pytest.mark.parametrize("verdict", ["none", "found", "cannot_tell", "unexplained", "not_deterministic"])
+@pytest.mark.parametrize("added", [True, False])
+def test_every_verdict_has_its_headline(verdict, added):
+    whole = evidence()
+    effects = {**whole.effects, "verdict": verdict, "chi2": {"train_before": 2.0, "train_after": 1.0 if added else 2.0}}
+    if verdict == "unexplained":
+        effects |= {"effects": [], "unexplained": {"channel": "Cm", "share": 0.4, "expression": "Cm += qbar*S*(+0.1*q)", "terms": []}}
+    text = own(page(replace(whole, effects=effects)))
+    assert ("nothing added" in text) is False  # a model that is the one before it again is not shown twice
+    title = re.search(r"<h1>(.*?)</h1>", text)[1]
+    assert {"none": "Nothing", "found": "lacked", "cannot_tell": "cannot tell", "unexplained": "repeats", "not_deterministic": "gusts"}[
+        verdict
+    ] in title
+
+
+def test_flights_that_do_not_loop_and_have_no_wind():
+    whole = evidence()
+    text = own(page(replace(whole, loops=replace(whole.loops, kind="blocks"), log=replace(whole.log, wind=None))))
+    assert "does not loop" in text and "no wind record" in text
+
+
+def test_the_page_stays_small_for_long_flights():
+    long = evidence(samples=80 * 700)  # an hour and a half
+    assert len(page(long).encode()) < LARGEST
+
+
+def test_numbers_on_the_page_are_those_of_the_artifacts():
+    text = own(usual())
+    assert "10.0 %" in text and "0.37 %" in text and "0.210 ± 0.020 s" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0, "0"), (1234.5, "1234"), (0.00123, "0.00123"), (-2.5, "−2.50"), (1.2e-7, "1.20·10⁻⁷"), (None, "–"), (np.nan, "–")],
+)
+def test_numbers_in_words(value, text):
+    assert number(value) == text
+
+
+def test_intervals_and_shares_in_words():
+    assert with_std(0.19040, 0.000418) == "0.19040 ± 0.00084"
+    assert with_std(np.pi / 180, np.pi / 1800, "rad") == "1.00 ± 0.20 °"
+    assert with_std(5.0, 0.0, "m") == "5.000 m"
+    assert percent(0.1487) == "14.9 %" and percent(0.004385) == "0.44 %"
+    assert times(0.148, 0.0044) == "34 times smaller" and times(1, 1) == "unchanged" and times(1, 2) == "2.0 times larger"
