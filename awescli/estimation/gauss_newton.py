@@ -43,13 +43,14 @@ def bounded_step(H: np.ndarray, b: np.ndarray, lower: np.ndarray, upper: np.ndar
 
 
 def _factor(H: np.ndarray) -> np.ndarray:
-    """Lower Cholesky factor of H + ridge, the least ridge that rounding asks for: H of unit diagonal may be singular."""
+    """Lower Cholesky factor of H + ridge, the least ridge that rounding asks for: H of unit diagonal may be singular, or indefinite
+    by rounding."""
     for ridge in (1e-13, 1e-11, 1e-9, 1e-7):
         try:
             return cholesky(H + ridge * np.eye(len(H)), lower=True)
         except np.linalg.LinAlgError:
             continue
-    return cholesky(H + 1e-4 * np.eye(len(H)), lower=True)
+    return cholesky(H + (1e-7 - 2 * min(float(np.linalg.eigvalsh(H)[0]), 0.0)) * np.eye(len(H)), lower=True)
 
 
 def covariance(H: np.ndarray, scale: np.ndarray) -> np.ndarray:

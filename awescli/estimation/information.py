@@ -11,6 +11,11 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 
+CANCELLED = 1e8
+"""Where eliminating the own unknowns takes away all but this share of a column's information, rounding is left: then the elimination
+is done again by projection, which loses half as many digits and cannot become indefinite. (A segment that all but diverges.)"""
+
+
 @dataclass(frozen=True)
 class Information:
     """Reduced Gram matrices of [global columns, residual] per segment.
@@ -50,15 +55,47 @@ def reduce(J: np.ndarray, r: np.ndarray, sigma: np.ndarray, n_own: int, own_prio
         A[:, columns] = r[k].reshape(-1)
         G = A.T @ A
         M = G[:n_own, :n_own] + own_prior
-        # a own unknown that nothing depends on (a state that no output sees) must not make the factorisation fail
-        M[np.diag_indices(n_own)] += 1e-12 * (1 + np.diag(M))
-        factor = cho_factor(M)
+        factor = _factor(M)
         pull = own_prior @ own_value[k]
         M_lg, M_lr = G[:n_own, n_own:columns], G[:n_own, columns] - pull
         X = cho_solve(factor, np.column_stack([M_lg, M_lr]))
         H[k] = G[n_own:columns, n_own:columns] - M_lg.T @ X[:, :-1]
         b[k] = G[n_own:columns, columns] - M_lg.T @ X[:, -1]
         cost[k] = G[columns, columns] + own_value[k] @ pull - M_lr @ X[:, -1]
+        if (np.diag(G)[n_own:columns] > CANCELLED * np.diag(H[k])).any():
+            H[k], b[k], cost[k] = _projected(A, n_own, own_prior, own_value[k])
         dof[k] = np.count_nonzero(weight[k]) - np.count_nonzero(np.diag(own_prior) == 0)
         back.append((factor, M_lg, M_lr))
     return Information(H, b, cost, dof, back)
+
+
+def _projected(A: np.ndarray, n_own: int, own_prior: np.ndarray, own_value: np.ndarray):
+    """(H, b, cost) of one segment with its own unknowns projected out of the whitened columns A = [own, globals, residual]."""
+    values, vectors = np.linalg.eigh(own_prior)
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    own = np.vstack([A[:, :n_own], root])
+    rest = np.vstack([A[:, n_own:], np.zeros((n_own, A.shape[1] - n_own))])
+    rest[len(A) :, -1] = -root @ own_value
+    U, s, _ = np.linalg.svd(own / np.maximum(np.linalg.norm(own, axis=0), 1e-300), full_matrices=False)
+    U = U[:, s > 1e-11 * s[0]]
+    for _ in range(2):
+        rest -= U @ (U.T @ rest)
+    G = rest.T @ rest
+    return G[:-1, :-1], G[:-1, -1], G[-1, -1]
+
+
+def _factor(M: np.ndarray):
+    """Cholesky factor of M + ridge diag(1 + M), the least ridge that rounding asks for.
+
+    An own unknown that nothing depends on (a state that no output sees), or a segment that all but diverges and so knows its start in
+    one direction 1e8 times better than in another, must not make the factorisation fail.
+    """
+    place, diagonal = np.diag_indices(len(M)), 1 + np.diag(M)
+    for ridge in (1e-12, 1e-10, 1e-8, 1e-6):
+        firm = M.copy()
+        firm[place] += ridge * diagonal
+        try:
+            return cho_factor(firm)
+        except np.linalg.LinAlgError:
+            continue
+    return cho_factor(np.diag(diagonal))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from awescli.estimation.gust_level import gust_level
+from awescli.estimation.record_error import mid_times, with_record_errors
 from awescli.estimation.simulation_error import Fit, Gusts, fit, with_gust_noise, with_residual_noise
 from awescli.flightlog.split import Split, segments
 from awescli.notation.errors import BadInput
@@ -132,4 +133,6 @@ def fit_in_stages(
         choice = question.choice.with_sigma(question.choice.sigma * ratio)
         question = replace(question, fitted=raised, choice=choice)
         result = whole(raised, result.parameters, result.own)
+    if log.wind is not None:
+        result = with_record_errors(result, question.kite.record, log.wind.time, mid_times(question.fitted.segments, log))
     return result, question

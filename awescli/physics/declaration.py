@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from awescli.notation.document import read_document
+from awescli.notation.document import open_document
 from awescli.notation.parameters import Parameter, ParameterTable
 
 
@@ -115,8 +115,9 @@ def read_kite(path: Path) -> KiteDeclaration:
     """Read and check a kite file. Raises BadInput with file:line, also for unknown effects and parameters that effects need."""
     from awescli.physics.kite import check_declaration
 
-    declaration = read_document(Path(path), KiteDeclaration)
-    check_declaration(declaration, str(path))
+    document = open_document(Path(path))
+    declaration = document.check(KiteDeclaration)
+    check_declaration(declaration, document.where)
     return declaration
 
 

@@ -1,6 +1,6 @@
 """Kite: an ordered list of effects on a rigid body. The only place where an instant is filled and loads are summed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -10,7 +10,7 @@ from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.notation.scalars import sqrt
 from awescli.physics.airflow import air_data, declared_wind, wind_vector
-from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.declaration import KiteDeclaration, parameter_of
 from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.aerodynamics import body_axes, parse_monomial
 from awescli.physics.effects.base import Effect
@@ -54,33 +54,39 @@ def make_effect(key: str, declaration: KiteDeclaration) -> Effect:
     return EFFECTS[name](target, declaration)
 
 
-def check_declaration(declaration: KiteDeclaration, where: str) -> None:
-    """Everything that the schema cannot see: effects, targets, monomials, parameters that are missing. Raises BadInputs."""
+def check_declaration(declaration: KiteDeclaration, where: Callable[..., str]) -> None:
+    """Everything that the schema cannot see: effects, targets, monomials, parameters that are missing. Raises BadInputs.
+
+    where: names the place of a key in the file (`kite.yaml:12: aerodynamics.terms.CL`).
+    """
     errors = []
-    for key in declaration.effects:
+    for i, key in enumerate(declaration.effects):
         try:
             make_effect(key, declaration)
         except BadInput as e:
-            errors.append(BadInput(e.what, f"{where}: effects", e.do))
+            errors.append(BadInput(e.what, where("effects", i), e.do))
     known = {"wind": ("CD", "CY", "CL", "Cl", "Cm", "Cn"), "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}[declaration.aerodynamics.frame]
-    wanted = {name: "parameters" for name in REQUIRED}
+    wanted = {name: ("parameters",) for name in REQUIRED}
     for coefficient, terms in declaration.aerodynamics.terms.items():
-        place = f"aerodynamics.terms.{coefficient}"
+        place = ("aerodynamics", "terms", coefficient)
         if coefficient not in known:
-            errors.append(BadInput(f"unknown coefficient '{coefficient}'", f"{where}: {place}", did_you_mean(coefficient, known)))
+            errors.append(BadInput(f"unknown coefficient '{coefficient}'", where(*place), did_you_mean(coefficient, known)))
         for monomial, parameter in terms.items():
-            wanted[parameter] = place
+            wanted[parameter] = (*place, monomial)
             try:
                 parse_monomial(str(monomial))
             except BadInput as e:
-                errors.append(BadInput(e.what, f"{where}: {place}", e.do))
+                errors.append(BadInput(e.what, where(*place, monomial), e.do))
     for name, place in wanted.items():
         if name not in declaration.parameters:
-            errors.append(BadInput(f"parameter '{name}' is not declared", f"{where}: {place}", f"Add it: {name}: {{value: ...}}"))
-    try:
-        declaration.table()
-    except BadInput as e:
-        errors.append(BadInput(e.what, f"{where}: parameters", e.do))
+            errors.append(
+                BadInput(f"parameter '{name}' is not declared", where(*place), f"Add it under parameters: {name}: {{value: ...}}")
+            )
+    for name, row in declaration.parameters.items():
+        try:
+            parameter_of(name, row)
+        except BadInput as e:
+            errors.append(BadInput(e.what, where("parameters", name), e.do))
     if errors:
         raise errors[0] if len(errors) == 1 else BadInputs(errors)
 
@@ -133,7 +139,9 @@ class Kite:
         for e in self._at("actuate"):
             at.deflections = e.actuate(at.deflections, at, e.own(at))
         # air
-        stations = inputs | {f"wind_{n.removeprefix('record.')}": inputs[f"wind_{n.removeprefix('record.')}"] + values[n] for n in self.record}
+        stations = inputs | {
+            f"wind_{n.removeprefix('record.')}": inputs[f"wind_{n.removeprefix('record.')}"] + values[n] for n in self.record
+        }
         wind = wind_vector(*declared_wind(self.declaration.wind, self.heights, -z.p_d, stations), inputs["density"])
         # the estimated error of the recorded wind: a signal, and the parameters through which it is differentiated
         wind = wind._replace(**{axis: getattr(wind, axis) + (inputs[f"gust_{axis}"] + values[f"gust.{axis}"]) for axis in "ned"})

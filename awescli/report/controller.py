@@ -10,6 +10,7 @@ from awescli.report.words import COLOURS, listed, number, percent
 
 OUTCOMES = {
     "flies": "In closed loop with the declared model it flies as long as asked from every start.",
+    "does_not_fly": "In closed loop with the declared model it does not fly.",
     "departs": "In closed loop with the declared model it does not fly as long as asked from every start.",
 }
 

@@ -53,8 +53,9 @@ class Evidence:
 
     @property
     def models(self) -> tuple[str, ...]:
-        """Models of the ladder that were scored, in order; where tracing added nothing, its model is the identified one again."""
+        """Models of the ladder that were scored, in order, without those that are the one before again: nothing added, nothing learned."""
         twins = {"with_effects"} if self.effects is not None and not self.tracing_added and "identified" in self.scores else set()
+        twins |= {"hybrid"} if (self.hybrid or {}).get("outcome") in EMPTY else set()
         return tuple(m for m in LADDER if m in self.scores and m not in twins)
 
     @property
@@ -79,8 +80,6 @@ class Evidence:
 
     def label(self, model: str) -> str:
         """A model of the ladder in words; what tracing added, if it added anything, by name."""
-        if model == "hybrid" and (self.hybrid or {}).get("outcome") in EMPTY:
-            return "hybrid (its network is zero)"
         if model != "with_effects" or self.effects is None:
             return MODELS.get(model, model)
         if not self.tracing_added:

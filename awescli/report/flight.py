@@ -33,7 +33,7 @@ def path(evidence: Evidence) -> str:
         for first, last in getattr(evidence.parts, part):
             owner[first:last] = k
     data = []
-    for k, name in ((-1, "in no loop"), *enumerate(PARTS)):
+    for k, name in ((-1, f"outside the {evidence.parts.of}"), *enumerate(PARTS)):
         here = owner == k
         if not here.any():
             continue

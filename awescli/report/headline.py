@@ -44,7 +44,7 @@ def title(evidence: Evidence) -> str:
             [n, *(effect_words(r["name"], r.get("acts_on", "")) for r in e["rivals"])]
             for n, e in zip(names, effects["effects"], strict=True)
         ]
-        return f"Something is missing: {' and '.join(' or '.join(p) for p in pairs)}; this flight cannot tell which"
+        return f"Something is missing, and this flight cannot tell which: {'; '.join(' or '.join(p) for p in pairs)}"
     if verdict == "unexplained":
         where = (effects.get("unexplained") or {}).get("channel", "")
         return f"Something repeats{f' in {channel(where)}' if where else ''} that no effect of the library explains"
@@ -70,6 +70,7 @@ def claims(evidence: Evidence) -> list[str]:
     found = [_error(evidence)]
     if evidence.effects:
         found += [_effect(evidence, e) for e in evidence.effects["effects"]]
+        found.append(_gain(evidence))
         found += _shifts(evidence)
     elif evidence.params:
         found += _bounds(evidence)
@@ -103,10 +104,24 @@ def _effect(evidence: Evidence, effect: dict) -> str:
     doc = f" ({esc(effect['doc'])})" if effect.get("doc") else ""
     if not evidence.tracing_added:
         return f"<b>{name}</b>{doc} is suspected, {sizes} (± 2 std); {link('fig-shifts', 'the parameters')} hint at it.{against}"
-    return (
-        f"<b>{name}</b>{doc}: {sizes} (± 2 std). It removes {link('fig-residual', 'the error')} that "
-        f"{link('fig-phase', 'repeats in every loop')}.{against}"
-    )
+    return f"<b>{name}</b>{doc}: {sizes} (± 2 std).{against}"
+
+
+def _gain(evidence: Evidence) -> str:
+    """What tracing was worth, all effects together."""
+    if not evidence.tracing_added:
+        return ""
+    error = evidence.effects["error"]
+    before, after = error["before"]["mean"], error["after"]["mean"]
+    them = "them" if len(evidence.effects["effects"]) > 1 else "it"
+    text = f"Fitted with {them}, the declared model errs by {link('fig-residual', percent(after))} instead of {percent(before)}"
+    repeats = link("fig-phase", "what repeats in every loop, before and after")
+    return f"{text}; {repeats}." if shows_phase(evidence) else f"{text}."
+
+
+def shows_phase(evidence: Evidence) -> bool:
+    """Whether there are loops to average the residual over."""
+    return evidence.loops.kind == "loops" and "test_first" in (evidence.residuals or {})
 
 
 def _shifts(evidence: Evidence) -> list[str]:
@@ -115,11 +130,10 @@ def _shifts(evidence: Evidence) -> list[str]:
     if not shifts or not evidence.tracing_added:
         return _bounds(evidence)
     far = {which: sum(abs(s[f"{which}_in_prior_std"]) > 1 for s in shifts.values()) for which in ("before", "after")}
-    text = (
-        f"Without it, {link('fig-shifts', 'parameters had to stand in')}: {far['before']} of {len(shifts)} lay more than one prior std off"
-    )
+    swallowed = link("fig-shifts", "parameters had to stand in")
+    text = f"Without what was added, {swallowed}: {far['before']} of {len(shifts)} lay more than one prior std off"
     text += f", {len(bounded)} at a bound" if bounded else ""
-    return [f"{text}; with it {far['after']} do."]
+    return [f"{text}; with it {far['after']}."]
 
 
 def _bounds(evidence: Evidence) -> list[str]:
@@ -131,6 +145,8 @@ def _bounds(evidence: Evidence) -> list[str]:
 
 
 def _hybrid(evidence: Evidence) -> str:
+    if evidence.hybrid is not None and "hybrid" not in evidence.models:
+        return f"A network on top of physics {link('hybrid', 'found nothing')} that helps on unseen loops; it stays at zero."
     if "hybrid" not in evidence.models:
         return ""
     base = evidence.models[-2] if len(evidence.models) > 1 else "hybrid"

@@ -24,8 +24,8 @@ NAMES = {
     "hybrid": "Hybrid", "prediction": "Simulated", "next": "Next", "provenance": "Provenance",
 }  # fmt: skip
 
-POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
-"""What the browser lets the page do: nothing but what stands in it. plotly.js compiles its 3-D shaders' glue, hence eval."""
+POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
+"""What the browser lets the page do: nothing but what stands in it."""
 
 
 def page(evidence: Evidence) -> str:

@@ -2,16 +2,20 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Cell, Section, absent, bullets, esc, paragraph, table
-from awescli.report.plots import axis, bars, figure, grid, line
+from awescli.report.plots import LOG, axis, bars, figure, grid, line
 from awescli.report.words import COLOURS, channel, listed, number, percent
 
 
 def hybrid(evidence: Evidence) -> Section:
     title = "The hybrid: physics with a network"
-    if evidence.hybrid is None or "hybrid" not in evidence.models:
+    if evidence.hybrid is None:
         return Section("hybrid", title, absent("awes train-hybrid", "no network was trained on what is left"))
+    if "hybrid" not in evidence.models:
+        return Section("hybrid", title, paragraph(sentence(evidence)) + history(evidence))
     body = paragraph(sentence(evidence)) + scores(evidence) + optimisers(evidence) + history(evidence) + shares(evidence)
     return Section("hybrid", title, body)
 
@@ -81,13 +85,7 @@ def history(evidence: Evidence) -> str:
     rows = _history(evidence)
     if len(rows) < 2:
         return ""
-    x = [r.get("evaluations", i) for i, r in enumerate(rows)]
-    # the count begins anew in every phase
-    total, last, along = 0.0, 0.0, []
-    for value in x:
-        total += value - last if value >= last else value
-        last = value
-        along.append(total)
+    along = np.cumsum([float(r.get("evaluations") or 1.0) for r in rows])
     data = [
         line(along, [r.get(key) for r in rows], words, colour, mode="lines+markers")
         for key, words, colour in (
@@ -96,7 +94,7 @@ def history(evidence: Evidence) -> str:
         )
         if any(isinstance(r.get(key), (int, float)) for r in rows)
     ]
-    layout = {"xaxis": axis("gradient evaluations"), "yaxis": axis("squared error / physics alone", type="log")}
+    layout = {"xaxis": axis("gradient evaluations"), "yaxis": axis("squared error / physics alone", **LOG)}
     return figure(
         "fig-training", "Training", data, layout, split="train and validation", height=280,
         note="1 is physics without the network. Horizons grow during training, so train errors of different rounds do not compare.",

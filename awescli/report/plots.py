@@ -114,5 +114,5 @@ def scene(east, north, up, *, winch: bool = False) -> dict:
     x, y = (-0.75 * n + 0.65 * e) / length, (0.75 * e + 0.65 * n) / length
     return {
         **axes, "aspectmode": "manual", "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
-        "camera": {"eye": {"x": 1.25 * x, "y": 1.25 * y, "z": 0.3}, "center": {"x": 0, "y": 0, "z": -0.05}},
+        "camera": {"eye": {"x": 1.45 * x, "y": 1.45 * y, "z": 0.35}, "center": {"x": 0, "y": 0, "z": 0}},
     }  # fmt: skip

@@ -3,7 +3,7 @@
 import numpy as np
 
 from awescli.report.evidence import Evidence
-from awescli.report.headline import lead
+from awescli.report.headline import lead, shows_phase
 from awescli.report.marks import Cell, Section, absent, bar, chip, esc, folded, keys, paragraph, table
 from awescli.report.plots import axis, bars, dots, figure, grid, line, shared
 from awescli.report.words import COLOURS, channel, effect_words, listed, number, percent, scale_of, short, with_std
@@ -12,6 +12,8 @@ PANELS = 6
 """Channels shown over the loop: those whose error before stands highest above the noise."""
 BINS = 24
 """Parts of a loop: 15 degrees each."""
+NO_GAP = 0.02
+"""Excess of the chi-square per degree of freedom over 1 below which there is no gap to explain shares of."""
 RACED = "not raced"
 
 
@@ -74,10 +76,8 @@ def before_after(evidence: Evidence) -> str:
 
 def over_loop(evidence: Evidence) -> str:
     """What repeats: the residual averaged over loops, at every phase of a loop, and what the effect explains of it."""
-    if not evidence.residuals or "test_first" not in evidence.residuals:
-        return ""
-    if evidence.loops.kind != "loops":
-        return paragraph("The flight does not loop, so there is no residual per phase of a loop.", "absent")
+    if not shows_phase(evidence):
+        return paragraph("The flight does not loop, so there is no residual per phase of a loop.", "absent") if evidence.residuals else ""
     r = evidence.residuals
     phase = loop_phase(evidence, r["test_first"][:, None] + np.arange(len(r["time"]))[None])
     names = [k.removeprefix("test_before_") for k in r if k.startswith("test_before_")]
@@ -159,6 +159,8 @@ def ranking(evidence: Evidence) -> str:
     """Every candidate: how much of the residual it explains, and what it gains on unseen loops."""
     effects = evidence.effects
     accepted = effects["effects"] if evidence.tracing_added else []
+    # a share of next to nothing says nothing
+    gap = (effects.get("chi2") or {}).get("train_before", 2.0) - 1 > NO_GAP
     rivals = [r for e in effects["effects"] for r in e["rivals"]]
     rows = []
     for place, c in enumerate(effects["ranking"], 1):
@@ -168,7 +170,7 @@ def ranking(evidence: Evidence) -> str:
         gain = c["test_gain"] if raced else None
         rows.append((
             Cell(str(place), place), Cell(f"{esc(effect_words(c['name'], c.get('acts_on', '')))} {state}", c["name"]),
-            bar(c["explained_share"], percent(c["explained_share"])), Cell(percent(gain) if raced else "–", gain),
+            bar(c["explained_share"], percent(c["explained_share"])) if gap else Cell("–"), Cell(percent(gain) if raced else "–", gain),
             Cell(number(c["score"]), c["score"]), Cell(number(c["p_value"], 2), c["p_value"]),
             "yes" if c["plausible_size"] else "no", str(c.get("outcome", "")).replace("_", " "),
         ))  # fmt: skip

@@ -1,8 +1,11 @@
 """The account of a trace: effects.json and the arrays behind its pictures."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from awescli.estimation.prediction import predict
+from awescli.estimation.record_error import mid_times, with_record_errors
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.race import Runner
 from awescli.tracing.residuals import residual_study
@@ -20,6 +23,9 @@ SENTENCES = {
 def account(finding: Finding, log, parts, horizon: float, before: Simulator, after: Simulator) -> dict:
     """effects.json: verdict, effects with sizes and intervals, ranking, what is unexplained, error on test loops, parameter shifts."""
     null, model = finding.library.null, finding.model
+    if log.wind is not None:
+        times = mid_times(finding.fitted.segments, log)
+        model = replace(model, fit=with_record_errors(model.fit, finding.simulator.kite.record, log.wind.time, times))
     error_before, error_after = (predict(s, log, parts.test, horizon) for s in (before, after))
     effects = [_effect(finding, key, model, log) for key in model.keys if not finding.effect(key).empirical]
     effects += [_suspect(key, bound, trial, log) for key, bound, trial in finding.suspects[:1]]

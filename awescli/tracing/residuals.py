@@ -119,5 +119,3 @@ def _clock(log) -> dict | None:
         return None
     offset = clock_offset(range_rate(log), log["reel_out_speed"], log.dt)
     return None if offset is None else {"winch_late_s": offset.late, "correlation": offset.correlation, "clear": bool(offset.clear)}
-
-

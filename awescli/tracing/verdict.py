@@ -13,6 +13,7 @@ from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
 from awescli.physics.kite import Kite, candidates, make_effect
 from awescli.simulation.rollout import Simulator
+from awescli.simulation.segments import Observed
 from awescli.tracing.race import Contest, Runner, run
 from awescli.tracing.trace import Trace, trace
 
@@ -35,6 +36,7 @@ class Finding:
     verdict: str
     model: Runner
     simulator: Simulator
+    fitted: Observed
     rivals: dict[str, tuple[str, ...]]
     library: Trace
     bank: Trace | None
@@ -74,15 +76,23 @@ def investigate(
     suspects = () if rivals or unexplained or question.gust > GUSTY else _suspects(contest, null, question.kite, keys)
     if unexplained:
         return Finding(
-            "unexplained", bank.final, bank_simulator, {r.accepted: () for r in bank.rounds if r.accepted}, library, bank, (), question.gust
+            "unexplained",
+            bank.final,
+            bank_simulator,
+            question.fitted,
+            {r.accepted: () for r in bank.rounds if r.accepted},
+            library,
+            bank,
+            (),
+            question.gust,
         )
     if rivals:
         verdict = "cannot_tell" if any(rivals.values()) else "found"
-        return Finding(verdict, library.final, question.simulator, rivals, library, bank, (), question.gust)
+        return Finding(verdict, library.final, question.simulator, question.fitted, rivals, library, bank, (), question.gust)
     if suspects:
-        return Finding("cannot_tell", null, question.simulator, {}, library, bank, suspects, question.gust)
+        return Finding("cannot_tell", null, question.simulator, question.fitted, {}, library, bank, suspects, question.gust)
     verdict = "not_deterministic" if question.gust > GUSTY else "unexplained" if _left(null) > 10 * NEAR_FLOOR else "none"
-    return Finding(verdict, null, question.simulator, {}, library, bank, (), question.gust)
+    return Finding(verdict, null, question.simulator, question.fitted, {}, library, bank, (), question.gust)
 
 
 def _left(r: Runner) -> float:

@@ -8,8 +8,8 @@ from engine.expressions import ARITHMETIC, SMOOTH, random_function
 
 from awescli.engine.adjoint import compile_reversible
 from awescli.engine.machine import LANES, compile_program, evaluate
-from awescli.engine.record import record
 from awescli.engine.record import evaluate as on_tape
+from awescli.engine.record import record
 from awescli.notation.scalars import absolute, maximum, select
 
 N_X, N_U, N_C = 4, 2, 3

@@ -76,6 +76,13 @@ def test_a_parameter_that_nothing_depends_on_stays():
         assert d == pytest.approx([1.0, 0.0, min(3.0, upper)])
 
 
+def test_a_matrix_that_rounding_made_indefinite_still_gives_a_step():
+    """Guards a trace that once ended in a LinAlgError: a Hessian with an eigenvalue of -3.5e-4 (of a unit diagonal)."""
+    H, b = np.array([[1.0, 1.00035, 0.1], [1.00035, 1.0, 0.1], [0.1, 0.1, 1.0]]), np.array([1.0, 1.0, 1.0])
+    d = bounded_step(H, b, np.full(3, -9.0), np.full(3, 9.0))
+    assert np.isfinite(d).all() and b @ d > 0
+
+
 def test_a_singular_information_matrix_gives_large_and_finite_variances():
     """Guards NaN standard deviations: two parameters of which only the sum is known have positive, huge variances; others keep theirs."""
     H = np.array([[1.0, 1.0, 0.0], [1.0, 1.0 - 1e-16, 0.0], [0.0, 0.0, 4.0]])

@@ -75,3 +75,23 @@ def test_an_unknown_that_nothing_sees_is_harmless():
     found = reduce(J, e / sigma, sigma, OWN, np.zeros((OWN, OWN)), own)
     without = reduce(np.delete(J, 2, axis=-1), e / sigma, sigma, OWN - 1, np.zeros((OWN - 1, OWN - 1)), np.delete(own, 2, axis=1))
     assert found.H == pytest.approx(without.H, rel=1e-6) and np.isfinite(found.cost).all()
+
+
+def test_a_segment_that_all_but_diverges_does_not_spoil_the_others():
+    """Guards a trace that once ended with an indefinite Hessian: where everything grows by 1e9 along one direction, the difference of
+    large numbers that the Schur complement is leaves only rounding; projection keeps it positive and right."""
+    J, e, sigma, precision, own = case(13)
+    direction = np.random.default_rng(0).standard_normal(OWN + GLOBAL)
+    J[0] = J[0] + 1e9 * np.linspace(0, 1, N)[:, None, None] ** 4 * direction
+    for prior in (precision, np.zeros((OWN, OWN))):
+        found = reduce(J, e / sigma, sigma, OWN, prior, own)
+        A = (J[0] / sigma[0][..., None]).reshape(-1, OWN + GLOBAL)
+        root = np.linalg.cholesky(prior).T if prior.any() else prior
+        Q = np.linalg.qr(np.vstack([A[:, :OWN], root]))[0]
+        B = np.vstack([A[:, OWN:], np.zeros((OWN, GLOBAL))])
+        B = B - Q @ (Q.T @ B)
+        B = B - Q @ (Q.T @ B)
+        assert found.H[0] == pytest.approx(B.T @ B, rel=1e-4)
+        assert np.linalg.eigvalsh(found.H[0])[0] > 0
+        assert found.H[1:] == pytest.approx(reduce(J[1:], (e / sigma)[1:], sigma[1:], OWN, prior, own[1:]).H)
+        assert np.isfinite(found.own(0, np.zeros(GLOBAL))).all()

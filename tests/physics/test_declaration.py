@@ -8,6 +8,11 @@ from awescli.physics.declaration import kite_text, read_kite
 from awescli.physics.kite import REQUIRED, Kite, check_declaration
 
 
+def WHERE(*loc):  # noqa: N802
+    return "kite.yaml: " + ".".join(map(str, loc))
+
+
+
 def test_a_kite_file_reads_back_to_what_was_written(tmp_path):
     """Guards the dump: every row, bound, source and block survives."""
     (tmp_path / "kite.yaml").write_text(kite_text(DEVELOPMENT))
@@ -46,15 +51,15 @@ def test_wrong_kites_are_refused_with_place_and_cure():
         (("sideslip_drag:rudder",), "cannot act on"), (("custom_term:m_y*alfa",), "cannot act on"),
     ):  # fmt: skip
         with pytest.raises(BadInput, match=message):
-            check_declaration(broken(effects=effects), "kite.yaml")
+            check_declaration(broken(effects=effects), WHERE)
     rows = {n: r for n, r in DEVELOPMENT.parameters.items() if n not in ("Jxz", "CLa")}
     with pytest.raises(BadInputs) as error:
-        check_declaration(broken(parameters=rows), "kite.yaml")
+        check_declaration(broken(parameters=rows), WHERE)
     assert "'Jxz'" in str(error.value) and "'CLa'" in str(error.value) and "kite.yaml" in str(error.value)
     for terms, message in (({"CZ": {"1": "CL0"}}, "unknown coefficient"), ({"CL": {"alfa": "CL0"}}, "cannot read")):
         wrong = DEVELOPMENT.aerodynamics.model_copy(update={"terms": terms})
         with pytest.raises(BadInput, match=message):
-            check_declaration(broken(aerodynamics=wrong), "kite.yaml")
+            check_declaration(broken(aerodynamics=wrong), WHERE)
 
 
 def test_every_required_parameter_is_required():
@@ -62,7 +67,7 @@ def test_every_required_parameter_is_required():
     for name in REQUIRED:
         rows = {n: r for n, r in DEVELOPMENT.parameters.items() if n != name}
         with pytest.raises(BadInput, match=f"'{name}'"):
-            check_declaration(broken(parameters=rows), "kite.yaml")
+            check_declaration(broken(parameters=rows), WHERE)
 
 
 def test_a_value_outside_its_bounds_is_refused_on_reading(tmp_path):

@@ -49,7 +49,8 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
             predictions[f"measured_{n}"] = log[n][rows]
             predictions[f"{model}_{n}"] = log[n][rows] + rng.standard_normal(rows.shape) * 0.3 / 3**k
     row = {
-        "value": 1.1, "std": 0.05, "unit": "-", "prior": 1.0, "prior_std": 0.2, "shift_in_prior_std": 0.5, "excited": True, "at_bound": True,
+        "value": 1.1, "std": 0.05, "unit": "-", "prior": 1.0, "prior_std": 0.2,
+        "shift_in_prior_std": 0.5, "excited": True, "at_bound": True,
         "partners": [f"Cb{evil}"], "advice": f"at its bound{evil}",
     }  # fmt: skip
     residuals = {"time": predictions["time"], "test_first": first}
@@ -58,18 +59,22 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
         residuals[f"test_after_{n}"] = predictions[f"with_effects_{n}"] - predictions[f"measured_{n}"]
     error = {n: 0.03 for n in (*SCORED, "mean")}
     effects = {
-        "verdict": "found", "sentence": f"An effect explains it.{evil}", "unexplained": None, "gust_m_s": 0.4, "not_testable": ["air_density"],
+        "verdict": "found", "sentence": f"An effect explains it.{evil}", "unexplained": None, "gust_m_s": 0.4,
+        "not_testable": ["air_density"],
         "effects": [{
-            "name": f"actuator_lag{evil}", "acts_on": "rudder", "doc": f"a lag{evil}", "rivals": [{"name": f"rival{evil}", "acts_on": "rudder"}],
+            "name": f"actuator_lag{evil}", "acts_on": "rudder", "doc": f"a lag{evil}",
+            "rivals": [{"name": f"rival{evil}", "acts_on": "rudder"}],
             "parameters": {"tau": {"value": 0.21, "std": 0.01, "unit": "s"}},
         }],
         "ranking": [
-            {"name": f"actuator_lag{evil}", "acts_on": "rudder", "score": 41.2, "p_value": 1e-6, "explained_share": 0.82, "plausible_size": True,
+            {"name": f"actuator_lag{evil}", "acts_on": "rudder", "score": 41.2, "p_value": 1e-6, "explained_share": 0.82,
+             "plausible_size": True,
              "test_gain": 0.55, "outcome": "converged"},
             {"name": "wind_shear", "acts_on": "", "score": 1.2, "p_value": 0.5, "explained_share": 0.01, "plausible_size": True,
              "test_gain": 0.0, "outcome": "not raced"},
         ],
-        "error": {"horizon_s": 5.0, "before": error, "after": error, "noise_floor": error, "diverged_before": 0, "diverged_after": 1, "split": "test"},
+        "error": {"horizon_s": 5.0, "before": error, "after": error, "noise_floor": error, "split": "test",
+                  "diverged_before": 0, "diverged_after": 1},
         "chi2": {"train_before": 2.0, "train_after": 1.0}, "detectable": {"wind_shear": 0.001}, "separate": [f"fly otherwise{evil}"],
         "parameter_shifts": {f"Ca{evil}": {"prior": 1, "before": 2, "after": 1.1, "before_in_prior_std": 2.0, "after_in_prior_std": 0.1}},
     }  # fmt: skip
@@ -78,14 +83,17 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
         "outcome": "trained", "sentence": f"better{evil}", "seconds": 3.0, "validation_rmse_ratio": {"u": 0.5},
         "share_of_acceleration": {"u": 0.1}, "distilled": [f"du/dt += u{evil}"], "outside_box_test": 0.01,
         "comparison": {"test": {"adam": error, "adam_lbfgs": error}},
-        "history": {"columns": ["train", "validation_last_horizon", "evaluations"], "rows": [[1.0, 1.0, 10], [0.5, 0.6, 20], [0.4, 0.5, 5]]},
+        "history": {"columns": ["train", "validation_last_horizon", "evaluations"],
+                    "rows": [[1.0, 1.0, 10], [0.5, 0.6, 20], [0.4, 0.5, 5]]},
     }  # fmt: skip
     return Evidence(
-        log=log, loops=loops, phases=np.full(samples, "traction"), quality=data_quality(log), parts=parts, scores=scores, predictions=predictions,
+        log=log, loops=loops, phases=np.full(samples, "traction"), quality=data_quality(log), parts=parts,
+        scores=scores, predictions=predictions,
         controller={
             "kind": f"gaussian{evil}", "nonzeros": 3, "surfaces": ["rudder"], "nrmse": fit, "noise_nrmse": fit,
             "features": {"chosen": [f"p{evil}"], "how": f"chosen{evil}", "reasons": {}},
-            "closed_loop": {"outcome": "departs", "asked_s": 60.0, "survival_s": [10.0, 60.0], "starts_s": [0.0, 20.0], "path_error_5s_m": 2.0},
+            "closed_loop": {"outcome": "departs", "asked_s": 60.0, "survival_s": [10.0, 60.0],
+                            "starts_s": [0.0, 20.0], "path_error_5s_m": 2.0},
         },
         commanded={"rudder": log["rudder"] + 0.001}, identify={"outcome": "converged", "chi2": 1.1, "gust_m_s": 0.0},
         params={"parameters": {f"Ca{evil}": row}}, effects=effects, residuals=residuals,
