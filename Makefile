@@ -9,6 +9,8 @@ BIN := $(VENV)/bin
 
 # waiting OpenMP threads sleep instead of spinning: on two shared cores that is several times faster
 export OMP_WAIT_POLICY := passive
+# and BLAS works in one thread: segments already run in parallel
+export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: run test lint
 

@@ -1,5 +1,7 @@
 """Fixtures of the physics tests: the development kite and a short noise-free flight of it."""
 
+# first, before anything imports numpy: it gives BLAS one thread, and fits are four times faster for it
+import awescli  # noqa: F401, I001
 import pytest
 from kites import DEVELOPMENT, flight
 

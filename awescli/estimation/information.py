@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-
 CANCELLED = 1e8
 """Where eliminating the own unknowns takes away all but this share of a column's information, rounding is left: then the elimination
 is done again by projection, which loses half as many digits and cannot become indefinite. (A segment that all but diverges.)"""

@@ -118,7 +118,9 @@ class Curve:
         self.accepted += 1
 
     def solve(self, start, lower=(-9, -9, -9), upper=(9, 9, 9), **how):
-        return minimise(self.linearise, self.move, self.accept, np.array(start, float), np.array(lower, float), np.array(upper, float), **how)
+        return minimise(
+            self.linearise, self.move, self.accept, np.array(start, float), np.array(lower, float), np.array(upper, float), **how
+        )
 
 
 def test_it_finds_a_known_minimum_from_afar():

@@ -107,8 +107,10 @@ def test_windows_of_wind_cover_the_segment_once():
         covered = [k for a, b in spans for k in range(a, b)]
         assert covered == list(range(121))
     P = np.linalg.inv(gusts.precision(120, 0.02))
-    assert np.diag(P) == pytest.approx(0.64) and P[0, 3] == pytest.approx(0.64 * np.exp(-0.5 / 3.0)) and P[0, 1] == pytest.approx(0, abs=1e-12)
-    assert Gusts(0.0).columns(120, 0.02) == () and Gusts(0.1).columns(120, 0.02) == (("gust.n", 0, 121), ("gust.e", 0, 121), ("gust.d", 0, 121))
+    assert np.diag(P) == pytest.approx(0.64)
+    assert P[0, 3] == pytest.approx(0.64 * np.exp(-0.5 / 3.0)) and P[0, 1] == pytest.approx(0, abs=1e-12)
+    assert Gusts(0.0).columns(120, 0.02) == ()
+    assert Gusts(0.1).columns(120, 0.02) == tuple((f"gust.{axis}", 0, 121) for axis in "ned")
 
 
 def test_a_gust_in_the_truth_is_found_in_its_window(simulator, observed, kite):

@@ -44,4 +44,8 @@ def test_vector_algebra():
     a, b = tuple(RANDOM.standard_normal(3)), tuple(RANDOM.standard_normal(3))
     assert cross((1, 0, 0), (0, 1, 0)) == (0, 0, 1)
     assert cross(a, b) == pytest.approx(np.cross(a, b), abs=1e-15)
-    assert dot(a, b) == pytest.approx(np.dot(a, b)) and add(a, b) == pytest.approx(np.add(a, b)) and scale(2.0, a) == (2 * a[0], 2 * a[1], 2 * a[2])
+    assert (
+        dot(a, b) == pytest.approx(np.dot(a, b))
+        and add(a, b) == pytest.approx(np.add(a, b))
+        and scale(2.0, a) == (2 * a[0], 2 * a[1], 2 * a[2])
+    )

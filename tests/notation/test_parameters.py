@@ -6,7 +6,9 @@ import pytest
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import Parameter, ParameterTable
 
-TABLE = ParameterTable([Parameter("a", 1.0, lower=0.0, upper=2.0, free=True), Parameter("b", -2.0), Parameter("c", 0.0, free=True, std=0.3)])
+TABLE = ParameterTable(
+    [Parameter("a", 1.0, lower=0.0, upper=2.0, free=True), Parameter("b", -2.0), Parameter("c", 0.0, free=True, std=0.3)]
+)
 
 
 def test_a_table_keeps_its_order():

@@ -38,11 +38,13 @@ def test_every_term_of_the_table_counts_once():
     assert at.coefficients.CL == pytest.approx(v["CL0"] + v["CLa"] * a + v["CLq"] * q + v["CLde"] * d["elevator"] + v["CLdf"] * d["flaps"])
     assert at.coefficients.CD == pytest.approx(v["CD0"] + v["CDa"] * a + v["CDa2"] * a * a + v["CDdf"] * d["flaps"])
     assert at.coefficients.CY == pytest.approx(v["CYb"] * b + v["CYp"] * p + v["CYr"] * r + v["CYdr"] * d["rudder"])
-    assert at.coefficients.Cl == pytest.approx(v["Clb"] * b + v["Clp"] * p + v["Clr"] * r + v["Clda"] * d["aileron"] + v["Cldr"] * d["rudder"])
-    assert at.coefficients.Cm == pytest.approx(
-        v["Cm0"] + v["Cma"] * a + v["Cmq"] * q + v["Cmde"] * d["elevator"] + v["Cmdf"] * d["flaps"]
+    assert at.coefficients.Cl == pytest.approx(
+        v["Clb"] * b + v["Clp"] * p + v["Clr"] * r + v["Clda"] * d["aileron"] + v["Cldr"] * d["rudder"]
     )
-    assert at.coefficients.Cn == pytest.approx(v["Cnb"] * b + v["Cnp"] * p + v["Cnr"] * r + v["Cnda"] * d["aileron"] + v["Cndr"] * d["rudder"])
+    assert at.coefficients.Cm == pytest.approx(v["Cm0"] + v["Cma"] * a + v["Cmq"] * q + v["Cmde"] * d["elevator"] + v["Cmdf"] * d["flaps"])
+    assert at.coefficients.Cn == pytest.approx(
+        v["Cnb"] * b + v["Cnp"] * p + v["Cnr"] * r + v["Cnda"] * d["aileron"] + v["Cndr"] * d["rudder"]
+    )
     assert at.coefficients.CL_alpha_part == pytest.approx(v["CLa"] * a)
 
 
@@ -82,7 +84,12 @@ def test_wind_axes_and_body_axes_there_and_back():
 
 def test_a_table_in_body_axes_gives_the_same_force():
     """Guards frame: body: constant C_X, C_Y, C_Z come out as the force they are."""
-    rows = {**{n: r.model_dump() for n, r in DEVELOPMENT.parameters.items()}, "CX0": {"value": -0.1}, "CY0": {"value": 0.02}, "CZ0": {"value": -0.9}}
+    rows = {
+        **{n: r.model_dump() for n, r in DEVELOPMENT.parameters.items()},
+        "CX0": {"value": -0.1},
+        "CY0": {"value": 0.02},
+        "CZ0": {"value": -0.9},
+    }
     document = DEVELOPMENT.model_dump() | {
         "parameters": rows, "aerodynamics": {"frame": "body", "terms": {"CX": {"1": "CX0"}, "CY": {"1": "CY0"}, "CZ": {"1": "CZ0"}}},
         "effects": ("aerodynamics",),

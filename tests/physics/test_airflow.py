@@ -80,7 +80,9 @@ def test_the_kite_meets_the_declared_wind_at_its_height():
     kite = Kite(declared(wind={"law": "table"}), HEIGHTS)
     at = kite.instant(*at_point(kite, **INPUTS, p_d=-150.0))
     speed, direction = np.interp(150, HEIGHTS, [5, 7, 8, 8.5]), np.interp(150, HEIGHTS, [3.0, 3.1, 3.3, 3.2])
-    assert at.wind[:3] == pytest.approx((-speed * np.cos(direction), -speed * np.sin(direction), np.interp(150, HEIGHTS, [0, 0.1, -0.2, 0.3])))
+    assert at.wind[:3] == pytest.approx(
+        (-speed * np.cos(direction), -speed * np.sin(direction), np.interp(150, HEIGHTS, [0, 0.1, -0.2, 0.3]))
+    )
 
 
 def test_the_nuisance_wind_adds_to_the_declared_one():

@@ -12,7 +12,6 @@ def WHERE(*loc):  # noqa: N802
     return "kite.yaml: " + ".".join(map(str, loc))
 
 
-
 def test_a_kite_file_reads_back_to_what_was_written(tmp_path):
     """Guards the dump: every row, bound, source and block survives."""
     (tmp_path / "kite.yaml").write_text(kite_text(DEVELOPMENT))

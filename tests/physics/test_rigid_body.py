@@ -50,7 +50,9 @@ def test_gammas_of_a_body_without_a_product_of_inertia():
 def test_velocity_obeys_newton_in_the_inertial_frame(seed):
     """Guards the sign of omega x v: R (v_dot + omega x v) = F / m, and p_dot = R v."""
     random, b = np.random.default_rng(seed), body(seed)
-    x = np.concatenate([100 * random.standard_normal(3), 30 * random.standard_normal(3), random.uniform(-1, 1, 3), random.standard_normal(3)])
+    x = np.concatenate(
+        [100 * random.standard_normal(3), 30 * random.standard_normal(3), random.uniform(-1, 1, 3), random.standard_normal(3)]
+    )
     F = 500 * random.standard_normal(3)
     d = derivative(x, b, Load(tuple(F), (0.0, 0.0, 0.0)))
     R = body_to_ned(*x[6:9])

@@ -218,7 +218,9 @@ def test_tensors_and_compiled_code_agree(key):
     """Guards one source of physics: Kite.derivative and outputs on float64 tensors equal the compiled program to 1e-12."""
     kite = Kite(DEVELOPMENT, (10.0, 100.0, 200.0), (key,) if key else ())
     kite = kite.with_values(sizes(key)) if key else kite
-    points = [at_point(kite, v=float(v), rudder=float(r)) for v, r in zip(np.linspace(-8, 8, LANES), np.linspace(-0.3, 0.3, LANES), strict=True)]
+    points = [
+        at_point(kite, v=float(v), rudder=float(r)) for v, r in zip(np.linspace(-8, 8, LANES), np.linspace(-0.3, 0.3, LANES), strict=True)
+    ]
     x, u, c = (np.array([p[i] for p in points]).T for i in range(3))
     tensors = [[torch.tensor(row) for row in block] for block in (x, u, c)]
     for function in (kite.derivative, kite.outputs):

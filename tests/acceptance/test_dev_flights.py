@@ -1,0 +1,93 @@
+"""The ten development flights: identified, traced, and compared with their key. Skipped where they are not."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from awescli.flightlog.loops import find_loops
+from awescli.flightlog.read import read_flight
+from awescli.flightlog.split import split
+from awescli.physics.declaration import read_kite
+from awescli.tracing.account import account
+from awescli.tracing.flight import trace_flight
+
+ROOT = Path(__file__).parents[2]
+FLIGHTS = ROOT.parent / "shared" / "flights" / "dev"
+
+pytestmark = [
+    pytest.mark.campaign,
+    pytest.mark.skipif(not (FLIGHTS / "KEY.json").is_file(), reason="the development flights (../shared/flights/dev) are not here"),
+]
+
+DEG = np.pi / 180
+EXPECTED: dict[str, tuple[tuple[str, ...], dict[str, float]]] = {
+    "d01": (("none",), {}),
+    "d02": (("none",), {}),
+    "d03": (("found", "cannot_tell"), {"tau": 0.225, "rate": 36.0 * DEG}),
+    "d04": (("found", "cannot_tell"), {"a": 0.19}),
+    "d05": (("found", "cannot_tell"), {"k": 1.65}),
+    "d06": (("found", "cannot_tell"), {"b": 0.0022}),
+    "d07": (("found", "cannot_tell"), {"s": 0.93, "b": 0.8}),
+    "d08": (("found", "cannot_tell"), {"EA": 900000.0, "zeta": 120.0}),
+    "d09": (("not_deterministic",), {}),
+    "d10": (("found", "cannot_tell"), {"tau": 0.16}),
+}
+"""flight -> verdicts that are right, and the true sizes in the units of effects.md."""
+NARROW = {"d03": "tau", "d04": "a", "d07": "s", "d10": "tau"}
+"""Sizes whose interval must be no wider than 25 % (lag, shear, airspeed, latency)."""
+ONLY_LATER = {"d03": "the rate limit is reached only in the loops that are kept for the test"}
+
+
+@pytest.fixture(scope="module", params=EXPECTED)
+def traced(request, tmp_path_factory):
+    """(flight's name, its effects.json)"""
+    spec = importlib.util.spec_from_file_location("declare", ROOT / "examples" / "dev_kite" / "declare.py")
+    declare = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(declare)
+    flight, kite = FLIGHTS / request.param, tmp_path_factory.mktemp(request.param) / "kite.yaml"
+    assert declare.main([str(flight / "nominal.yaml"), str(kite)]) == 0
+    log = read_flight(flight)
+    parts = split(find_loops(log))
+    finding, before = trace_flight(read_kite(kite), log, parts)
+    return request.param, account(finding, log, parts, 5.0, before, finding.after())
+
+
+def test_the_verdict_and_the_name_are_right(traced):
+    """Guards issue 5: the right verdict, the right effect first with at most two rivals, and nothing on a clean flight."""
+    name, effects = traced
+    verdicts, sizes = EXPECTED[name]
+    assert effects["verdict"] in verdicts
+    true_names = json.loads((FLIGHTS / "KEY.json").read_text())[name]["effects"]
+    found = [e["name"] for e in effects["effects"]]
+    if sizes:
+        assert found[:1] == list(true_names) and len(effects["effects"][0]["rivals"]) <= 2
+    else:
+        assert found == []
+
+
+def test_the_size_is_inside_its_interval(traced):
+    """Guards stated intervals: true sizes within three standard deviations, and narrow where issue 5 asks for it."""
+    name, effects = traced
+    for parameter, value in EXPECTED[name][1].items():
+        found = effects["effects"][0]["parameters"].get(parameter)
+        if found is None:
+            assert name in ONLY_LATER, f"{parameter} was not estimated"
+            continue
+        assert abs(found["value"] - value) <= 3 * found["std"], (parameter, found)
+        if NARROW.get(name) == parameter:
+            assert 2 * 1.96 * found["std"] <= 0.25 * value, (parameter, found)
+
+
+def test_the_error_reaches_the_noise(traced):
+    """Guards the proof on unseen loops: with the effect in, 5 s predictions score within 1.15 x the sensors' noise; a clean flight
+    identifies to at most 0.006 to begin with."""
+    name, effects = traced
+    error = effects["error"]
+    if name in ("d01", "d02"):
+        assert error["after"]["mean"] <= 0.006
+    elif EXPECTED[name][1] and name not in ONLY_LATER:
+        assert error["after"]["mean"] <= 1.15 * error["noise_floor"]["mean"], error["after"]["mean"] / error["noise_floor"]["mean"]
+    assert error["diverged_after"] == 0

@@ -1,0 +1,57 @@
+"""Tracing whole flights: nothing where nothing is missing, the right name where something is, and no wrong name for the unknown."""
+
+import pytest
+from tracing.traced import traced
+
+RIVALS = ("actuator_lag:rudder", "actuator_delay:rudder", "sideslip_drag", "airspeed_scale", "position_latency", "surface_bias:yaw",
+          "tether_attachment", "pitch_curvature")  # fmt: skip
+"""Enough of the library to go wrong in, few enough for a test of seconds."""
+SHORT = {"candidates": RIVALS, "horizon": 3.0, "curriculum": (1.0,)}
+
+
+def named(account) -> list[tuple[str, str]]:
+    return [(e["name"], e["acts_on"]) for e in account["effects"]]
+
+
+def test_a_clean_flight_has_nothing_missing():
+    """Guards the false alarm on the whole library: nothing accepted, chi-square at 1, and the sizes that would have been seen."""
+    account, finding = traced({}, seed=11)
+    assert account["verdict"] == "none" and account["effects"] == [] and account["unexplained"] is None
+    assert account["chi2"]["validation_before"] == pytest.approx(1.0, abs=0.05)
+    assert account["error"]["before"]["mean"] < 1.15 * account["error"]["noise_floor"]["mean"]
+    assert 0 < account["detectable"]["sideslip_drag"] < 1.0 and len(account["ranking"]) > 20
+
+
+@pytest.mark.parametrize(
+    "key, values, seed",
+    [("actuator_lag:rudder", {"tau": 0.2}, 12), ("sideslip_drag", {"k": 2.5}, 13), ("position_latency", {"tau": 0.15}, 14),
+     pytest.param("airspeed_scale", {"s": 0.94, "b": 0.5}, 16, marks=pytest.mark.slow)],
+)  # fmt: skip
+def test_one_missing_effect_is_named_with_its_size(key, values, seed):
+    """Guards the heart of the product: name, place and size of one undeclared effect, and the error back at the noise."""
+    account, _ = traced({key: values}, seed, **SHORT)
+    assert account["verdict"] in ("found", "cannot_tell")
+    best = account["effects"][0]
+    assert best["name"] == key.partition(":")[0] and len(best["rivals"]) <= 2
+    for name, value in values.items():
+        size = best["parameters"][name]
+        assert abs(size["value"] - value) < 3.5 * size["std"] and size["std"] < 0.5 * max(abs(value), 1.0), (name, size)
+    before, after, floor = (account["error"][k]["mean"] for k in ("before", "after", "noise_floor"))
+    assert after < 0.5 * before and after < 1.5 * floor, (before, after, floor)
+
+
+@pytest.mark.slow
+def test_two_missing_effects_are_both_named():
+    """Guards the stepwise search: the second effect is found once the first is in the model."""
+    account, _ = traced({"sideslip_drag": {"k": 2.5}, "position_latency": {"tau": 0.15}}, 17, **SHORT)
+    assert {n for n, _ in named(account)} == {"sideslip_drag", "position_latency"}
+    assert account["verdict"] in ("found", "cannot_tell")
+
+
+@pytest.mark.slow
+def test_what_is_not_in_the_library_gets_no_wrong_name():
+    """Guards honesty: a pitching moment that the library does not have is `unexplained`, with its channel and an empirical term."""
+    account, finding = traced({"custom_term:m_y*beta": {"k": 0.06}}, 15, **SHORT)
+    assert account["verdict"] == "unexplained" and account["effects"] == []
+    assert account["unexplained"]["channel"] == "m_y" and account["unexplained"]["expression"]
+    assert account["error"]["after"]["mean"] < account["error"]["before"]["mean"]
