@@ -116,7 +116,7 @@ def lively(kite: Kite, log: FlightLog, count: int = 8, seconds: float = 5.0, see
     observed = _with_vanes(observe(log, kite, first, steps, MEASURED), kite.declaration.noise.flow_angles)
     segments, time = observed.segments, log.dt * np.arange(steps + 1)
     setpoints, inputs = segments.setpoints.copy(), segments.inputs.copy()
-    for i, (name, size) in enumerate({"aileron": 0.05, "elevator": 0.04, "rudder": 0.03, "flaps": 0.05}.items()):
+    for name, size in {"aileron": 0.05, "elevator": 0.04, "rudder": 0.03, "flaps": 0.05}.items():
         turn = 2 * np.pi * (random.uniform(0.4, 1.5, (count, 1)) * time + random.uniform(0, 1, (count, 1)))
         setpoints[:, :, SURFACES.index(name)] += size * np.sin(turn)
         inputs[:, :, kite.input_names.index(f"{name}_rate")] = np.gradient(setpoints[:, :, SURFACES.index(name)], log.dt, axis=1)

@@ -54,8 +54,12 @@ def rollout(f, g, initial, law, network, n_s, n_in, rows, constants, weights, X0
             x[i] = X0[group, i]
         _sample(x, 0, SP[group], n_s)
         if law:
-            call_value(law, (x.ctypes.data, U[group, 0].ctypes.data, c, x[n_s:].ctypes.data))
-        call_value(initial, (x.ctypes.data, U[group, 0].ctypes.data, c, x[12:].ctypes.data))
+            call_value(law, (x.ctypes.data, U[group, 0].ctypes.data, c, chosen.ctypes.data))
+            x[n_s:] = chosen
+        # into a place of its own: written over x, the later states would be computed from the earlier ones' new values
+        begun = np.empty((n_s - 12, L))
+        call_value(initial, (x.ctypes.data, U[group, 0].ctypes.data, c, begun.ctypes.data))
+        x[12:n_s] = begun
         start = x.copy()
         for k in range(samples):
             _sample(x, k, SP[group], n_s)

@@ -19,6 +19,8 @@ MATERIAL = 0.002
 prediction error changes in its third digit."""
 FLOOR_ERROR = 0.02
 """Relative error of the noise floor itself: a chi-square per degree of freedom within 1 +- this is at the floor."""
+NO_EXCESS = 0.005
+"""Relative excess of the cost below which there is nothing of which a share could be explained."""
 CERTAIN = 1.5
 """Standard errors by which the mean log ratio of the choice segments' costs must exceed zero."""
 DECISIVE = 10.0
@@ -159,14 +161,18 @@ def _whole(r: Runner) -> float:
 
 
 def _entry(here: Runner, s: Score, r: Runner | None) -> Entry:
-    gap = max(float(here.fit.information.cost.sum() - here.fit.information.dof.sum()), 1.0)
+    """The record of one candidate; explained_share is of the train cost's excess over its degrees of freedom, 0 where there is none."""
+    dof = float(here.fit.information.dof.sum())
+    excess = float(here.train_cost.sum()) - dof
+
+    def share(fall: float) -> float:
+        return float(np.clip(fall / excess, -1, 1)) if excess > NO_EXCESS * dof else 0.0
+
     if r is None:
-        return Entry(s.key, s.drop, s.p_value, float(np.clip(s.drop / gap, 0, 1)), True, 0.0, here.choice_chi2, "not raced")
+        return Entry(s.key, s.drop, s.p_value, share(s.drop), True, 0.0, here.choice_chi2, "not raced")
     before, after = here.choice_cost.sum(), r.choice_cost.sum()
-    explained = float(np.clip((here.train_cost.sum() - r.train_cost.sum()) / gap, -1, 1))
-    return Entry(
-        s.key, s.drop, s.p_value, explained, _plausible(s, r), float((before - after) / before), r.choice_chi2, r.fit.solution.outcome
-    )
+    explained, gain = share(float(here.train_cost.sum() - r.train_cost.sum())), float((before - after) / before)
+    return Entry(s.key, s.drop, s.p_value, explained, _plausible(s, r), gain, r.choice_chi2, r.fit.solution.outcome)
 
 
 def _plausible(s: Score, r: Runner) -> bool:

@@ -17,10 +17,7 @@ from awescli.tracing.flight import trace_flight
 ROOT = Path(__file__).parents[2]
 FLIGHTS = ROOT.parent / "shared" / "flights" / "dev"
 
-pytestmark = [
-    pytest.mark.campaign,
-    pytest.mark.skipif(not (FLIGHTS / "KEY.json").is_file(), reason="the development flights (../shared/flights/dev) are not here"),
-]
+pytestmark = pytest.mark.skipif(not (FLIGHTS / "KEY.json").is_file(), reason="the development flights (../shared/flights/dev) are not here")
 
 DEG = np.pi / 180
 EXPECTED: dict[str, tuple[tuple[str, ...], dict[str, float]]] = {
@@ -41,7 +38,11 @@ NARROW = {"d03": "tau", "d04": "a", "d07": "s", "d10": "tau"}
 ONLY_LATER = {"d03": "the rate limit is reached only in the loops that are kept for the test"}
 
 
-@pytest.fixture(scope="module", params=EXPECTED)
+QUICK = ("d01", "d02", "d04", "d05", "d06")
+"""Traced in every run of the tests; the others take longer: `pytest -m campaign tests/acceptance`."""
+
+
+@pytest.fixture(scope="module", params=[pytest.param(n, marks=() if n in QUICK else pytest.mark.campaign) for n in EXPECTED])
 def traced(request, tmp_path_factory):
     """(flight's name, its effects.json)"""
     spec = importlib.util.spec_from_file_location("declare", ROOT / "examples" / "dev_kite" / "declare.py")

@@ -37,6 +37,24 @@ def tape_constant(x):
     return x[0].tape.constant(4.0).sqrt()
 
 
+@pytest.mark.parametrize("number", [0.0, 1.0, -1.0, 2.0])
+def test_simpler_is_equal(number):
+    """Guards every rule of simplification (x + 0, 1 * x, x / -1, 0 - x, -(-x), ...): the value may not change, and 0 and 1 must cost nothing."""
+
+    def f(x):
+        a = x[0]
+        return [a + number, number + a, a - number, number - a, a * number, number * a, number / a, -(-a), -(a * number)]
+
+    for x in (3.7, -0.4):
+        tape, out = record(f, x=1)
+        assert evaluate(tape, out, x=[x]) == f([x])
+        if number:
+            tape, out = record(lambda x: [x[0] / number], x=1)
+            assert evaluate(tape, out, x=[x]) == [x / number]
+    product, (out,) = record(lambda x: [x[0] * number], x=1)
+    assert product.nodes[out][0] == {0.0: "const", 1.0: "input", -1.0: "neg", 2.0: "mul"}[number]
+
+
 def test_zero_has_one_sign():
     """Guards against a result that depends on whether 0.0 or -0.0 was met first."""
     tape = Tape()

@@ -1,0 +1,298 @@
+"""Each effect does what its row of the table says: sizes and signs against formulae written out here, one instant or a short flight."""
+
+import numpy as np
+import pytest
+from kites import DEVELOPMENT, at_point, declared, lively, sizes
+from oracles import body_to_ned
+
+from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
+from awescli.physics.kite import Kite
+from awescli.simulation.rollout import Simulator
+
+HEIGHTS = (10.0, 100.0, 200.0)
+
+
+def both(key, values=None, **changes):
+    """(instant with the effect, instant without) at the same point."""
+    plain, kite = Kite(DEVELOPMENT, HEIGHTS), Kite(DEVELOPMENT, HEIGHTS, (key,))
+    kite = kite.with_values({f"{key}.{n}": v for n, v in values.items()} if values else sizes(key))
+    return kite.instant(*at_point(kite, **changes)), plain.instant(*at_point(plain, **changes))
+
+
+def reported(key, **changes):
+    """(outputs with the effect, outputs without) by name."""
+    plain, kite = Kite(DEVELOPMENT, HEIGHTS), Kite(DEVELOPMENT, HEIGHTS, (key,)).with_values(sizes(key))
+    return tuple(dict(zip(OUTPUTS, k.outputs(*at_point(k, **changes)), strict=True)) for k in (kite, plain))
+
+
+# --- air ---
+
+
+def test_wind_shear():
+    """Guards the exponent: over 10 m, and as the difference to a declared one."""
+    with_it, without = both("wind_shear", {"a": 0.1}, p_d=-160.0)
+    assert np.divide(with_it.wind[:2], without.wind[:2]) == pytest.approx([16**0.1] * 2)
+    power = declared(wind={"law": "power", "exponent": 0.15, "reference_height": 12.0})
+    kite = Kite(power, (12.0,), ("wind_shear",))
+    assert kite.parameters["wind_shear.a"].value == 0.15
+    other = kite.with_values({"wind_shear.a": 0.19})
+    stronger = Kite(declared(wind={"law": "power", "exponent": 0.19, "reference_height": 12.0}), (12.0,))
+    assert other.instant(*at_point(other)).wind == pytest.approx(stronger.instant(*at_point(stronger)).wind)
+
+
+def test_wind_veer():
+    """Guards its sense: for k > 0 the wind comes from further clockwise higher up."""
+    with_it, without = both("wind_veer", {"k": 1e-3}, p_d=-180.0)
+    turn = [np.arctan2(-at.wind.e, -at.wind.n) for at in (with_it, without)]
+    assert turn[0] - turn[1] == pytest.approx(1e-3 * 80)
+
+
+def test_wind_offset_and_density():
+    """Guards addition in NED, and that a factor on the density is one on the dynamic pressure."""
+    with_it, without = both("wind_offset")
+    assert np.subtract(with_it.wind, without.wind) == pytest.approx([1.5, -1.0, 0.5, 0.0])
+    with_it, without = both("air_density")
+    assert with_it.dynamic_pressure / without.dynamic_pressure == pytest.approx(1.037)
+
+
+def test_turbulence_scales_its_input():
+    """Guards sigma: the unit series times sigma is added to the wind."""
+    with_it, without = both("turbulence", {"sigma": 0.9}, turbulence_n=1.0, turbulence_d=-2.0)
+    assert np.subtract(with_it.wind, without.wind) == pytest.approx([0.9, 0.0, -1.8, 0.0])
+
+
+# --- line ---
+
+
+def test_tether_drag():
+    """Guards the added coefficient, and a lateral part against the sideways flow of the size of the whole drag times v_r / V_a."""
+    with_it, _ = both("tether_drag", {"dC": 0.3, "lateral": 0.0})
+    assert with_it.line.drag_coefficient == pytest.approx(1.34)
+    with_it, without = both("tether_drag", {"dC": 0.0, "lateral": 1.0})
+    drag = 1.22 * 0.004 * 1.04 * without.line.length * without.V_a**2 / 8
+    side = with_it.applied.force[1] - without.applied.force[1]
+    assert side == pytest.approx(-drag * without.air_velocity[1] / without.V_a)
+
+
+def test_tether_weight_hangs_down():
+    """Guards half the line's weight, downwards; the line is slack here, so that nothing answers."""
+    with_it, without = both("tether_weight", {"mu": 0.0074}, tether_length=400.0)
+    force = body_to_ned(without.z.phi, without.z.theta, without.z.psi) @ np.subtract(with_it.applied.force, without.applied.force)
+    assert force == pytest.approx([0, 0, 0.0074 * 400 * 9.80665 / 2], abs=1e-9) and with_it.tension == 0
+
+
+def test_tether_elasticity_is_a_spring_and_damper():
+    """Guards T = EA strain + zeta rate in place of the constraint."""
+    at, _ = both("tether_elasticity", {"EA": 6e5, "zeta": 120.0}, tether_length=265.0)
+    rate = np.dot(at.p_hat, at.v_ned) - 0.8
+    assert at.tension == pytest.approx(6e5 * (at.distance - 265.8) / 265.0 + 120 * rate)
+
+
+def test_tether_sag_takes_length():
+    """Guards w^2 l^3 / (24 T^2): the sag of a parabola lets the spring pull as if the line were that much shorter."""
+    with_it, without = both("tether_sag", {"w": 0.3})
+    rate = np.dot(without.p_hat, without.v_ned) - 0.8
+    pull = without.tension - 8000 * 0.02 - 900 * rate  # F_1, of which the spring and the damper are free
+    sag = 0.3**2 * without.line.length**3 / (24 * pull**2)
+    assert with_it.tension - without.tension == pytest.approx(8000 * sag)
+
+
+def test_attachment_winch_and_clock():
+    """Guards the three that change the line itself: arm, drum and the winch's clock (late stamps: the true length is the later one)."""
+    with_it, without = both("tether_attachment")
+    assert np.subtract(with_it.line.attachment, without.line.attachment) == pytest.approx([0.02, 0.01, 0.03])
+    with_it, without = both("winch_length")
+    assert with_it.line.length == pytest.approx(1.003 * without.line.length + 1.5) and with_it.line.speed == pytest.approx(1.003 * 0.8)
+    with_it, without = both("clock_offset:winch", {"tau": 0.5})
+    assert with_it.line.length - without.line.length == pytest.approx(0.5 * 0.8 + 0.3 * 0.125) and with_it.line.speed == pytest.approx(0.95)
+
+
+# --- body ---
+
+
+def test_mass_offset():
+    """Guards the centre of mass: forces divide by the new mass, moments are taken about the new point, weight has no arm."""
+    with_it, without = both("mass_offset", {"dm": 0.0, "dx": 0.03, "dz": -0.02})
+    weight = 50 * 9.80665 * np.array(without.R[2])
+    surface = np.array(without.applied.force) - weight
+    moment = np.array(without.applied.moment) - np.cross([0.03, 0, -0.02], surface)
+    expected = Kite._about_centre_of_mass(with_it).moment
+    assert with_it.applied.force == pytest.approx(without.applied.force) and expected == pytest.approx(moment, abs=1e-9)
+    heavier, _ = both("mass_offset", {"dm": 5.0, "dx": 0.0, "dz": 0.0}, tether_length=400.0)
+    light = both("mass_offset", {"dm": 0.0, "dx": 0.0, "dz": 0.0}, tether_length=400.0)[0]
+    aero = np.array(light.applied.force) - 50 * 9.80665 * np.array(light.R[2])
+    change = np.subtract(heavier.derivative[3:6], light.derivative[3:6])
+    assert change == pytest.approx(aero / 55 - aero / 50, abs=1e-9)  # gravity accelerates all masses alike
+
+
+def test_added_mass():
+    """Guards that only the acceleration along body z is divided by more mass."""
+    with_it, without = both("added_mass", {"m_a": 2.0})
+    change = np.subtract(with_it.derivative, without.derivative)
+    assert np.flatnonzero(change).tolist() == [STATES.index("w")]
+    assert change[5] == pytest.approx(without.applied.force[2] * (1 / 52 - 1 / 50))
+
+
+# --- coefficients ---
+
+
+@pytest.mark.parametrize(
+    "key, coefficient, change",
+    [
+        ("parasitic_drag", "CD", lambda at: 0.09 + 0.2 * abs(at.beta)),
+        ("sideslip_drag", "CD", lambda at: 2.0 * at.beta**2),
+        ("lift_stall", "CL", lambda at: -20.0 * max(at.alpha - 0.09, 0.0) ** 2),
+        ("pitch_curvature", "Cm", lambda at: -0.7 * at.alpha**2),
+        ("aeroelastic_twist", "CL", lambda at: -5e-5 * at.dynamic_pressure * 5.73 * at.alpha),
+        ("surface_bias:roll", "Cl", lambda at: 0.002),
+        ("surface_bias:pitch", "Cm", lambda at: 0.002),
+        ("surface_bias:yaw", "Cn", lambda at: 0.002),
+    ],
+)
+def test_coefficients(key, coefficient, change):
+    """Guards formula and sign of every aerodynamic effect, and that it touches one coefficient only."""
+    for changes in ({"v": -6.0}, {"w": 9.0}):
+        with_it, without = both(key, **changes)
+        for name in ("CD", "CY", "CL", "Cl", "Cm", "Cn"):
+            expected = change(without) if name == coefficient else 0.0
+            assert getattr(with_it.coefficients, name) - getattr(without.coefficients, name) == pytest.approx(expected, abs=1e-14), name
+
+
+def test_a_custom_term_is_a_coefficient_of_its_channel():
+    """Guards qbar S (b or c): a term's k counts as a moment or force coefficient."""
+    for channel, arm in (("f_x", 1.0), ("f_z", 1.0), ("m_x", 7.4), ("m_y", 0.405), ("m_z", 7.4)):
+        with_it, without = both(f"custom_term:{channel}*alpha*V_a", {"k": 0.02}, tether_length=400.0)
+        change = np.concatenate([np.subtract(a, b) for a, b in zip(with_it.applied, without.applied, strict=True)])
+        expected = np.zeros(6)
+        expected[("f_x", "f_y", "f_z", "m_x", "m_y", "m_z").index(channel)] = (
+            0.02 * without.dynamic_pressure * 3.0 * arm * without.alpha * without.V_a / 40
+        )
+        assert change == pytest.approx(expected, abs=1e-9)
+
+
+# --- surfaces ---
+
+
+def test_surface_effectiveness_counts_less_beyond_the_threshold():
+    """Guards both signs: 0.12 rad beyond 0.03 at one half are 0.075."""
+    for deflection in (0.12, -0.12, 0.02):
+        with_it, _ = both("surface_effectiveness:rudder", rudder=deflection)
+        expected = np.sign(deflection) * (min(abs(deflection), 0.03) + 0.5 * max(abs(deflection) - 0.03, 0.0))
+        assert with_it.deflections["rudder"] == pytest.approx(expected) and with_it.deflections["aileron"] == 0.01
+
+
+def flown(key, calm, values=None, seconds=2.0, setpoint=None):
+    """(kite, trajectories, segments) of the kite with an effect on a lively segment; setpoint: of the rudder, (N+1,)."""
+    from dataclasses import replace
+
+    kite = Kite(DEVELOPMENT, calm.log.wind.height, (key,) if key else ())
+    segments = lively(kite, calm.log, count=2, seconds=seconds).segments
+    if setpoint is not None:
+        setpoints, inputs = segments.setpoints.copy(), segments.inputs.copy()
+        setpoints[:, :, SURFACES.index("rudder")] = setpoint
+        inputs[:, :, kite.input_names.index("rudder_rate")] = np.gradient(setpoint, segments.dt)
+        segments = replace(segments, setpoints=setpoints, inputs=inputs)
+    result = Simulator(kite, (), substeps=4).rollout(segments, values)
+    assert not result.diverged.any()
+    return kite, result, segments
+
+
+def deflection(kite, result, segments, values) -> np.ndarray:
+    """(N+1,) true rudder of the first segment."""
+    kite = kite.with_values(values)
+    c = [float(v) for v in kite.parameters.vector()]
+    return kite.instant(list(result.states[0].T), list(segments.inputs[0].T), c).deflections["rudder"]
+
+
+def test_an_actuator_lag_is_first_order(calm):
+    """Guards the step response 1 - exp(-t / tau), and its rate limit."""
+    step = np.where(np.arange(101) >= 10, 0.1, 0.0)
+    values = {"actuator_lag:rudder.tau": 0.2}
+    case = flown("actuator_lag:rudder", calm, values, setpoint=step)
+    time = 0.02 * np.maximum(np.arange(101) - 10, 0)
+    found = deflection(*case, values)[11:]
+    assert found == pytest.approx(0.1 * (1 - np.exp(-time / 0.2))[11:], abs=3e-4)  # the start's rate is a gradient over the step
+    values["actuator_lag:rudder.rate"] = 0.2
+    limited = deflection(*flown("actuator_lag:rudder", calm, values, setpoint=step), values)
+    assert np.diff(limited[11:20]) == pytest.approx(0.2 * 0.02, rel=1e-6)  # 0.1 / 0.2 s would be 0.5 rad/s
+
+
+def test_a_lagging_surface_is_behind_from_the_start(calm):
+    """Guards the start of a lag's state: a set-point that has been running at a steady rate is already tau times that rate ahead."""
+    ramp = 0.05 + 0.2 * 0.02 * np.arange(51)
+    values = {"actuator_lag:rudder.tau": 0.15}
+    found = deflection(*flown("actuator_lag:rudder", calm, values, seconds=1.0, setpoint=ramp), values)
+    # held set-points are half a sample late on average
+    assert found == pytest.approx(ramp - 0.2 * (0.15 + 0.01), abs=0.2 * 0.02)
+    assert found[0] == pytest.approx(0.05 - 0.2 * 0.15)
+
+
+def test_an_actuator_delay_is_a_pure_delay(calm):
+    """Guards phase and amplitude of the Pade form: a swinging rudder arrives tau later, as large, from the first sample on."""
+    time = 0.02 * np.arange(101)
+    values = {"actuator_delay:rudder.tau": 0.12}
+    swing = lambda t: 0.1 * np.sin(2 * np.pi * 0.7 * t)  # noqa: E731
+    case = flown("actuator_delay:rudder", calm, values, setpoint=swing(time))
+    # set-points are held: they are half a sample late themselves, and their steps pass at once; between two steps stands the mean
+    kite, result, segments = case
+    rudder = len(kite.state_names) + SURFACES.index("rudder")
+    result.states[0, 1:, rudder] = (result.states[0, 1:, rudder] + result.states[0, :-1, rudder]) / 2
+    assert deflection(*case, values)[25:] == pytest.approx(swing(time - 0.12 - 0.01)[25:], abs=1.5e-3)
+
+
+def test_unsteady_lift_lags(calm):
+    """Guards tau dC_L/dt = C_L,steady - C_L along a flight: the state obeys its equation to the integrator's accuracy."""
+    values = {"unsteady_lift.tau": 0.1}
+    kite, result, segments = flown("unsteady_lift", calm, values)
+    lagging = kite.with_values(values)
+    c = [float(v) for v in lagging.parameters.vector()]
+    at = lagging.instant(list(result.states[0].T), list(segments.inputs[0].T), c)
+    CL, steady = at.coefficients.CL, at.states["unsteady_lift.steady"]
+    middle = (np.diff(CL) / 0.02 - ((steady - CL)[1:] + (steady - CL)[:-1]) / 2 / 0.1) * 0.1
+    assert np.abs(middle[5:]).max() < 0.01 * np.ptp(steady)  # trapezoidal rule; set-points jump in between
+
+
+# --- sensors ---
+
+
+def test_sensors_report_by_their_formulae():
+    """Guards scale, offset and channel of what only the sensors say; nothing else may change."""
+    for key, expected in {
+        "vane_bias:alpha": {"alpha": lambda y: 1.1 * y + 0.026},
+        "vane_bias:beta": {"beta": lambda y: 1.1 * y + 0.026},
+        "airspeed_scale": {"V_a": lambda y: 0.95 * y + 0.5},
+        "load_cell_scale": {"tension": lambda y: 1.07 * y + 60.0},
+        "heading_bias": {"psi": lambda y: y + 0.035},
+        "imu_bias:rates": {"p": lambda y: y + 0.02, "q": lambda y: y - 0.03, "r": lambda y: y + 0.3},
+        "imu_bias:accelerations": {"a_x": lambda y: y + 0.02, "a_y": lambda y: y - 0.03, "a_z": lambda y: y + 0.3},
+    }.items():
+        with_it, without = reported(key)
+        for name in OUTPUTS:
+            formula = expected.get(name, lambda y: y)
+            assert with_it[name] == pytest.approx(formula(without[name]), rel=1e-13), (key, name)
+
+
+def test_a_late_position_is_an_earlier_one(calm):
+    """Guards sign and order of the latency: what is reported at t is where the kite was at t - tau, well within the noise of 10 cm."""
+    values = {"position_latency.tau": 0.14}
+    _, late, _ = flown("position_latency", calm, values)
+    _, true, _ = flown("", calm)
+    for name in ("p_n", "p_e", "p_d"):
+        assert late[name][:, 7:] == pytest.approx(true[name][:, :-7], abs=0.07)
+        assert np.abs(late[name] - true[name]).max() > 1.0
+    for name in set(MEASURED) - {"p_n", "p_e", "p_d"}:
+        assert np.array_equal(late[name], true[name])
+
+
+def test_a_load_cell_filter_is_first_order(calm):
+    """Guards tau dy/dt = T - y: the reported load is the exact response to the true one, from its start on."""
+    values = {"load_cell_lag.tau": 0.2}
+    _, filtered, _ = flown("load_cell_lag", calm, values)
+    _, true, _ = flown("", calm)
+    T, y = true["tension"][0], filtered["tension"][0]
+    expected, decay = [y[0]], np.exp(-0.02 / 0.2)
+    for k in range(len(T) - 1):
+        slope = (T[k + 1] - T[k]) / 0.02  # exact for a load that runs linearly between samples
+        expected.append(T[k + 1] - slope * 0.2 + (expected[-1] - T[k] + slope * 0.2) * decay)
+    # the load jumps with the held set-points: a sample's jump times 10 % of the filter's memory
+    assert np.abs(y - expected).max() < 0.02 * np.ptp(T) and np.abs(y - T).max() > 0.1 * np.ptp(T)
