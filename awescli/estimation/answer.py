@@ -60,7 +60,7 @@ def _advice(excited: bool, at_bound: bool, partners: list[str]) -> str:
 
 
 def _weakest(fit: Fit, prior: ParameterTable) -> dict:
-    """The direction, in units of prior standard deviations, that the flight tells least of: smallest singular value of the scaled Jacobian."""
+    """The direction, in units of prior standard deviations, that the flight tells least of (scaled Jacobian's smallest singular value)."""
     if not fit.names:
         return {}
     scale = np.array([prior[n].prior_std for n in fit.names])

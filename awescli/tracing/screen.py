@@ -43,7 +43,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Screening:
-    """All scores, best first; untestable: effects whose columns the free parameters absorb; joint: information of all columns after projection."""
+    """All scores, best first; untestable: effects that the free parameters absorb; joint: information of all columns after projection."""
 
     scores: tuple[Score, ...]
     untestable: tuple[str, ...]

@@ -19,8 +19,10 @@ from awescli.tracing.trace import Trace, trace
 
 NEAR_FLOOR = 0.02
 """A chi-square per degree of freedom this close to 1 leaves nothing to explain."""
-BETTER_SHARE = 0.15
-"""By how much more of the gap empirical terms must explain than the library before the library's answer is doubted."""
+BETTER_SHARE = 0.05
+"""By how much more of the gap empirical terms must explain than as many effects before the library's answer is doubted ..."""
+AS_GOOD = 0.02
+"""... and by how little less they may explain when they are fewer."""
 LIKELIER = 6.63
 """Fall of the cost (prior included) that chance reaches in 1 % of cases with one more parameter: the 99 % quantile of chi-square."""
 STILL = 1e-3
@@ -66,13 +68,12 @@ def investigate(
     library = trace(contest, question.kite, keys, null, rounds=rounds, progress=progress)
     rivals = {r.accepted: r.rivals for r in library.rounds if r.accepted}
     bank, bank_simulator, unexplained = None, None, False
-    if _left(library.final) > NEAR_FLOOR and question.gust <= GUSTY:
-        progress("something is left: trying empirical terms")
-        bank, bank_simulator = _bank(question, null if not rivals else library.final, log, split, horizon, rounds, progress)
-        gap = max(_left(null), 1e-9)
-        share_library, share_bank = 1 - _left(library.final) / gap, 1 - _left(bank.final) / gap
-        found = any(r.accepted for r in bank.rounds)
-        unexplained = found and (not rivals or share_bank > share_library + BETTER_SHARE)
+    if question.gust <= GUSTY and (_left(library.final) > NEAR_FLOOR or len(rivals) > 1):
+        # several effects at once, or a rest that they leave: would fewer empirical terms do better?
+        progress("weighing empirical terms against the library")
+        most = rounds if _left(library.final) > NEAR_FLOOR else len(rivals) - 1
+        bank, bank_simulator = _bank(question, null, log, split, horizon, most, progress)
+        unexplained = _better(bank, library, null)
     suspects = () if rivals or unexplained or question.gust > GUSTY else _suspects(contest, null, question.kite, keys)
     if unexplained:
         return Finding(
@@ -93,6 +94,16 @@ def investigate(
         return Finding("cannot_tell", null, question.simulator, question.fitted, {}, library, bank, suspects, question.gust)
     verdict = "not_deterministic" if question.gust > GUSTY else "unexplained" if _left(null) > 10 * NEAR_FLOOR else "none"
     return Finding(verdict, null, question.simulator, question.fitted, {}, library, bank, (), question.gust)
+
+
+def _better(bank: Trace, library: Trace, null: Runner) -> bool:
+    """Do empirical terms beat what the library found: as good with fewer terms, clearly better with as many, or where it found nothing?"""
+    terms, effects = (sum(bool(r.accepted) for r in t.rounds) for t in (bank, library))
+    gap = max(_left(null), 1e-9)
+    by_bank, by_library = 1 - _left(bank.final) / gap, 1 - _left(library.final) / gap
+    if not terms:
+        return False
+    return not effects or by_bank > by_library + (-AS_GOOD if terms < effects else BETTER_SHARE)
 
 
 def _left(r: Runner) -> float:

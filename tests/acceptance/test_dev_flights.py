@@ -38,7 +38,7 @@ NARROW = {"d03": "tau", "d04": "a", "d07": "s", "d10": "tau"}
 ONLY_LATER = {"d03": "the rate limit is reached only in the loops that are kept for the test"}
 
 
-QUICK = ("d01", "d02", "d04", "d05", "d06")
+QUICK = ("d01", "d02", "d04", "d06")
 """Traced in every run of the tests; the others take longer: `pytest -m campaign tests/acceptance`."""
 
 

@@ -39,11 +39,13 @@ def tape_constant(x):
 
 @pytest.mark.parametrize("number", [0.0, 1.0, -1.0, 2.0])
 def test_simpler_is_equal(number):
-    """Guards every rule of simplification (x + 0, 1 * x, x / -1, 0 - x, -(-x), ...): the value may not change, and 0 and 1 must cost nothing."""
+    """Guards every rule of simplification (x + 0, 1 * x, x / -1, 0 - x, ...): the value may not change, and 0 and 1 must cost nothing."""
 
     def f(x):
         a = x[0]
-        return [a + number, number + a, a - number, number - a, a * number, number * a, number / a, -(-a), -(a * number)]
+        opposite = -a
+        twice = -opposite
+        return [a + number, number + a, a - number, number - a, a * number, number * a, number / a, -(a * number), twice]
 
     for x in (3.7, -0.4):
         tape, out = record(f, x=1)
