@@ -1,4 +1,4 @@
-"""Do the 95 % intervals of identified parameters hold? Repeated noise on clean flights: python benchmarks/identification_coverage.py [--fits N]
+"""Do the 95 % intervals of identified parameters hold? python benchmarks/identification_coverage.py [--fits N]
 
 Every fit gets a new flight (wind, noise, wind record, declaration 5-30 % off) of the development kite. Counted are the parameters that
 `params.json` calls excited and not at a bound: how often the truth lies within value +- 1.96 std. Results are kept per fit in
@@ -46,7 +46,11 @@ def table(results: list[dict]) -> str:
              "|---|---|---|---|---|"]  # fmt: skip
     inside = counted = 0
     for name in names:
-        z = [r["parameters"][name][0] for r in results if name in r["parameters"] and r["parameters"][name][1] and not r["parameters"][name][2]]
+        z = [
+            r["parameters"][name][0]
+            for r in results
+            if name in r["parameters"] and r["parameters"][name][1] and not r["parameters"][name][2]
+        ]
         if not z:
             lines.append(f"| {name} | 0 | | | |")
             continue

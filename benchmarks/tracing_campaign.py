@@ -1,4 +1,4 @@
-"""How often is the right effect named? Flights with known truth, traced blindly: python benchmarks/tracing_campaign.py [--only SET] [--jobs N]
+"""How often is the right effect named? python benchmarks/tracing_campaign.py [--only SET] [--jobs N]
 
 Every case is a flight of the development kite, flown by this project's simulator with noise and a wrong declaration (guesses 5-30 %
 off), with an effect that the declaration lacks. Results go to benchmarks/results/tracing/<case>.json as each case ends, so the run can

@@ -36,21 +36,24 @@ class Information:
         return cho_solve(factor, M_lr - M_lg @ change)
 
 
-def reduce(J: np.ndarray, r: np.ndarray, sigma: np.ndarray, n_own: int, own_prior: np.ndarray, own_value: np.ndarray) -> Information:
+def reduce(
+    J: np.ndarray, r: np.ndarray, sigma: np.ndarray, n_own: int, own_prior: np.ndarray, own_value: np.ndarray, order=None
+) -> Information:
     """Eliminate the first n_own columns of every segment.
 
     J: (K, N, n_out, n_own + n) sensitivities; r: (K, N, n_out) whitened residual (0 where a sample does not count);
     sigma: (K, N, n_out), inf where it does not; own_prior: (n_own, n_own) prior precision of the own unknowns (0: nothing known), mean 0;
-    own_value: (K, n_own) their present values.
+    own_value: (K, n_own) their present values; order: the columns of J in the order own, global, where they stand in another.
     """
     K, N, n_out, columns = J.shape
+    order = np.arange(columns) if order is None else np.asarray(order)
     n = columns - n_own
     weight = np.where(np.isfinite(sigma), 1 / sigma, 0.0)
     H, b, cost, dof, back = np.zeros((K, n, n)), np.zeros((K, n)), np.zeros(K), np.zeros(K), []
     for k in range(K):
         W = J[k] * weight[k][:, :, None]
         A = np.empty((N * n_out, columns + 1))
-        A[:, :columns] = W.reshape(-1, columns)
+        np.take(W.reshape(-1, columns), order, axis=1, out=A[:, :columns])
         A[:, columns] = r[k].reshape(-1)
         G = A.T @ A
         M = G[:n_own, :n_own] + own_prior

@@ -144,10 +144,13 @@ class SimulationError:
             self.segments(self.own), columns, self.observed.outputs, {**self.values(x), **(values or {})}
         )
         s, g = len(STATES), len(names)
-        blocks = [J[..., :s], J[..., s + g :], J[..., s : s + g]] + ([extra] if extra is not None else [])
+        w = len(self.windows)
+        if extra is not None:
+            J = np.concatenate([J, extra], axis=-1)
+        order = np.r_[:s, s + g : s + g + w, s : s + g, s + g + w : J.shape[-1]]
         r = self.observed.residual(trajectories)
         sigma = np.where(self._reached(trajectories)[:, :, None], self.observed.sigma, np.inf)
-        information = reduce(np.concatenate(blocks, axis=-1), r, sigma, s + len(self.windows), self.own_prior, self.own)
+        information = reduce(J, r, sigma, s + w, self.own_prior, self.own, order)
         return information, trajectories
 
     def _reached(self, trajectories) -> np.ndarray:

@@ -75,7 +75,7 @@ class Identify(Stage):
 
 
 def outputs_of(log, config) -> tuple[str, ...]:
-    """The channels that count: those asked for, else all measured ones (weights: seed leaves rates and velocities out, as the seed does)."""
+    """The channels that count: those asked for, else all measured ones (weights: seed leaves velocities and rates out)."""
     from awescli.notation.errors import BadInput, did_you_mean
     from awescli.notation.quantities import MEASURED
 

@@ -47,11 +47,15 @@ class Runner:
         return float(self.choice_cost.sum() / max(self.choice_dof, 1))
 
 
-def run(contest: Contest, table: ParameterTable, keys, names, own=None, tolerance=0.1) -> Runner:
+HEAT = (15, 2.0)
+"""Iterations and tolerance [chi-square] of a heat: enough to tell candidates apart; the winner is fitted on to the end."""
+
+
+def run(contest: Contest, table: ParameterTable, keys, names, own=None, iterations=None, tolerance=0.1) -> Runner:
     """Fit one model on the fit segments, then let it explain the choice segments (only their own starts and wind are fitted there)."""
     fitted = fit(
         contest.simulator.holding(table), contest.fitted, table, names, gusts=contest.gusts, prior_table=contest.prior,
-        iterations=contest.iterations, tolerance=tolerance, own=own,
+        iterations=iterations or contest.iterations, tolerance=tolerance, own=own,
     )  # fmt: skip
     judged = fit(
         contest.simulator.holding(fitted.parameters), contest.choice, fitted.parameters, (), gusts=contest.gusts, prior=False,
@@ -79,4 +83,9 @@ def enter(contest: Contest, null: Runner, score: Score) -> Runner:
     table = rows.with_values(start)
     table = table.with_rows(replace(table[n], free=True) for n in own)
     names = tuple(dict.fromkeys((*null.names, *own)))
-    return run(contest, table, (*null.keys, score.key), names, own=null.fit.own)
+    return run(contest, table, (*null.keys, score.key), names, null.fit.own, *HEAT)
+
+
+def finish(contest: Contest, best: Runner) -> Runner:
+    """The winner of a heat, fitted on until it has converged."""
+    return run(contest, best.table, best.keys, best.names, best.fit.own)

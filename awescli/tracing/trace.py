@@ -7,7 +7,7 @@ import numpy as np
 
 from awescli.estimation.simulation_error import Gusts, SimulationError
 from awescli.physics.kite import Kite, candidates
-from awescli.tracing.race import Contest, Runner, enter, run
+from awescli.tracing.race import Contest, Runner, enter, finish, run
 from awescli.tracing.screen import Score, Screening, holm, screen
 
 COMPETITORS = 5
@@ -86,7 +86,7 @@ def trace(
         record.append(Round(entries, best.keys[-1] if best else "", rivals, screening.untestable, chi2, best.choice_chi2 if best else chi2))
         if best is None:
             break
-        here = _refined(contest, kite, best)
+        here = _refined(contest, kite, finish(contest, best))
         # what cannot be told from an accepted effect is its rival, not a further effect
         remaining = [k for k in remaining if k != best.keys[-1] and k not in rivals]
     return Trace(null, here, tuple(record), detectable)
