@@ -3,7 +3,7 @@
 import os
 
 # Segments run in parallel here, and the matrices of one segment are small: a second pool of BLAS threads only makes both pools
-# wait for each other (measured: 9 x slower fits on two busy cores). Set before numpy is first imported; a user's own choice stands.
+# wait for each other, several times over on busy cores. Set before numpy is first imported; a user's own choice stands.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 

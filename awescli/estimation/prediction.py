@@ -19,7 +19,7 @@ from awescli.simulation.segments import Observed, noise_std, observe
 
 SCORED = (*STATES, "V_a", "alpha", "beta", "tension")
 WARM_UP = 1.0
-"""[s] before a prediction whose measurements fix its start: 0.5 to 2 s score alike on clean development flights."""
+"""[s] before a prediction whose measurements fix its start: long enough to average the noise, short against a loop."""
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from awescli.simulation.segments import Observed, observe
 GUSTY = 0.15
 """[m/s] above this the pitot says that the air was not calm: gusts are estimated in windows."""
 CALM_WINDOW = 1.25
-"""[s] over which the recorded wind's own error is held in calm air: along a loop the kite passes the heights at which stations erred
-differently (one constant per segment left a chi-square of 1.06 at the true parameters; windows leave 1.00-1.02)."""
+"""[s] over which the recorded wind's own error is held in calm air: along a loop the kite passes heights at which stations erred
+differently, which one constant per segment cannot follow."""
 GUST_WINDOW = 0.5
 """[s] over which a gust is held; 20 m of air at 40 m/s, short against Dryden's 60-150 m."""
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from awescli.estimation.simulation_error import Gusts, SimulationError
-from awescli.physics.kite import Kite, candidates
+from awescli.estimation.simulation_error import SimulationError
+from awescli.physics.kite import Kite
 from awescli.tracing.race import Contest, Runner, enter, finish, run
 from awescli.tracing.screen import Score, Screening, holm, screen
 
@@ -203,11 +203,3 @@ def _ahead(best: Runner, rival: Runner, here: Runner) -> bool:
     d = np.concatenate([rival.train_cost - best.train_cost, rival.choice_cost - best.choice_cost])
     lead, chance = d.sum(), d.std(ddof=1) * np.sqrt(len(d))
     return bool(lead > max(DECISIVE, chance))
-
-
-def library(declaration, log, moving) -> list[str]:
-    """Keys of the effects that could show in a log."""
-    return candidates(declaration, [n for n in log.measured], moving)
-
-
-__all__ = ["Contest", "Gusts", "Runner", "Trace", "library", "run", "trace"]
