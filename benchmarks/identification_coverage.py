@@ -2,22 +2,23 @@
 
 Every fit gets a new flight (wind, noise, wind record, declaration 5-30 % off) of the development kite. Counted are the parameters that
 `params.json` calls excited and not at a bound: how often the truth lies within value +- 1.96 std. Results are kept per fit in
-benchmarks/results/coverage/ (resumable); the table goes to benchmarks/results/identification_coverage.md.
+benchmarks/results/coverage/ (resumable); the table goes to benchmarks/results/identification_coverage.md. --jobs, --scheduler: campaign.py.
 """
 
 import argparse
-import json
 import sys
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
+from campaign import add_options, kept, run_campaign
+
 import awescli  # noqa: F401  (thread settings before numpy)
+from awescli.artifacts import write_text
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "coverage"
 
 
-def run_fit(seed: int) -> dict:
+def run_fit(name: str, seed: int) -> dict:
     """One flight, one declaration, one fit: parameter -> (error in std, excited, at bound)."""
     from awescli.estimation.answer import describe
     from awescli.estimation.question import ask, fit_in_stages, simulator_of
@@ -66,21 +67,14 @@ def table(results: list[dict]) -> str:
 def main(arguments=None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--fits", type=int, default=200)
-    parser.add_argument("--jobs", type=int, default=2)
+    add_options(parser)
     options = parser.parse_args(arguments)
-    RESULTS.mkdir(parents=True, exist_ok=True)
-    seeds = range(20000, 20000 + options.fits)
-    todo = [s for s in seeds if not (RESULTS / f"{s}.json").exists()]
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for i, future in enumerate(as_completed([pool.submit(run_fit, s) for s in todo])):
-            result = future.result()
-            (RESULTS / f"{result['seed']}.json").write_text(json.dumps(result, default=float))
-            if i % 20 == 19:
-                print(f"{i + 1} of {len(todo)}", flush=True)
-    results = [json.loads((RESULTS / f"{s}.json").read_text()) for s in seeds]
-    (RESULTS.parent / "identification_coverage.md").write_text(table(results))
+    cases = {str(seed): seed for seed in range(20000, 20000 + options.fits)}
+    failed = run_campaign(run_fit, cases, RESULTS, options.jobs, options.scheduler)
+    results = list(kept(RESULTS, cases).values())
+    write_text(RESULTS.parent / "identification_coverage.md", table(results))
     print(table(results).splitlines()[-2])
-    return 0
+    return 3 if failed else 0
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How often is the right effect named? python benchmarks/tracing_campaign.py [--only SET] [--jobs N]
+"""How often is the right effect named? python benchmarks/tracing_campaign.py [--only SET] [--jobs N] [--scheduler ADDRESS]
 
 Every case is a flight of the development kite, flown by this project's simulator with noise and a wrong declaration (guesses 5-30 %
 off), with an effect that the declaration lacks. Results go to benchmarks/results/tracing/<case>.json as each case ends, so the run can
@@ -6,15 +6,16 @@ be interrupted and resumed; the table is written to benchmarks/results/tracing.m
 """
 
 import argparse
-import json
 import math
 import sys
 import time
 from collections import Counter, defaultdict
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
+from campaign import add_options, kept, run_campaign
+
 import awescli  # noqa: F401  (thread settings before numpy)
+from awescli.artifacts import write_text
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "tracing"
@@ -193,28 +194,17 @@ def table(results: list[dict]) -> str:
 def main(arguments=None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", default="", help="only cases whose set or name begins so")
-    parser.add_argument("--jobs", type=int, default=2)
+    add_options(parser)
     options = parser.parse_args(arguments)
-    RESULTS.mkdir(parents=True, exist_ok=True)
     every = {n: c for n, c in cases().items() if n.startswith(options.only) or c["set"].startswith(options.only)}
-    todo = {n: c for n, c in every.items() if not _file(n).exists()}
-    print(f"{len(every)} cases, {len(every) - len(todo)} done before", flush=True)
-    with ProcessPoolExecutor(options.jobs, max_tasks_per_child=40) as pool:
-        futures = {pool.submit(run_case, n, c): n for n, c in todo.items()}
-        for future in as_completed(futures):
-            name = futures[future]
-            result = future.result()
-            temporary = _file(name).with_suffix(".part")
-            temporary.write_text(json.dumps(result, default=float))
-            temporary.rename(_file(name))
-            print(f"{right(result):9s} {name}: {result['verdict']} {[e['name'] for e in result.get('effects', ())]}", flush=True)
-    results = [json.loads(_file(n).read_text()) for n in cases() if _file(n).exists()]
-    (RESULTS.parent / "tracing.md").write_text(table(results))
-    return 0
+    failed = run_campaign(run_case, every, RESULTS, options.jobs, options.scheduler, say)
+    results = list(kept(RESULTS, cases()).values())
+    write_text(RESULTS.parent / "tracing.md", table(results))
+    return 3 if failed else 0
 
 
-def _file(name: str) -> Path:
-    return RESULTS / f"{name.replace(':', '_')}.json"
+def say(name: str, result: dict) -> str:
+    return f"{right(result):9s} {name}: {result['verdict']} {[e['name'] for e in result.get('effects', ())]}"
 
 
 if __name__ == "__main__":
