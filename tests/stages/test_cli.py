@@ -99,7 +99,8 @@ def test_check_tells_all_that_is_wrong_with_the_inputs(folder):
 def test_every_part_of_the_data_quality_is_shown(capsys):
     import numpy as np
 
-    from awescli.cli import Screen, _quality_sections
+    from awescli.cli.commands import quality_sections
+    from awescli.cli.screen import Screen
     from awescli.flightlog.log import FlightLog
     from awescli.flightlog.quality import data_quality
 
@@ -109,7 +110,7 @@ def test_every_part_of_the_data_quality_is_shown(capsys):
     circle |= {"v_n": -12 * np.pi * np.sin(turn), "v_e": 12 * np.pi * np.cos(turn), "v_d": 0 * time}
     angles = {name: 0 * time for name in ("phi", "theta", "psi", "p", "q", "r")}
     log = FlightLog("circle", 0.0, 0.02, time, circle | angles, {"rudder": 0 * time}, np.ones(3000, bool), notes=("made up",))
-    sections = _quality_sections(data_quality(log))
+    sections = quality_sections(data_quality(log))
     for title, content in sections.items():
         Screen().section(title, content)
     shown = capsys.readouterr().out

@@ -1,0 +1,137 @@
+"""The `awes` application: its commands and their options, one command for every stage of the table.
+
+Every command is a thin shell around a function in commands.py. Only what `--help` needs is imported at the top: it must answer at once.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from awescli import __version__
+from awescli.cli import commands
+from awescli.cli.shell import shell
+from awescli.stages import STAGES
+from awescli.stages.base import Stage
+
+StagesFile = Annotated[Path, typer.Option("--stages", metavar="FILE", help="The plan.")]
+Settings = Annotated[
+    list[str],
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace a setting: any dotted key of the plan (identify.horizon=5.0). Repeatable."),
+]
+From = Annotated[str, typer.Option("--from", metavar="STAGE", help="Run this stage and all after it, changed or not.")]
+Force = Annotated[bool, typer.Option("--force", help="Run also what has not changed.")]
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would run and why; run nothing.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON on stdout, all else on stderr.")]
+Report = Annotated[bool, typer.Option("--report", help="Also write the report, one self-contained HTML file.")]
+
+
+def main() -> None:
+    """Entry point of the `awes` command."""
+    build_app(STAGES)()
+
+
+def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
+    """The `awes` application with one command for every stage."""
+    # plain help: rich's costs a third of the time that --help may take
+    app = typer.Typer(
+        name="awes",
+        help="Close the loop between an airborne wind energy model and its measured flights.",
+        no_args_is_help=True,
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"max_content_width": 120},
+    )
+
+    def show_version(wanted: bool) -> None:
+        if wanted:
+            print(f"awes {__version__}")
+            raise typer.Exit()
+
+    @app.callback()
+    def awes(version: Annotated[bool, typer.Option("--version", callback=show_version, is_eager=True, help="Print the version.")] = False):
+        pass
+
+    @app.command(help="Run all stages of the plan in order; unchanged ones are skipped with the reason.")
+    def run(
+        stages_file: StagesFile = Path("stages.yaml"),
+        settings: Settings = [],  # noqa: B006 - typer copies it
+        begin: From = "",
+        force: Force = False,
+        dry_run: DryRun = False,
+        quiet: Quiet = False,
+        as_json: Json = False,
+    ):
+        with shell(as_json, quiet) as screen:
+            commands.run(screen, stages, stages_file, settings, begin=begin or None, force=force, dry_run=dry_run)
+
+    for stage in stages:
+        _add_stage(app, stage, stages)
+
+    @app.command(help="Validate the plan, the kite file and the flight log; print a data-quality table.")
+    def check(stages_file: StagesFile = Path("stages.yaml"), settings: Settings = [], as_json: Json = False):  # noqa: B006
+        with shell(as_json) as screen:
+            commands.check(screen, stages, stages_file, settings)
+
+    @app.command(help="Write a commented stages.yaml to start from.")
+    def init(
+        folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the new stages.yaml.")],
+        flight: Annotated[Path, typer.Option(metavar="F", help="Folder of the flight log.")],
+        kite: Annotated[Path, typer.Option(metavar="K", help="Kite file.")],
+    ):
+        with shell() as screen:
+            commands.init(screen, stages, folder, flight, kite)
+
+    @app.command(help="Print the JSON Schema of stages.yaml and of the kite file, for editor completion.")
+    def schema():
+        with shell(as_json=True) as screen:
+            from awescli.physics.declaration import KiteDeclaration
+            from awescli.stages.starter import draft7, plan_schema
+
+            screen.answer({"stages": plan_schema(stages), "kite": draft7(KiteDeclaration)})
+
+    return app
+
+
+def _add_stage(app: typer.Typer, stage: Stage, stages: tuple[Stage, ...]) -> None:
+    """The command of one stage. A setting `report` of the stage becomes `--report`."""
+
+    def go(stages_file: Path, settings: list[str], force: bool, dry_run: bool, quiet: bool, as_json: bool) -> None:
+        with shell(as_json, quiet) as screen:
+            commands.run(screen, stages, stages_file, settings, only=(stage.name,), force=force, dry_run=dry_run)
+
+    def plain(
+        stages_file: StagesFile = Path("stages.yaml"),
+        settings: Settings = [],  # noqa: B006 - typer copies it
+        force: Force = False,
+        dry_run: DryRun = False,
+        quiet: Quiet = False,
+        as_json: Json = False,
+    ):
+        go(stages_file, settings, force, dry_run, quiet, as_json)
+
+    def with_report(
+        stages_file: StagesFile = Path("stages.yaml"),
+        settings: Settings = [],  # noqa: B006 - typer copies it
+        report: Report = False,
+        force: Force = False,
+        dry_run: DryRun = False,
+        quiet: Quiet = False,
+        as_json: Json = False,
+    ):
+        go(stages_file, [*settings, *([f"{stage.name}.report=true"] if report else [])], force, dry_run, quiet, as_json)
+
+    command = with_report if "report" in stage.Config.model_fields else plain
+    app.command(stage.name, help=stage.help, epilog=_settings_help(stage))(command)
+
+
+def _settings_help(stage: Stage) -> str | None:
+    """The stage's settings, for the end of its --help."""
+    rows = []
+    for name, field in stage.Config.model_fields.items():
+        default = field.get_default(call_default_factory=True, validated_data={})
+        rows.append(f"{stage.name}.{field.alias or name} ({default}): {field.description or ''}".rstrip(": "))
+    # \b keeps the lines apart
+    return "\b\nSettings (--set KEY=VALUE), defaults in brackets:\n" + "\n".join(f"  {row}" for row in rows) if rows else None

@@ -1,0 +1,159 @@
+"""What the person sees: lines, bars, tables; and the Progress that stages report to."""
+
+import os
+import sys
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from awescli.cli.tables import rich_table, text_of
+
+
+class Screen:
+    """What the person sees: bars and colours on a terminal, plain lines in a pipe; with --json all of it on stderr.
+
+    It is also the `Progress` that stages report to.
+    """
+
+    def __init__(self, as_json: bool = False, quiet: bool = False):
+        self.as_json, self.quiet = as_json, quiet
+        self.stream = sys.stderr if as_json else sys.stdout
+        self.fancy = not quiet and self.stream.isatty() and os.environ.get("TERM") != "dumb"
+        self.bars: Any = None
+        self.running = ""
+        self.finished: list[str] = []
+        self._console: Any = None
+
+    @property
+    def console(self) -> Any:
+        if self._console is None:
+            from rich.console import Console
+
+            options = {} if self.fancy else {"color_system": None, "force_terminal": False, "width": 140}
+            self._console = Console(file=self.stream, highlight=False, **options)
+        return self._console
+
+    # lines
+
+    def line(self, text: str) -> None:
+        if not self.quiet:
+            self.console.print(text, markup=False, soft_wrap=True)
+
+    def error(self, text: str) -> None:
+        self.close()
+        print(text, file=sys.stderr)
+
+    def answer(self, obj: Any) -> None:
+        """The machine-readable answer, with --json."""
+        if self.as_json:
+            import json
+
+            print(json.dumps(obj, indent=2, allow_nan=False))
+
+    # progress of the runner
+
+    def stage_event(self, stage: str, event: Any) -> None:
+        """A stage begins (event: why) or has ended (event: its Result)."""
+        if isinstance(event, str):
+            self.running = stage
+            self.line(f"{stage}: runs ({event})")
+            return
+        self._end_task()
+        self.running = ""
+        self.finished.append(stage)
+        if event.status == "ran":
+            self.line(f"{stage}: done in {event.seconds:.1f} s")
+        elif event.status == "unchanged":
+            self.line(f"{stage}: skipped, unchanged")
+        else:
+            self.line(f"{stage}: {event.status} ({event.reason})")
+
+    def interrupted(self) -> str:
+        text = f"interrupted during {self.running}" if self.running else "interrupted"
+        kept = f"Finished and kept: {', '.join(self.finished)}." if self.finished else "Results from before are as they were."
+        return f"{text}\n  {kept} The same command continues."
+
+    # Progress, for stages
+
+    def task(self, description: str, total: int | None = None) -> "_Bar | _PlainTask":
+        self._end_task()
+        if not self.fancy:
+            return _PlainTask(self, description, total)
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = TextColumn("  {task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+        self.bars = Progress(*columns, TextColumn("{task.fields[text]}", markup=False), console=self.console, transient=True)
+        self.bars.start()
+        return _Bar(self.bars, self.bars.add_task(description, total=total, text=""))
+
+    def note(self, text: str) -> None:
+        self.line(f"  {text}")
+
+    def _end_task(self) -> None:
+        if self.bars is not None:
+            self.bars.stop()
+            self.bars = None
+
+    def close(self) -> None:
+        self._end_task()
+
+    # summaries
+
+    def summary(self, stage: str, summary: Mapping[str, Any]) -> None:
+        """A stage's summary: one line of numbers, and a table for every mapping of mappings."""
+        numbers = {k: v for k, v in summary.items() if not isinstance(v, Mapping)}
+        if numbers:
+            self.line(f"{stage}: " + ", ".join(f"{k} {text_of(v)}" for k, v in numbers.items()))
+        for title, content in summary.items():
+            if isinstance(content, Mapping):
+                self.section(f"{stage}: {title}", content)
+
+    def section(self, title: str, content: Any) -> None:
+        """A table of rows of columns, a table of values, a list, or one value."""
+        if self.quiet:
+            return
+        if isinstance(content, Mapping) and content:
+            self.line(title)
+            self.console.print(rich_table(content))
+        elif isinstance(content, (list, tuple)):
+            self.line(f"{title}:" + ("" if content else " none"))
+            for item in content:
+                self.line(f"  {text_of(item)}")
+        else:
+            self.line(f"{title}: {text_of(content)}")
+
+
+class _Bar:
+    """A task with a bar, on a terminal."""
+
+    def __init__(self, bars: Any, task: Any):
+        self.bars, self.id = bars, task
+
+    def advance(self, n: int = 1) -> None:
+        self.bars.advance(self.id, n)
+
+    def update(self, text: str) -> None:
+        self.bars.update(self.id, text=text)
+
+
+class _PlainTask:
+    """A task in a pipe or a log file: a line when it begins, then at most one every ten seconds."""
+
+    def __init__(self, screen: Screen, description: str, total: int | None):
+        self.screen, self.description, self.total = screen, description, total
+        self.count, self.text, self.last = 0, "", time.monotonic()
+        screen.line(f"  {description}")
+
+    def advance(self, n: int = 1) -> None:
+        self.count += n
+        self._tell()
+
+    def update(self, text: str) -> None:
+        self.text = text
+        self._tell()
+
+    def _tell(self) -> None:
+        if time.monotonic() - self.last >= 10:
+            self.last = time.monotonic()
+            steps = f" {self.count}/{self.total}" if self.total else f" {self.count}" if self.count else ""
+            self.screen.line(f"  {self.description}{steps} {self.text}".rstrip())
