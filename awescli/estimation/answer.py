@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from awescli.estimation.limits import scaling
 from awescli.estimation.simulation_error import Fit
 from awescli.notation.parameters import ParameterTable
 
@@ -44,9 +45,23 @@ def describe(fit: Fit, prior: ParameterTable, record: Sequence[str] = ()) -> dic
     return {
         "parameters": rows,
         "wind_record_error": errors,
+        "constraints": _constraints(fit),
         "correlation": {"names": list(fit.names), "matrix": np.round(correlation, 6).tolist()},
         "weakest_direction": _weakest(fit, prior),
     }
+
+
+def _constraints(fit: Fit) -> list[dict]:
+    """Every constraint on a fitted parameter: value of its sum, whether it is active, and what the cost (chi-square) would fall by if
+    its limit were moved outwards by one unit."""
+    rows = []
+    held = [c for c in fit.constraints if any(name in fit.names for name in c.factors)]
+    for constraint, multiplier in zip(held, fit.solution.multipliers[len(fit.names) :], strict=True):
+        value = constraint.value({name: fit.parameters[name].value for name in constraint.factors})
+        cost = abs(float(multiplier)) / scaling(constraint, fit.parameters)
+        active = constraint.lower == constraint.upper or cost > 0
+        rows.append({"constraint": constraint.text, "value": value, "active": active, "cost_per_unit": cost})
+    return rows
 
 
 def _advice(excited: bool, at_bound: bool, partners: list[str]) -> str:

@@ -9,6 +9,8 @@ from scipy.linalg import block_diag
 from awescli.estimation.gauss_newton import Solution, covariance, minimise
 from awescli.estimation.gust_level import within_window
 from awescli.estimation.information import Information, reduce
+from awescli.estimation.limits import limits_of
+from awescli.notation.constraints import LinearConstraint
 from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import STATES
 from awescli.simulation.rollout import Columns, Simulator
@@ -54,6 +56,7 @@ class Fit:
     """What a fit found: parameters (all rows, new values for the free ones), own (K, n_own) unknowns of the segments (starts first),
     solution, information at the solution.
 
+    constraints: the kite's, kept by the fit where they name one of `names`;
     covariance: (n, n) of the free parameters in the order `names`, prior included; chi2: squared whitened residual per degree of freedom.
     """
 
@@ -65,6 +68,7 @@ class Fit:
     covariance: np.ndarray
     chi2: float
     alive: np.ndarray
+    constraints: tuple[LinearConstraint, ...] = ()
 
     @property
     def starts(self) -> np.ndarray:
@@ -182,7 +186,8 @@ def fit(
     own: np.ndarray | None = None,
     on_iteration: Callable[[int, float], None] = lambda i, c: None,
 ) -> Fit:
-    """Fit the free parameters `names`, and the segments' starts, to observed segments (seed eq. 11, weights from the noise).
+    """Fit the free parameters `names`, and the segments' starts, to observed segments (seed eq. 11, weights from the noise), under
+    the parameters' bounds and the kite's constraints. Raises BadInput where no values satisfy these.
 
     own: (K, n_own) start values of the segments' unknowns, from an earlier fit of the same segments.
     prior: weigh deviations from `prior_table` (default: `parameters`) with each row's `prior_std` (maximum a posteriori).
@@ -191,7 +196,7 @@ def fit(
     names = problem.names
     rows = [parameters[n] for n in names]
     x0 = np.array([r.value for r in rows])
-    lower, upper = np.array([r.lower for r in rows]), np.array([r.upper for r in rows])
+    limits = limits_of(parameters, names, simulator.kite.constraints)
     centre = np.array([(prior_table or parameters)[n].value for n in names])
     precision = np.array([1 / r.prior_std**2 if prior else 0.0 for r in rows])
     if own is not None:
@@ -223,17 +228,17 @@ def fit(
         for k in np.flatnonzero(here["flies"]):
             moved[k] += share * here["info"].own(k, step)
         here["moved"] = moved
-        return total(np.clip(here["x"] + share * step, lower, upper), moved)
+        return total(limits.clip(here["x"] + share * step), moved)
 
     def accept():
         problem.own = here["moved"]
 
-    solution = minimise(linearise, move, accept, x0, lower, upper, tolerance=tolerance, iterations=iterations, on_iteration=on_iteration)
+    solution = minimise(linearise, move, accept, x0, limits, tolerance=tolerance, iterations=iterations, on_iteration=on_iteration)
     info = here["info"]
     table = parameters.with_values(dict(zip(names, solution.x, strict=True)))
-    spread = covariance(solution.H, np.array([r.prior_std for r in rows]))
+    spread = covariance(solution.H, np.array([r.prior_std for r in rows]), limits.A[limits.equal])
     # the level of the residual is that of the segments that fly; a lost one stands in the account at its price
     flies = here["flies"]
     chi2 = float(info.cost[flies].sum() / max(info.dof[flies].sum() - len(names), 1)) if flies.any() else DIVERGED_COST
     info = replace(info, cost=np.where(flies, info.cost, DIVERGED_COST * observed.measured[0].size))
-    return Fit(names, table, problem.own, solution, info, spread, chi2, here["alive"])
+    return Fit(names, table, problem.own, solution, info, spread, chi2, here["alive"], simulator.kite.constraints)

@@ -86,6 +86,9 @@ class KiteDeclaration(_Frozen):
         ("gravity", "aerodynamics", "tether"),
         description="ordered; each name from the table of effects, with `:target` where an effect has several places to act",
     )
+    constraints: tuple[str, ...] = Field(
+        (), description="linear constraints that identified values keep: `Jx + Jy >= Jz`, `2*CYb + 0.1 <= CYp`; <=, >= or ="
+    )
     noise: Noise = Noise()
 
     def table(self) -> ParameterTable:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
+from awescli.notation.constraints import parse_constraint
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
 from awescli.notation.frames import add, cross, dot, rotate, rotation_body_to_ned, scale
 from awescli.notation.parameters import Parameter, ParameterTable
@@ -87,8 +88,25 @@ def check_declaration(declaration: KiteDeclaration, where: Callable[..., str]) -
             parameter_of(name, row)
         except BadInput as e:
             errors.append(BadInput(e.what, where("parameters", name), e.do))
+    errors += _wrong_constraints(declaration, where)
     if errors:
         raise errors[0] if len(errors) == 1 else BadInputs(errors)
+
+
+def _wrong_constraints(declaration: KiteDeclaration, where: Callable[..., str]) -> list[BadInput]:
+    """What cannot be read in the constraints, or names no parameter of the file."""
+    errors = []
+    for i, text in enumerate(declaration.constraints):
+        try:
+            named = parse_constraint(text).factors
+        except BadInput as e:
+            errors.append(BadInput(e.what, where("constraints", i), e.do))
+            continue
+        for name in named:
+            if name not in declaration.parameters:
+                do = did_you_mean(name, declaration.parameters)
+                errors.append(BadInput(f"'{text}' names the unknown parameter '{name}'", where("constraints", i), do))
+    return errors
 
 
 class Kite:
@@ -114,6 +132,7 @@ class Kite:
         self.record = tuple(p.name for p in record)
         self.parameters: ParameterTable = table.with_rows([*own, *gusts, *record])
         self.parameter_names = tuple(self.parameters)
+        self.constraints = tuple(parse_constraint(text) for text in declaration.constraints)
         self.state_names = (*STATES, *(s for e in self.effects for s in e.state_names()))
         self.x_names = (*self.state_names, *SURFACES)
         wind = (f"wind_{kind}_{i}" for kind in ("speed", "direction", "down") for i in range(len(self.heights)))

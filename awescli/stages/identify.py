@@ -66,6 +66,8 @@ class Identify(Stage):
         unseen = [n for n, row in answer["parameters"].items() if not row["excited"]]
         if bounded:
             context.progress.note(f"at their bounds: {', '.join(bounded)}")
+        if held := [row["constraint"] for row in answer["constraints"] if row["active"]]:
+            context.progress.note(f"constraints that hold the fit back: {'; '.join(held)}")
         if unseen:
             context.progress.note(f"hardly seen by this flight, kept near their priors: {', '.join(unseen)}")
         return {

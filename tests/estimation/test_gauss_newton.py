@@ -1,13 +1,19 @@
-"""The bounded Gauss-Newton: its quadratic program against independent solvers, its search on problems with known minima."""
+"""The constrained Gauss-Newton: its quadratic program against independent solvers, its search on problems with known minima."""
 
 import itertools
 
 import numpy as np
 import pytest
 from oracles import kkt_violation
-from scipy.optimize import lsq_linear
+from scipy.optimize import LinearConstraint, lsq_linear, minimize
 
-from awescli.estimation.gauss_newton import bounded_step, covariance, minimise
+from awescli.estimation.gauss_newton import covariance, minimise
+from awescli.estimation.quadratic_program import Limits, best_step
+
+
+def bounded_step(H, b, lower, upper):
+    """A step from 0 under bounds alone."""
+    return best_step(H, b, Limits.box(lower, upper), np.zeros(len(b)))[0]
 
 
 def problem(seed, n=6, condition=1e4):
@@ -118,15 +124,14 @@ class Curve:
         self.accepted += 1
 
     def solve(self, start, lower=(-9, -9, -9), upper=(9, 9, 9), **how):
-        return minimise(
-            self.linearise, self.move, self.accept, np.array(start, float), np.array(lower, float), np.array(upper, float), **how
-        )
+        return minimise(self.linearise, self.move, self.accept, np.array(start, float), Limits.box(lower, upper), **how)
 
 
 def test_it_finds_a_known_minimum_from_afar():
-    """Guards damping and line search: a nonlinear fit from a start where the full step is useless."""
+    """Guards damping and line search: a nonlinear fit from a start where the full step is useless. (Growing curves, b < 0, have a local
+    minimum of their own at c = 9.)"""
     curve = Curve()
-    found = curve.solve((0.5, 3.0, -1.0), tolerance=1e-14, iterations=60)
+    found = curve.solve((0.5, 3.0, -1.0), lower=(-9, 0, -9), tolerance=1e-20, iterations=60)
     assert found.outcome == "converged" and found.x == pytest.approx((2.0, 0.7, 0.3), rel=1e-8)
     assert list(found.history) == sorted(found.history, reverse=True) and curve.accepted == len(found.history) - 1
 
@@ -146,3 +151,89 @@ def test_outcomes_have_names():
     stuck = Curve()
     stuck.move = lambda step, share: np.nan  # whatever is tried diverges
     assert stuck.solve((0.5, 3.0, -1.0)).outcome == "no_progress" and stuck.accepted == 0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_step_under_linear_constraints_is_optimal(seed):
+    """Guards the whole quadratic program, equalities included, by stationarity, signs and complementarity, and by scipy's SLSQP."""
+    random = np.random.default_rng(seed)
+    H, b, lower, upper = problem(seed, condition=1e3)
+    unit = np.sqrt(np.diag(H))
+    A = random.standard_normal((3, 6)) * unit
+    high = np.array([0.1, 0.2, 0.05])
+    low = np.array([-np.inf, -0.1, 0.05])
+    limits = Limits(lower, upper, A, low, high)
+    d, multipliers = best_step(H, b, limits, np.zeros(6))
+    rows = np.vstack([np.eye(6), A])
+    assert np.abs((H @ d - b + rows.T @ multipliers) / unit).max() < 1e-8 * np.abs(b / unit).max()
+    value, below, above = rows @ d, np.r_[lower, low], np.r_[upper, high]
+    assert (value <= above + 1e-9 * np.maximum(1, np.abs(above))).all() and (value >= below - 1e-9 * np.maximum(1, np.abs(below))).all()
+    at = np.where(multipliers > 0, above, below)
+    assert value[multipliers != 0] == pytest.approx(at[multipliers != 0], rel=1e-8, abs=1e-9) and multipliers[8] != 0
+    scaled, target = H / np.outer(unit, unit), b / unit
+    other = minimize(
+        lambda y: 0.5 * y @ scaled @ y - target @ y, np.zeros(6), jac=lambda y: scaled @ y - target, method="SLSQP",
+        bounds=list(zip(lower * unit, upper * unit, strict=True)), options={"ftol": 1e-14, "maxiter": 500},
+        constraints=[{"type": "eq", "fun": lambda y: A[2:] / unit @ y - 0.05}]
+        + [{"type": "ineq", "fun": lambda y: np.r_[high[:2] - A[:2] / unit @ y, A[1] / unit @ y - low[1]]}],
+    )  # fmt: skip
+    assert d * unit == pytest.approx(other.x, abs=1e-4 * np.abs(other.x).max())
+    assert 0.5 * d @ H @ d - b @ d <= other.fun + 1e-9 * abs(other.fun)
+
+
+def constrained(start, A, low, high, **how):
+    """The curve fitted under rows, b >= 0."""
+    limits = Limits(np.array([-9.0, 0, -9]), np.full(3, 9.0), np.atleast_2d(A), np.atleast_1d(low), np.atleast_1d(high))
+    curve = Curve()
+    return curve, minimise(curve.linearise, curve.move, curve.accept, np.array(start), limits, tolerance=1e-13, iterations=100, **how)
+
+
+CASES = {
+    "inequality": ([[1.0, 0.0, 1.0]], [-np.inf], [2.1]),
+    "equality": ([[1.0, -2.0, 0.0]], [0.8], [0.8]),
+    "both, and one that does not matter": ([[1.0, 0, 1], [1, -2, 0], [0, 1, 1]], [-np.inf, 0.8, -5], [2.1, 0.8, 5]),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("start", [(1.0, 1.0, 0.0), (5.0, 0.2, 3.0)])
+def test_it_finds_the_constrained_minimum(case, start):
+    """Guards the SQP by scipy's trust-region interior point method; the second start violates the rows. (The SQP may stop a millionth
+    of the cost above the minimum.)"""
+    A, low, high = CASES[case]
+    curve, found = constrained(start, A, low, high)
+    other = minimize(
+        lambda x: ((curve.y - curve.model(x)) ** 2).sum(), (1.0, 1.0, 0.0), method="trust-constr", bounds=[(-9, 9), (0, 9), (-9, 9)],
+        constraints=[LinearConstraint(A, low, high)], options={"gtol": 1e-11, "xtol": 1e-13, "maxiter": 3000},
+    )  # fmt: skip
+    assert found.outcome == "converged" and found.x == pytest.approx(other.x, abs=5e-4) and found.cost <= other.fun * (1 + 1e-6)
+    value = np.array(A) @ found.x
+    assert (value <= np.array(high) + 1e-9).all() and (value >= np.array(low) - 1e-9).all()
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_multipliers_are_what_a_limit_costs(case):
+    """Guards sign and unit of the multipliers: central differences of the optimal cost over each limit."""
+    A, low, high = (np.array(v, float) for v in CASES[case])
+    _, found = constrained((1.0, 1.0, 0.0), A, low, high)
+    for i in range(len(high)):
+        h = 1e-4 * np.eye(len(high))[i]
+        moved = [constrained((1.0, 1.0, 0.0), A, np.where(low == high, low + s * h, low), high + s * h)[1].cost for s in (1, -1)]
+        assert found.multipliers[3 + i] == pytest.approx((moved[1] - moved[0]) / 2e-4, rel=1e-3, abs=1e-7)
+    assert np.abs(found.multipliers[3:]).max() > 0.01 and found.multipliers[:3] == pytest.approx(0)
+
+
+def test_a_start_outside_the_constraints_pays_for_it_in_the_merit():
+    """Guards the penalty: from a start with a lower cost than any feasible point, the search must be able to climb."""
+    _, found = constrained((2.0, 0.7, 0.3), [[1.0, 0.0, 1.0]], [-np.inf], [2.1])
+    assert found.history[0] < 1e-20 and found.outcome == "converged" and found.cost > 1e-3
+    assert found.x[0] + found.x[2] == pytest.approx(2.1, abs=1e-9)
+
+
+def test_an_equality_leaves_no_variance_across_it():
+    """Guards the covariance under equalities: that of the reduced problem, by substitution of x2 = 2 x0 + const."""
+    H = problem(5, n=3, condition=10)[0]
+    substituted = np.array([[1.0, 0], [0, 1], [2, 0]])
+    reduced = substituted @ np.linalg.inv(substituted.T @ H @ substituted) @ substituted.T
+    scale = 1 / np.sqrt(np.diag(H))
+    assert covariance(H, scale, np.array([[2.0, 0.0, -1.0]])) == pytest.approx(reduced, rel=1e-6, abs=1e-9 * np.abs(reduced).max())
