@@ -47,15 +47,16 @@ def reduce(
     """
     K, N, n_out, columns = J.shape
     order = np.arange(columns) if order is None else np.asarray(order)
+    place = np.r_[order, columns]
     n = columns - n_own
     weight = np.where(np.isfinite(sigma), 1 / sigma, 0.0)
     H, b, cost, dof, back = np.zeros((K, n, n)), np.zeros((K, n)), np.zeros(K), np.zeros(K), []
+    A = np.empty((N * n_out, columns + 1))
     for k in range(K):
-        W = J[k] * weight[k][:, :, None]
-        A = np.empty((N * n_out, columns + 1))
-        np.take(W.reshape(-1, columns), order, axis=1, out=A[:, :columns])
+        np.multiply(J[k].reshape(-1, columns), weight[k].reshape(-1, 1), out=A[:, :columns])
         A[:, columns] = r[k].reshape(-1)
-        G = A.T @ A
+        # the small Gram matrix is put in order, not the long columns
+        G = (A.T @ A)[np.ix_(place, place)]
         M = G[:n_own, :n_own] + own_prior
         factor = _factor(M)
         pull = own_prior @ own_value[k]
@@ -65,7 +66,7 @@ def reduce(
         b[k] = G[n_own:columns, columns] - M_lg.T @ X[:, -1]
         cost[k] = G[columns, columns] + own_value[k] @ pull - M_lr @ X[:, -1]
         if (np.diag(G)[n_own:columns] > CANCELLED * np.diag(H[k])).any():
-            H[k], b[k], cost[k] = _projected(A, n_own, own_prior, own_value[k])
+            H[k], b[k], cost[k] = _projected(A[:, place], n_own, own_prior, own_value[k])
         dof[k] = np.count_nonzero(weight[k]) - np.count_nonzero(np.diag(own_prior) == 0)
         back.append((factor, M_lg, M_lr))
     return Information(H, b, cost, dof, back)

@@ -55,6 +55,12 @@ def make_effect(key: str, declaration: KiteDeclaration) -> Effect:
     return EFFECTS[name](target, declaration)
 
 
+def with_new(known: Sequence[str], new: Sequence[str]) -> tuple[str, ...]:
+    """Keys of effects with new ones added before those whose load answers the sum of all others (the tether, seed eq. 2)."""
+    at = next((i for i, key in enumerate(known) if EFFECTS[key.partition(":")[0]].last), len(known))
+    return (*known[:at], *new, *known[at:])
+
+
 def check_declaration(declaration: KiteDeclaration, where: Callable[..., str]) -> None:
     """Everything that the schema cannot see: effects, targets, monomials, parameters that are missing. Raises BadInputs.
 
@@ -122,9 +128,7 @@ class Kite:
         self.declaration = declaration
         self.heights = tuple(float(h) for h in heights)
         keys = [k for k in declaration.effects if k not in extra]
-        # candidates stand before the tether, which must see every other load (seed eq. 2)
-        at = keys.index("tether") if "tether" in keys else len(keys)
-        self.effects = [make_effect(k, declaration) for k in (*keys[:at], *extra, *keys[at:])]
+        self.effects = [make_effect(k, declaration) for k in with_new(keys, extra)]
         table = declaration.table()
         own = [p for effect in self.effects for p in effect.rows() if p.name not in table]
         gusts = [Parameter(n, 0.0, "m/s", std=max(declaration.wind.std, 1e-6), source="nuisance") for n in GUSTS]
@@ -236,15 +240,13 @@ class Kite:
         return other
 
     def declare(self, keys: Sequence[str], free: Sequence[str] = (), table: ParameterTable | None = None) -> KiteDeclaration:
-        """The declaration with the effects `keys` added before the tether and the parameters of `table` (default: own) written in."""
+        """The declaration with the effects `keys` added and the parameters of `table` (default: own) written in."""
         table = table or self.parameters
         known = list(self.declaration.effects)
-        new = [k for k in keys if k not in known]
-        at = known.index("tether") if "tether" in known else len(known)
         names = [n for e in self.effects if e.key in (*known, *keys) for n in (p.name for p in e.rows())]
         rows = [replace(table[n], free=True) if n in free else table[n] for n in dict.fromkeys((*self.declaration.parameters, *names))]
         declared = self.declaration.with_parameters(ParameterTable(rows))
-        return declared.model_copy(update={"effects": (*known[:at], *new, *known[at:])})
+        return declared.model_copy(update={"effects": with_new(known, [k for k in keys if k not in known])})
 
 
 def aerodynamic_load(at: Instant) -> Load:

@@ -146,7 +146,7 @@ def _refined(contest: Contest, kite: Kite, best: Runner) -> Runner:
         name = f"{effect.key}.{shape}"
         if name in best.names:
             continue
-        for value in effect.probes.get(shape, ()):
+        for value in (*effect.probes.get(shape, ()), *effect.refinements.get(shape, ())):
             if value == best.table[name].value:
                 continue
             table = best.table.with_values({name: value})

@@ -181,6 +181,14 @@ def test_surface_effectiveness_counts_less_beyond_the_threshold():
         assert with_it.deflections["rudder"] == pytest.approx(expected) and with_it.deflections["aileron"] == 0.01
 
 
+def test_a_dead_band_loses_small_deflections():
+    """Guards both signs: of 0.12 rad a band of 0.01 leaves 0.11, of 0.006 nothing."""
+    for deflection in (0.12, -0.12, 0.006):
+        with_it, _ = both("surface_dead_band:rudder", rudder=deflection)
+        expected = np.sign(deflection) * max(abs(deflection) - 0.01, 0.0)
+        assert with_it.deflections["rudder"] == pytest.approx(expected, abs=1e-15)
+
+
 def flown(key, calm, values=None, seconds=2.0, setpoint=None):
     """(kite, trajectories, segments) of the kite with an effect on a lively segment; setpoint: of the rudder, (N+1,)."""
     from dataclasses import replace
@@ -215,6 +223,16 @@ def test_an_actuator_lag_is_first_order(calm):
     values["actuator_lag:rudder.rate"] = 0.2
     limited = deflection(*flown("actuator_lag:rudder", calm, values, setpoint=step), values)
     assert np.diff(limited[11:20]) == pytest.approx(0.2 * 0.02, rel=1e-6)  # 0.1 / 0.2 s would be 0.5 rad/s
+
+
+def test_an_actuator_lag_of_second_order(calm):
+    """Guards the step response of two lags in a row, 1 - (tau e^(-t/tau) - tau_2 e^(-t/tau_2)) / (tau - tau_2)."""
+    step = np.where(np.arange(101) >= 10, 0.1, 0.0)
+    values = {"actuator_lag:rudder.tau": 0.2, "actuator_lag:rudder.tau_2": 0.1}
+    case = flown("actuator_lag:rudder", calm, values, setpoint=step)
+    t = 0.02 * np.maximum(np.arange(101) - 10, 0)
+    response = 1 - (0.2 * np.exp(-t / 0.2) - 0.1 * np.exp(-t / 0.1)) / 0.1
+    assert deflection(*case, values)[11:] == pytest.approx(0.1 * response[11:], abs=1e-3)
 
 
 def test_a_lagging_surface_is_behind_from_the_start(calm):

@@ -21,6 +21,7 @@ from awescli.physics.effects.pitch_curvature import PitchCurvature
 from awescli.physics.effects.position_latency import PositionLatency
 from awescli.physics.effects.sideslip_drag import SideslipDrag
 from awescli.physics.effects.surface_bias import SurfaceBias
+from awescli.physics.effects.surface_dead_band import SurfaceDeadBand
 from awescli.physics.effects.surface_effectiveness import SurfaceEffectiveness
 from awescli.physics.effects.tether import Tether
 from awescli.physics.effects.tether_attachment import TetherAttachment
@@ -44,7 +45,7 @@ EFFECTS = {
         TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment, WinchLength, ClockOffset,
         MassOffset, AddedMass,
         ParasiticDrag, SideslipDrag, LiftStall, PitchCurvature, UnsteadyLift, AeroelasticTwist, SurfaceBias,
-        SurfaceEffectiveness, ActuatorLag, ActuatorDelay,
+        SurfaceEffectiveness, SurfaceDeadBand, ActuatorLag, ActuatorDelay,
         VaneBias, AirspeedScale, LoadCellScale, LoadCellLag, PositionLatency, HeadingBias, ImuBias,
         CustomTerm,
     )

@@ -10,26 +10,40 @@ FASTEST = 50.0
 
 
 class ActuatorLag(Effect):
-    """d(delta)/dt = (set-point - delta)/tau, limited to +-rate. Source: 0.1 s, 2 rad/s (MegAWES actuators)."""
+    """d(delta)/dt = (y - delta)/tau, limited to +-rate; tau_2 dy/dt = set-point - y makes the lag one of second order.
+
+    Source: 0.1 s, 2 rad/s (MegAWES actuators); two time constants are a second-order actuator without overshoot.
+    """
 
     name = "actuator_lag"
-    doc = "first-order lag with a rate limit"
+    doc = "first- or second-order lag with a rate limit"
     parameters = (
         Parameter("tau", 0.0, "s", 0.0, 1.0, source="0.1 s"),
         Parameter("rate", FASTEST, "rad/s", 0.05, FASTEST, source="2 rad/s (MegAWES)"),
+        Parameter("tau_2", 0.0, "s", 0.0, 0.5, source="no slower than the first; gives form only"),
     )
     targets = SURFACES
-    states = ("deflection",)
+    states = ("command", "deflection")
     probes = {"tau": (0.06, 0.15, 0.3), "rate": (FASTEST, 0.8)}
-    shapes = ("rate",)
+    shapes = ("rate", "tau_2")
+    refinements = {"tau_2": (0.08,)}
 
     def actuate(self, deflections, at, own):
-        at.states[f"{self.key}.target"] = deflections[self.target]
-        return {**deflections, self.target: lagged(*self.own_states(at), deflections[self.target], own.tau)}
+        command, deflection = self.own_states(at)
+        setpoint = deflections[self.target]
+        command = lagged(command, setpoint, own.tau_2)
+        at.states[f"{self.key}.setpoint"], at.states[f"{self.key}.followed"] = setpoint, command
+        return {**deflections, self.target: lagged(deflection, command, own.tau)}
 
     def rates(self, at, own):
-        return (clipped(lag_rate(*self.own_states(at), at.states[f"{self.key}.target"], own.tau), own.rate),)
+        command, deflection = self.own_states(at)
+        return (
+            lag_rate(command, at.states[f"{self.key}.setpoint"], own.tau_2),
+            clipped(lag_rate(deflection, at.states[f"{self.key}.followed"], own.tau), own.rate),
+        )
 
     def initial(self, at, own):
         # where a lagging surface is when its set-point has been moving steadily
-        return (at.states[f"{self.key}.target"] - own.tau * clipped(at.inputs[f"{self.target}_rate"], own.rate),)
+        setpoint, rate = at.states[f"{self.key}.setpoint"], at.inputs[f"{self.target}_rate"]
+        command = setpoint - own.tau_2 * rate
+        return command, command - own.tau * clipped(rate, own.rate)

@@ -15,10 +15,10 @@ class Effect:
 
     name: its row in the table; parameters: with null as `value`, plausible range as bounds; targets: where it may act
     (surfaces, axes, clock groups), empty if there is only one such place; always: part of every kite, not a candidate;
-    empirical: a term fitted to a residual, not physics.
-    plausible: parameter name -> largest size at which the effect is an explanation; probes: parameter name -> sizes at which
-    an effect that is flat at null (a lag, a threshold) is tried; abrupt: its presence changes the start of a rollout so much that
-    only a re-fit from the probe can judge it; shapes: parameters that only give form to another one.
+    empirical: a term fitted to a residual, not physics; probes: parameter name -> sizes at which an effect that is flat at null (a lag,
+    a threshold) is tried; abrupt: its presence changes the start of a rollout so much that only a re-fit from the probe can judge it;
+    shapes: parameters that only give form to another one; refinements: shape -> values tried only once the effect is accepted;
+    last: its load answers the sum of all others, so that it stands behind them.
 
     Every method receives what stands at its place, the instant `at`, and `own`: the values of its parameters by short name.
     It must give back its input unchanged, to the last bit, when all parameters are null.
@@ -31,10 +31,12 @@ class Effect:
     states: tuple[str, ...] = ()
     probes: dict[str, tuple[float, ...]] = {}
     shapes: tuple[str, ...] = ()
+    refinements: dict[str, tuple[float, ...]] = {}
     abrupt: bool = False
     always: bool = False
     traceable: bool = True
     empirical: bool = False
+    last: bool = False
 
     def __init__(self, target: str = "", declaration=None):
         """target: one of `targets`, or empty; declaration: the kite file (`declaration.KiteDeclaration`) it stands in."""

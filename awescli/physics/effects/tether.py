@@ -38,6 +38,7 @@ class Tether(Effect):
     name = "tether"
     doc = "line constraint with virtual spring, drag and attachment moment"
     always = True
+    last = True
 
     def __init__(self, target="", declaration=None):
         super().__init__(target, declaration)
