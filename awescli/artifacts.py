@@ -39,6 +39,11 @@ def write_text(path: Path, text: str | Iterable[str]) -> None:
     _write(path, ([text] if isinstance(text, str) else text))
 
 
+def write_content(path: Path, content: bytes) -> None:
+    """A file of any kind: a picture."""
+    _write(path, [content])
+
+
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
     """Named arrays as .npz. Not np.savez: that stamps the time of day into the file, so equal content would differ."""
     import io
@@ -322,6 +327,14 @@ def remove(path: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
     else:
         path.unlink(missing_ok=True)
+
+
+def copy_files(source: Path, folder: Path) -> int:
+    """Every file of `source` copied into a folder of the user's, beside what may lie there; how many."""
+    files = sorted(p for p in source.iterdir() if p.is_file())
+    for file in files:
+        _write(folder / file.name, [file.read_bytes()])
+    return len(files)
 
 
 # --- what it was made from ------------------------------------------------------------------------------------------------

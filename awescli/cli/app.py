@@ -25,6 +25,10 @@ DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would run and 
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON on stdout, all else on stderr.")]
 Report = Annotated[bool, typer.Option("--report", help="Also write the report, one self-contained HTML file.")]
+Figures = Annotated[
+    Path | None,
+    typer.Option("--figures", metavar="DIR", help="Also write every figure of the report to DIR: PNG, SVG, and its data as CSV."),
+]
 
 
 def main() -> None:
@@ -96,11 +100,11 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
 
 
 def _add_stage(app: typer.Typer, stage: Stage, stages: tuple[Stage, ...]) -> None:
-    """The command of one stage. A setting `report` of the stage becomes `--report`."""
+    """The command of one stage. The settings `report` and `figures` of a stage that has a page become options."""
 
-    def go(stages_file: Path, settings: list[str], force: bool, dry_run: bool, quiet: bool, as_json: bool) -> None:
+    def go(stages_file: Path, settings: list[str], quiet: bool, as_json: bool, **choices) -> None:
         with shell(as_json, quiet) as screen:
-            commands.run(screen, stages, stages_file, settings, only=(stage.name,), force=force, dry_run=dry_run)
+            commands.run(screen, stages, stages_file, settings, only=(stage.name,), **choices)
 
     def plain(
         stages_file: StagesFile = Path("stages.yaml"),
@@ -110,20 +114,22 @@ def _add_stage(app: typer.Typer, stage: Stage, stages: tuple[Stage, ...]) -> Non
         quiet: Quiet = False,
         as_json: Json = False,
     ):
-        go(stages_file, settings, force, dry_run, quiet, as_json)
+        go(stages_file, settings, quiet, as_json, force=force, dry_run=dry_run)
 
-    def with_report(
+    def with_page(
         stages_file: StagesFile = Path("stages.yaml"),
         settings: Settings = [],  # noqa: B006 - typer copies it
         report: Report = False,
+        figures: Figures = None,
         force: Force = False,
         dry_run: DryRun = False,
         quiet: Quiet = False,
         as_json: Json = False,
     ):
-        go(stages_file, [*settings, *([f"{stage.name}.report=true"] if report else [])], force, dry_run, quiet, as_json)
+        wanted = [f"{stage.name}.{name}=true" for name, asked in (("report", report), ("figures", figures)) if asked]
+        go(stages_file, [*settings, *wanted], quiet, as_json, force=force, dry_run=dry_run, figures=figures)
 
-    command = with_report if "report" in stage.Config.model_fields else plain
+    command = with_page if "report" in stage.Config.model_fields else plain
     app.command(stage.name, help=stage.help, epilog=_settings_help(stage))(command)
 
 

@@ -24,16 +24,22 @@ def _overrides(settings: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def run(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str], **choices: Any) -> None:
-    """Run the plan, or one stage of it, and show what came of it."""
+def run(
+    screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str], figures: Path | None = None, **choices: Any
+) -> None:
+    """Run the plan, or one stage of it, and show what came of it. figures: where copies of its figures go."""
     from awescli.stages.plan import read_plan
     from awescli.stages.runner import run_plan
 
+    if figures is not None and figures.exists() and not figures.is_dir():
+        raise BadInput("is a file, a folder is needed", f"--figures {figures}", "Choose another name.")
     plan = read_plan(file, stages, _overrides(settings))
     results = run_plan(plan, stages, progress=screen, report=screen.stage_event, **choices)
     for result in results:
         if result.status in ("ran", "unchanged"):
             screen.summary(result.stage, result.summary)
+            if figures is not None and not choices.get("dry_run"):
+                _copy_figures(screen, plan.out / result.stage, figures)
     screen.answer(
         {
             "out": str(plan.out),
@@ -49,6 +55,14 @@ def run(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequenc
             ],
         }
     )
+
+
+def _copy_figures(screen: Screen, folder: Path, to: Path) -> None:
+    """The figures of a stage's folder, in a folder of the user's."""
+    from awescli.artifacts import copy_files
+    from awescli.stages.page import FIGURES
+
+    screen.line(f"figures: {copy_files(folder / FIGURES, to)} files in {to}")
 
 
 def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:

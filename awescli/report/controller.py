@@ -4,8 +4,8 @@ import numpy as np
 
 from awescli.flightlog.split import PARTS
 from awescli.report.evidence import Evidence
-from awescli.report.marks import Cell, Section, absent, esc, folded, paragraph, table
-from awescli.report.plots import axis, dots, figure, line, stride
+from awescli.report.marks import Body, Cell, Section, absent, esc, folded, paragraph, table
+from awescli.report.plots import Figure, axis, dots, line, stride
 from awescli.report.words import COLOURS, listed, number, percent
 
 OUTCOMES = {
@@ -21,9 +21,9 @@ def controller(evidence: Evidence) -> Section:
         return Section(
             "controller", title, absent("awes fit-controller", "no control law was fitted; set-points are replayed from the log")
         )
-    body = paragraph(sentence(evidence)) + fit_table(evidence)
-    body += "".join(law_against_log(evidence, s) for s in evidence.commanded)
-    return Section("controller", title, body + survival(evidence) + features(evidence))
+    against = tuple(law_against_log(evidence, s) for s in evidence.commanded)
+    body = paragraph(sentence(evidence)), fit_table(evidence), against, survival(evidence), features(evidence)
+    return Section("controller", title, body)
 
 
 def sentence(evidence: Evidence) -> str:
@@ -56,7 +56,7 @@ def fit_table(evidence: Evidence) -> str:
     return f'<div id="tab-controller">{note}{table(head, rows)}</div>'
 
 
-def law_against_log(evidence: Evidence, surface: str) -> str:
+def law_against_log(evidence: Evidence, surface: str) -> Body:
     """Measured and commanded set-point over the test part."""
     log = evidence.log
     if surface not in log:
@@ -70,13 +70,13 @@ def law_against_log(evidence: Evidence, surface: str) -> str:
         line(t, degrees(log[surface]), "flown", COLOURS["measured"]),
         line(t, degrees(evidence.commanded[surface]), "law, at the measured states", COLOURS["with_effects"]),
     ]
-    return figure(
+    return Figure(
         f"fig-law-{surface}", f"{surface.capitalize()}: flown, and what the law commands", data,
         {"xaxis": axis("time [s]"), "yaxis": axis(f"{surface} [°]")}, split=f"test {evidence.parts.of}", height=280, linked="test",
     )  # fmt: skip
 
 
-def survival(evidence: Evidence) -> str:
+def survival(evidence: Evidence) -> Body:
     """How long the law flies the model by itself, from several starts."""
     proof = evidence.controller.get("closed_loop") or {}
     flown, starts = proof.get("survival_s") or [], proof.get("starts_s") or []
@@ -104,7 +104,7 @@ def survival(evidence: Evidence) -> str:
         "shapes": [dict(type="line", xref="paper", x0=0, x1=1, y0=asked, y1=asked, line={"color": "@grey", "dash": "dot"})],
         "annotations": [dict(xref="paper", x=1, y=asked, text="asked", showarrow=False, yanchor="top", xanchor="right")],
     }  # fmt: skip
-    return figure(
+    return Figure(
         "fig-survival", "Closed loop with the declared model", data, layout, split="starts over the whole flight", note=text, height=240
     )
 

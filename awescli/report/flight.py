@@ -5,8 +5,8 @@ import numpy as np
 from awescli.flightlog.faults import runs_of
 from awescli.flightlog.split import PARTS
 from awescli.report.evidence import Evidence
-from awescli.report.marks import Cell, Section, bullets, chip, esc, folded, paragraph, table
-from awescli.report.plots import axis, figure, line, scene, stride
+from awescli.report.marks import Body, Cell, Section, bullets, chip, esc, folded, paragraph, table
+from awescli.report.plots import Figure, axis, grid, line, scene, stride
 from awescli.report.words import COLOURS, channel, number, percent
 
 PHASE_COLOURS = {"ground": "@grey", "hover": "@ochre", "traction": "@green", "retraction": "@purple", "transition": "@steel"}
@@ -21,11 +21,11 @@ def flight(evidence: Evidence) -> Section:
         f"{esc(log.name)}: {quality.duration:.1f} s at {quality.rate:.3g} Hz, {quality.samples} samples. {esc(quality.loops)}, "
         f"dealt whole to the three parts: {counts}. Models are fitted to train, chosen on validation, judged on test."
     )
-    body = paragraph(facts) + path(evidence) + timeline(evidence) + wind(evidence) + checks(evidence) + signals(evidence)
+    body = paragraph(facts), path(evidence), timeline(evidence), wind(evidence), checks(evidence), signals(evidence)
     return Section("flight", "The flight", body)
 
 
-def path(evidence: Evidence) -> str:
+def path(evidence: Evidence) -> Figure:
     """The measured path, coloured by part."""
     log, step = evidence.log, stride(len(evidence.log), MOST)
     owner = np.full(len(log), -1)
@@ -49,14 +49,14 @@ def path(evidence: Evidence) -> str:
         "type": "scatter3d", "mode": "markers", "x": [0], "y": [0], "z": [0], "name": "winch",
         "marker": {"size": 5, "color": COLOURS["measured"], "symbol": "diamond"},
     })  # fmt: skip
-    return figure(
+    return Figure(
         "fig-3d-flight", "The measured path", data,
         {"scene": scene(log["p_e"], log["p_n"], -log["p_d"], winch=True), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
         split="whole flight, by part", note="Drag to turn, scroll or pinch to come nearer.", height=460,
     )  # fmt: skip
 
 
-def timeline(evidence: Evidence) -> str:
+def timeline(evidence: Evidence) -> Figure:
     """Height and tether length over time, with phases below and parts above."""
     log, step = evidence.log, stride(len(evidence.log))
     t, height = log.time[::step], -log["p_d"][::step]
@@ -71,7 +71,7 @@ def timeline(evidence: Evidence) -> str:
         data.append(_key(name, PHASE_COLOURS[name], "phase: "))
         shapes += [_strip(log.time[a], log.time[b - 1], 0.0, 0.045, PHASE_COLOURS[name]) for a, b in runs_of(evidence.phases == name)]
     spent = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in evidence.quality.phases.items())
-    return figure(
+    return Figure(
         "fig-timeline", "Height over time", data, {"xaxis": axis("time [s]"), "yaxis": axis("[m]", rangemode="tozero"), "shapes": shapes},
         split="whole flight", note=f"Strip above: parts; strip below: phases ({esc(spent)}).", height=300, linked="flight",
     )  # fmt: skip
@@ -89,7 +89,7 @@ def _key(name: str, colour: str, prefix: str = "") -> dict:
     }  # fmt: skip
 
 
-def wind(evidence: Evidence) -> str:
+def wind(evidence: Evidence) -> Body:
     """Speed and direction as recorded, per height."""
     record = evidence.log.wind
     if record is None:
@@ -110,9 +110,9 @@ def wind(evidence: Evidence) -> str:
             for i, k in enumerate(shown)
         ]
         layout = {"xaxis": axis("time [s]"), "yaxis": axis(f"[{unit}]"), "showlegend": True}
-        panels.append(figure(id, title, data, layout, split="whole flight", height=230, part=True))
+        panels.append(Figure(id, title, data, layout, split="whole flight", height=230, part=True))
     mean = f"Mean wind {number(float(record.speed[inside].mean()))} m/s at the recorded heights."
-    return f'<div class="grid">{"".join(panels)}</div>' + paragraph(mean)
+    return grid(panels), paragraph(mean)
 
 
 def checks(evidence: Evidence) -> str:

@@ -2,7 +2,7 @@
 
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Section, bullets, esc, link, paragraph
-from awescli.report.plots import LOG, axis, dots, figure
+from awescli.report.plots import Figure, dots, log_axis
 from awescli.report.words import COLOURS, channel, effect_words, listed, percent, short, times, with_std
 
 ODDS = {
@@ -19,7 +19,8 @@ SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "
 
 def headline(evidence: Evidence) -> Section:
     """Title, verdict, claims, numbers of the ladder, and the ladder per channel."""
-    body = (paragraph(lead(evidence), "lead") if evidence.effects else "") + tiles(evidence) + bullets(claims(evidence)) + ladder(evidence)
+    said = paragraph(lead(evidence), "lead") if evidence.effects else ""
+    body = said, tiles(evidence), bullets(claims(evidence)), ladder(evidence)
     return Section("summary", title(evidence), body)
 
 
@@ -181,7 +182,7 @@ def _flight(evidence: Evidence) -> str:
     return f"{head}; {link('tab-quality', 'data checks that failed')}: {esc(listed(failed))}."
 
 
-def ladder(evidence: Evidence) -> str:
+def ladder(evidence: Evidence) -> Figure:
     """Error per channel of every model, on a logarithmic axis, with the noise floor."""
     names = [n for n in SCORED if n in evidence.nrmse(evidence.best)]
     labels = [short(n) for n in names]
@@ -201,11 +202,11 @@ def ladder(evidence: Evidence) -> str:
         )
     )  # fmt: skip
     layout = {
-        "xaxis": axis("NRMSE [% of range]", **LOG),
+        "xaxis": log_axis("NRMSE [% of range]", *(t["x"] for t in data)),
         "yaxis": {"autorange": "reversed", "type": "category", "dtick": 1},
         "margin": {"l": 64},
     }
-    return figure(
+    return Figure(
         "fig-ladder", f"Prediction error {evidence.horizon:g} s ahead, per channel", data, layout, split=f"test {evidence.parts.of}",
         note="Further left is better; the axis is logarithmic. Nothing can stay left of the grey mark: that is sensor noise.",
         height=max(60 + 24 * len(names), 260),

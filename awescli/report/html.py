@@ -28,29 +28,34 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 """What the browser lets the page do: nothing but what stands in it."""
 
 
+def story(evidence: Evidence) -> list[Section]:
+    """All sections, in order: what the page and the files for papers are made of."""
+    return [tell(evidence) for tell in SECTIONS]
+
+
 def page(evidence: Evidence) -> str:
     """The whole page."""
-    sections = [tell(evidence) for tell in SECTIONS]
+    sections = story(evidence)
     first, *rest = sections
     links = "".join(f'<a href="#{s.id}">{NAMES[s.id]}</a>' for s in sections)
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">\n'
-        f"<title>{esc(first.title)} · {esc(evidence.log.name)}</title>\n<style>{_own('page.css')}</style></head>\n<body>\n"
+        f"<title>{esc(first.title)} · {esc(evidence.log.name)}</title>\n<style>{own('page.css')}</style></head>\n<body>\n"
         f'<nav aria-label="sections"><div>{links}</div></nav>\n{_top(evidence, first)}<main>\n'
         f"{''.join(s.html() for s in rest)}<footer>Made by awes {esc(evidence.versions.get('awes', ''))}.</footer></main>\n"
-        f"<script>{_inline(get_plotlyjs())}</script>\n<script>{_inline(_own('page.js'))}</script>\n</body></html>\n"
+        f"<script>{_inline(get_plotlyjs())}</script>\n<script>{_inline(own('page.js'))}</script>\n</body></html>\n"
     )
 
 
 def _top(evidence: Evidence, first: Section) -> str:
     """The first screen is no chapter: its title is the page's."""
     kicker = f"Flight {esc(evidence.log.name)} · model against measurement"
-    return f'<header class="top" id="{first.id}"><p class="kicker">{kicker}</p><h1>{esc(first.title)}</h1>\n{first.body}</header>\n'
+    return f'<header class="top" id="{first.id}"><p class="kicker">{kicker}</p><h1>{esc(first.title)}</h1>\n{first.inside()}</header>\n'
 
 
-def _own(name: str) -> str:
+def own(name: str) -> str:
     """A file of this room."""
     return (files("awescli.report") / name).read_text(encoding="utf-8")
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from awescli.report.evidence import Evidence
-from awescli.report.marks import Cell, Section, absent, bullets, esc, paragraph, table
-from awescli.report.plots import LOG, axis, bars, figure, grid, line
+from awescli.report.marks import Body, Cell, Section, absent, bullets, esc, paragraph, table
+from awescli.report.plots import Figure, axis, bars, grid, line, log_axis
 from awescli.report.words import COLOURS, channel, listed, number, percent
 
 
@@ -15,8 +15,8 @@ def hybrid(evidence: Evidence) -> Section:
     if evidence.hybrid is None:
         return Section("hybrid", title, absent("awes train-hybrid", "no network was trained on what is left"))
     if "hybrid" not in evidence.models:
-        return Section("hybrid", title, paragraph(sentence(evidence)) + history(evidence))
-    body = paragraph(sentence(evidence)) + scores(evidence) + optimisers(evidence) + history(evidence) + shares(evidence)
+        return Section("hybrid", title, (paragraph(sentence(evidence)), history(evidence)))
+    body = paragraph(sentence(evidence)), scores(evidence), optimisers(evidence), history(evidence), shares(evidence)
     return Section("hybrid", title, body)
 
 
@@ -43,7 +43,7 @@ def sentence(evidence: Evidence) -> str:
     return " ".join(text)
 
 
-def scores(evidence: Evidence) -> str:
+def scores(evidence: Evidence) -> Body:
     """Figure 4 of the seed, and the same for positions, attitude and rates."""
     models = [m for m in ("identified", "with_effects", "hybrid") if m in evidence.models]
     panels = []
@@ -58,11 +58,11 @@ def scores(evidence: Evidence) -> str:
             for m in models if all(n in evidence.nrmse(m) for n in names)
         ]  # fmt: skip
         layout = {"yaxis": axis("NRMSE [% of range]", rangemode="tozero")}
-        panels.append(figure(id, title, data, layout, split=f"test {evidence.parts.of}", height=260, part=True))
+        panels.append(Figure(id, title, data, layout, split=f"test {evidence.parts.of}", height=260, part=True))
     return grid(panels)
 
 
-def optimisers(evidence: Evidence) -> str:
+def optimisers(evidence: Evidence) -> Body:
     """Figure 3 of the seed: positions with Adam alone against Adam and L-BFGS, where the stage compared them."""
     found = training(evidence).get("comparison")
     test = (found.get("test") or {}) if isinstance(found, Mapping) else {}
@@ -74,13 +74,13 @@ def optimisers(evidence: Evidence) -> str:
         bars(x, [100 * test["adam"][n] for n in names], "Adam alone", COLOURS["initial"]),
         bars(x, [100 * test["adam_lbfgs"][n] for n in names], "Adam, then L-BFGS", COLOURS["identified"]),
     ]
-    return figure(
+    return Figure(
         "fig-optimisers", "Adam alone, and Adam followed by L-BFGS, at equal cost", data,
         {"yaxis": axis("NRMSE [% of range]", rangemode="tozero")}, split=f"test {evidence.parts.of}", height=300,
     )  # fmt: skip
 
 
-def history(evidence: Evidence) -> str:
+def history(evidence: Evidence) -> Body:
     """Loss over gradient evaluations."""
     rows = _history(evidence)
     if len(rows) < 2:
@@ -94,8 +94,8 @@ def history(evidence: Evidence) -> str:
         )
         if any(isinstance(r.get(key), (int, float)) for r in rows)
     ]
-    layout = {"xaxis": axis("gradient evaluations"), "yaxis": axis("squared error / physics alone", **LOG)}
-    return figure(
+    layout = {"xaxis": axis("gradient evaluations"), "yaxis": log_axis("squared error / physics alone", *(t["y"] for t in data))}
+    return Figure(
         "fig-training", "Training", data, layout, split="train and validation", height=280,
         note="1 is physics without the network. Horizons grow during training, so train errors of different rounds do not compare.",
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Cell, Section, absent, chip, esc, paragraph, table
-from awescli.report.plots import axis, bars, dots, figure
+from awescli.report.plots import Figure, axis, bars, dots
 from awescli.report.words import COLOURS, channel, number, percent, unit_of, with_std
 
 
@@ -10,7 +10,7 @@ def identification(evidence: Evidence) -> Section:
     title = "Identification"
     if evidence.params is None:
         return Section("identification", title, absent("awes identify", "no parameters were identified"))
-    body = paragraph(sentence(evidence)) + attitude(evidence) + shifts(evidence) + parameters(evidence)
+    body = paragraph(sentence(evidence)), attitude(evidence), shifts(evidence), parameters(evidence)
     return Section("identification", title, body)
 
 
@@ -29,7 +29,7 @@ def sentence(evidence: Evidence) -> str:
     return text
 
 
-def attitude(evidence: Evidence) -> str:
+def attitude(evidence: Evidence) -> Figure:
     """Figure 2 of the seed: Euler angles before and after, and the mean of all states beside them."""
     names = [n for n in ("phi", "theta", "psi", "mean") if n in evidence.nrmse("initial")]
     data = [
@@ -39,13 +39,13 @@ def attitude(evidence: Evidence) -> str:
         )
         for m in ("initial", "identified") if m in evidence.models
     ]  # fmt: skip
-    return figure(
+    return Figure(
         "fig-attitude", f"Attitude {evidence.horizon:g} s ahead, before and after identification", data,
         {"yaxis": axis("NRMSE [% of range]", rangemode="tozero"), "margin": {"t": 24}}, split=f"test {evidence.parts.of}", height=290,
     )  # fmt: skip
 
 
-def shifts(evidence: Evidence) -> str:
+def shifts(evidence: Evidence) -> Figure:
     """Every parameter's way from its prior, with its interval."""
     rows = evidence.params["parameters"]
     data = []
@@ -76,7 +76,7 @@ def shifts(evidence: Evidence) -> str:
         },
         "shapes": [{"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": -1, "x1": 1, "fillcolor": "@grey/0.12", "line": {"width": 0}}],
     }
-    return figure(
+    return Figure(
         "fig-parameters", "What identification changed", data, layout, split="fitted to train",
         note="Dots: identified value; lines: ± 2 standard deviations; shaded: one prior standard deviation around the declared value.",
         height=90 + 17 * len(rows),

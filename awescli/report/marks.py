@@ -1,9 +1,9 @@
 """Building blocks of the page as HTML strings: escaping, sections, tables, links to figures."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any
+from typing import Any, Protocol, Union
 
 
 def esc(text: Any) -> str:
@@ -24,16 +24,39 @@ class Cell:
     tone: str = ""
 
 
+class Block(Protocol):
+    """What is more than its HTML: a figure, which is also drawn for papers."""
+
+    def html(self) -> str:
+        """Its place on the page."""
+
+
+Body = Union[str, Block, "tuple[Body, ...]"]
+"""HTML, blocks, and what is made of them."""
+
+
+def blocks(body: Body) -> Iterator[str | Block]:
+    """A body's pieces in order."""
+    if isinstance(body, tuple):
+        for piece in body:
+            yield from blocks(piece)
+    else:
+        yield body
+
+
 @dataclass(frozen=True)
 class Section:
-    """A chapter: id for links, title, HTML."""
+    """A chapter: id for links, title, what it says and shows."""
 
     id: str
     title: str
-    body: str
+    body: Body
+
+    def inside(self) -> str:
+        return "".join(piece if isinstance(piece, str) else piece.html() for piece in blocks(self.body))
 
     def html(self) -> str:
-        return f'<section id="{esc(self.id)}"><h2>{esc(self.title)}</h2>\n{self.body}</section>\n'
+        return f'<section id="{esc(self.id)}"><h2>{esc(self.title)}</h2>\n{self.inside()}</section>\n'
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "", *, sortable: bool = True) -> str:

@@ -1,49 +1,65 @@
-"""Figures as plotly.js data: plain dicts, drawn in the browser; colours are @names, long shared axes $names (page.js looks them up)."""
+"""Figures as plotly.js data: plain dicts, drawn by page.js, and by paper.py for papers; colours are @names, shared axes $names."""
 
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from awescli.report.marks import chip, esc
+from awescli.report.marks import Body, chip, esc
 
 MOST_POINTS = 2500
 """Samples of one line at most: more than a screen has pixels."""
 
 LINE = 1.4
 
-_TICKS = [m * 10.0**e for e in range(-4, 5) for m in (1, 2, 5)]
-LOG = {"type": "log", "tickvals": _TICKS, "ticktext": [f"{t:g}" for t in _TICKS]}
-"""A logarithmic axis that says its numbers in full: plotly's own short ticks (2, 5) want explaining."""
+STEPS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), (1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.8, 2, 2.2, 2.5, 2.8, 3, 3.5, 4, 4.5, 5, 5.5, 6, 7, 8, 9))
+"""Ticks within a decade of a logarithmic axis: the coarsest of which three fall on what is shown."""
 
 
-def figure(
-    id: str, title: str, data: Sequence[Mapping], layout: Mapping | None = None, *, split: str, note: str = "", height: int = 320,
-    linked: str = "", part: bool = False,
-) -> str:  # fmt: skip
-    """One plot with title, the split it shows and a note. linked: plots of one name zoom in time together; part: a panel of a grid."""
-    document = to_json({"data": list(data), "layout": dict(layout or {})})
-    words = f"<p>{note}</p>" if note else ""
-    group = f' data-linked="{esc(linked)}"' if linked else ""
-    three = ' data-three="yes"' if any(t.get("type") == "scatter3d" for t in data) else ""
-    head = f"<strong>{esc(title)}</strong> {chip(split, 'split') if split else ''}"
-    return (
-        f'<figure id="{esc(id)}"{" class=panel" if part else ""}><figcaption>{head}{words}</figcaption>'
-        f'<div class="plot" role="img" aria-label="{esc(title)}" style="height:{height}px"{group}{three}></div>'
-        f'<script type="application/json">{document}</script></figure>\n'
-    )
+@dataclass(frozen=True)
+class Figure:
+    """One plot: title, the split it shows, a note (HTML). linked: plots of one name zoom in time together; part: a panel of a grid."""
+
+    id: str
+    title: str
+    data: Sequence[Mapping]
+    layout: Mapping = field(default_factory=dict)
+    split: str = ""
+    note: str = ""
+    height: int = 320
+    linked: str = ""
+    part: bool = False
+
+    def html(self) -> str:
+        document = to_json({"data": list(self.data), "layout": dict(self.layout)})
+        words = f"<p>{self.note}</p>" if self.note else ""
+        group = f' data-linked="{esc(self.linked)}"' if self.linked else ""
+        three = ' data-three="yes"' if any(t.get("type") == "scatter3d" for t in self.data) else ""
+        head = f"<strong>{esc(self.title)}</strong> {chip(self.split, 'split')}"
+        return (
+            f'<figure id="{esc(self.id)}"{" class=panel" if self.part else ""}><figcaption>{head}{words}</figcaption>'
+            f'<div class="plot" role="img" aria-label="{esc(self.title)}" style="height:{self.height}px"{group}{three}></div>'
+            f'<script type="application/json">{document}</script></figure>\n'
+        )
 
 
-def grid(figures: Sequence[str]) -> str:
+@dataclass(frozen=True)
+class Shared:
+    """An array that many lines use, once: they name it $name."""
+
+    name: str
+    values: np.ndarray
+
+    def html(self) -> str:
+        return f'<script type="application/json" class="shared" data-name="{esc(self.name)}">{to_json(self.values, digits=8)}</script>\n'
+
+
+def grid(figures: Sequence[Figure]) -> Body:
     """Small plots side by side where there is room."""
-    return f'<div class="grid">{"".join(figures)}</div>\n'
-
-
-def shared(name: str, values) -> str:
-    """An array that many lines use, once."""
-    return f'<script type="application/json" class="shared" data-name="{esc(name)}">{to_json(values, digits=8)}</script>\n'
+    return '<div class="grid">', *figures, "</div>\n"
 
 
 def to_json(obj: Any, digits: int = 5) -> str:
@@ -96,6 +112,17 @@ def bars(x, y, name: str, colour: str, **more) -> dict:
 def axis(title: str, **more) -> dict:
     """An axis with its quantity and unit."""
     return {"title": {"text": esc(title)}, **more}
+
+
+def log_axis(title: str, *shown) -> dict:
+    """A logarithmic axis for the values shown, with its numbers in full: plotly's own short ticks (2, 5) want explaining."""
+    values = np.array([v for some in shown for v in some if v is not None and v > 0], dtype=float)
+    low, high = (values.min(), values.max()) if len(values) else (1.0, 1.0)
+    for steps in STEPS:
+        ticks = [float(f"{m * 10.0**e:.3g}") for e in range(-6, 7) for m in steps]
+        if sum(low <= t <= high for t in ticks) >= 3:
+            break
+    return axis(title, type="log", tickvals=ticks, ticktext=[f"{t:g}" for t in ticks])
 
 
 def scene(east, north, up, *, winch: bool = False) -> dict:

@@ -4,8 +4,8 @@ import numpy as np
 
 from awescli.notation.quantities import ANGLES
 from awescli.report.evidence import Evidence
-from awescli.report.marks import Cell, Section, esc, folded, keys, paragraph, table
-from awescli.report.plots import LINE, LOG, axis, figure, grid, line, scene, shared, stride, with_gaps
+from awescli.report.marks import Body, Cell, Section, esc, folded, keys, paragraph, table
+from awescli.report.plots import LINE, Figure, Shared, axis, grid, line, log_axis, scene, stride, with_gaps
 from awescli.report.words import COLOURS, GROUPS, channel, number, percent, scale_of
 
 SPATIAL = ("p_n", "p_e", "p_d")
@@ -18,11 +18,11 @@ def prediction(evidence: Evidence) -> Section:
         "the second before it, and sees nothing of the flight after that but set-points, winch and wind. "
         "Where a line breaks, the next prediction begins."
     )
-    body = paragraph(text) + paths(evidence) + over_horizon(evidence) + channels(evidence) + scores(evidence)
+    body = paragraph(text), paths(evidence), over_horizon(evidence), channels(evidence), scores(evidence)
     return Section("prediction", "Measured against simulated", body)
 
 
-def paths(evidence: Evidence) -> str:
+def paths(evidence: Evidence) -> Figure:
     """Figure 5 of the seed: measured and simulated paths in space."""
     arrays = evidence.predictions
     step = stride(arrays["measured_p_n"].size, 4000)
@@ -52,13 +52,13 @@ def paths(evidence: Evidence) -> str:
         "Drag to turn; a click in the legend shows or hides a model. "
         "Where only one line is to be seen, the simulation lies on the measurement."
     )
-    return figure(
+    return Figure(
         "fig-3d-prediction", "Measured and simulated paths", data, {"scene": view, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
         split=f"test {evidence.parts.of}", note=note, height=480,
     )  # fmt: skip
 
 
-def over_horizon(evidence: Evidence) -> str:
+def over_horizon(evidence: Evidence) -> Body:
     """Mean error against how far ahead is predicted."""
     data = []
     for m in evidence.models:
@@ -73,12 +73,12 @@ def over_horizon(evidence: Evidence) -> str:
     data.append(line(ends, [floor, floor], "noise alone", COLOURS["floor"], dash="dot", width=2))
     layout = {
         "xaxis": axis("predicted ahead [s]", type="log", tickvals=data[0]["x"]),
-        "yaxis": axis("mean NRMSE [% of range]", **LOG),
+        "yaxis": log_axis("mean NRMSE [% of range]", *(t["y"] for t in data)),
     }
-    return figure("fig-horizon", "How far ahead", data, layout, split=f"test {evidence.parts.of}", height=300)
+    return Figure("fig-horizon", "How far ahead", data, layout, split=f"test {evidence.parts.of}", height=300)
 
 
-def channels(evidence: Evidence) -> str:
+def channels(evidence: Evidence) -> Body:
     """Every channel over time: measured, and every model."""
     arrays = evidence.predictions
     dt = evidence.log.dt
@@ -89,15 +89,15 @@ def channels(evidence: Evidence) -> str:
         "soft",
     )
     entries = [("measured", COLOURS["measured"], "solid"), *((evidence.label(m), COLOURS[m], "solid") for m in evidence.models)]
-    out = [shared("test_time", time), '<div id="fig-channels"><h3>Every channel over time</h3>', text, keys(entries, "test")]
+    out = [Shared("test_time", time), '<div id="fig-channels"><h3>Every channel over time</h3>', text, keys(entries, "test")]
     for group, names in GROUPS.items():
         panels = [_channel(evidence, n, step) for n in names if f"measured_{n}" in arrays]
         if panels:
-            out.append(f"<h3>{esc(group)}</h3>{grid(panels)}")
-    return "".join(out) + "</div>"
+            out += [f"<h3>{esc(group)}</h3>", grid(panels)]
+    return *out, "</div>"
 
 
-def _channel(evidence: Evidence, name: str, step: int) -> str:
+def _channel(evidence: Evidence, name: str, step: int) -> Figure:
     arrays = evidence.predictions
     measured = arrays[f"measured_{name}"]
     unit, factor = scale_of(name, measured)
@@ -120,7 +120,7 @@ def _channel(evidence: Evidence, name: str, step: int) -> str:
         "xaxis": axis("time [s]"), "yaxis": axis(f"[{unit}]" if unit else "", range=[low - room, high + room]), "margin": {"t": 24},
         "showlegend": False, "uirevision": name,
     }  # fmt: skip
-    return figure(f"fig-{name}", channel(name), data, layout, split=f"test {evidence.parts.of}", height=230, linked="test", part=True)
+    return Figure(f"fig-{name}", channel(name), data, layout, split=f"test {evidence.parts.of}", height=230, linked="test", part=True)
 
 
 def scores(evidence: Evidence) -> str:

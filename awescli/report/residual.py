@@ -4,8 +4,8 @@ import numpy as np
 
 from awescli.report.evidence import Evidence
 from awescli.report.headline import lead, shows_phase
-from awescli.report.marks import Cell, Section, absent, bar, chip, esc, folded, keys, paragraph, table
-from awescli.report.plots import axis, bars, dots, figure, grid, line, shared
+from awescli.report.marks import Body, Cell, Section, absent, bar, chip, esc, folded, keys, paragraph, table
+from awescli.report.plots import Figure, Shared, axis, bars, dots, grid, line
 from awescli.report.words import COLOURS, channel, effect_words, listed, number, percent, scale_of, short, with_std
 
 PANELS = 6
@@ -21,8 +21,8 @@ def residual(evidence: Evidence) -> Section:
     title = "The residual, and what it was traced to"
     if evidence.effects is None:
         return Section("residual", title, absent("awes trace-residual", "the residual was not traced"))
-    body = paragraph(f"{verdict_chip(evidence)} {lead(evidence)}") + sizes(evidence) + before_after(evidence)
-    return Section("residual", title, body + over_loop(evidence) + unexplained(evidence) + ranking(evidence) + shifts(evidence))
+    found = paragraph(f"{verdict_chip(evidence)} {lead(evidence)}"), sizes(evidence), before_after(evidence), over_loop(evidence)
+    return Section("residual", title, (found, unexplained(evidence), ranking(evidence), shifts(evidence)))
 
 
 def verdict_chip(evidence: Evidence) -> str:
@@ -47,7 +47,7 @@ def labels(evidence: Evidence) -> tuple[str, str]:
     return "before: model as declared, fitted", f"after: {evidence.label('with_effects')}"
 
 
-def before_after(evidence: Evidence) -> str:
+def before_after(evidence: Evidence) -> Figure:
     """Errors per channel before and after, with the noise floor."""
     error = evidence.effects["error"]
     names = [n for n in error["before"] if n != "mean"] + ["mean"]
@@ -67,14 +67,14 @@ def before_after(evidence: Evidence) -> str:
     )  # fmt: skip
     lost = error.get("diverged_before", 0), error.get("diverged_after", 0)
     note = f"Predictions that diverged: {lost[0]} before, {lost[1]} after." if any(lost) else ""
-    return figure(
+    return Figure(
         "fig-residual", f"Error {error['horizon_s']:g} s ahead, before and after", data,
         {"yaxis": axis("NRMSE [% of range]", rangemode="tozero"), "xaxis": {"type": "category", "tickangle": 0}},
         split=f"{error.get('split', 'test')} {evidence.parts.of}", note=note, height=320,
     )  # fmt: skip
 
 
-def over_loop(evidence: Evidence) -> str:
+def over_loop(evidence: Evidence) -> Body:
     """What repeats: the residual averaged over loops, at every phase of a loop, and what the effect explains of it."""
     if not shows_phase(evidence):
         return paragraph("The flight does not loop, so there is no residual per phase of a loop.", "absent") if evidence.residuals else ""
@@ -97,7 +97,7 @@ def over_loop(evidence: Evidence) -> str:
     if evidence.tracing_added:
         entries += [("what the effect explains", COLOURS["measured"], "dashed"), ("after", COLOURS["with_effects"], "solid")]
     head = f"<h3>What repeats in every loop</h3>{paragraph(note, 'soft')}{keys(entries)}"
-    return f'<div id="{id}">{head}{shared("phase", middle)}{grid(panels)}</div>'
+    return f'<div id="{id}">{head}', Shared("phase", middle), grid(panels), "</div>"
 
 
 def loop_phase(evidence: Evidence, samples: np.ndarray) -> np.ndarray:
@@ -109,29 +109,32 @@ def loop_phase(evidence: Evidence, samples: np.ndarray) -> np.ndarray:
     return np.where(inside, phase[np.minimum(samples, len(phase) - 1)], np.nan)
 
 
-def _panel(evidence: Evidence, name: str, phase: np.ndarray) -> str:
+def _panel(evidence: Evidence, name: str, phase: np.ndarray) -> Figure:
     before, after = evidence.residuals[f"test_before_{name}"], evidence.residuals[f"test_after_{name}"]
     unit, factor = scale_of(name, before)
     width = {"width": 2}
     mean, spread = loop_mean(before * factor, phase)
-    data = [*_band(mean, spread, "@blue"), dots("$phase", mean, "before", COLOURS["identified"], size=5)]
+    data = [*_band(mean, spread, "before", "@blue"), dots("$phase", mean, "before", COLOURS["identified"], size=5)]
     if evidence.tracing_added:
         data.append(
             line("$phase", loop_mean((before - after) * factor, phase)[0], "what the effect explains", COLOURS["measured"], dash="dash")
         )
         mean, spread = loop_mean(after * factor, phase)
-        data += [*_band(mean, spread, "@green"), line("$phase", mean, "after", COLOURS["with_effects"], **width)]
+        data += [*_band(mean, spread, "after", "@green"), line("$phase", mean, "after", COLOURS["with_effects"], **width)]
     layout = {
         "xaxis": axis("phase of the loop [°]", range=[0, 360], dtick=90), "yaxis": axis(f"[{unit}]" if unit else "", zeroline=True),
         "margin": {"t": 24}, "showlegend": False,
     }  # fmt: skip
-    return figure(f"fig-phase-{name}", channel(name), data, layout, split=f"test {evidence.parts.of}", height=240, part=True)
+    return Figure(f"fig-phase-{name}", channel(name), data, layout, split=f"test {evidence.parts.of}", height=240, part=True)
 
 
-def _band(mean: np.ndarray, spread: np.ndarray, colour: str) -> list[dict]:
+def _band(mean: np.ndarray, spread: np.ndarray, name: str, colour: str) -> list[dict]:
     """Shaded mean ± spread."""
     common = {"type": "scatter", "mode": "lines", "x": "$phase", "hoverinfo": "skip", "showlegend": False, "line": {"width": 0}}
-    return [{**common, "y": mean - spread}, {**common, "y": mean + spread, "fill": "tonexty", "fillcolor": f"{colour}/0.18"}]
+    upper = {"fill": "tonexty", "fillcolor": f"{colour}/0.18"}
+    return [
+        {**common, "y": mean - spread, "name": f"{name} - 1 std"}, {**common, "y": mean + spread, "name": f"{name} + 1 std", **upper},
+    ]  # fmt: skip
 
 
 def loop_mean(values: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -206,7 +209,7 @@ def _key(key: str) -> tuple[str, str]:
     return name, target
 
 
-def shifts(evidence: Evidence) -> str:
+def shifts(evidence: Evidence) -> Body:
     """How far each parameter lay from its prior before and after: what parameters had swallowed returns."""
     moved = evidence.effects.get("parameter_shifts") or {}
     if not moved:
@@ -228,7 +231,7 @@ def shifts(evidence: Evidence) -> str:
         "A parameter that stood in for the missing effect goes back towards its prior once the effect is there. "
         "Shaded: ± 1 prior standard deviation."
     )
-    return figure(
+    return Figure(
         "fig-shifts", "What the parameters had swallowed", data, layout, split="fitted to train",
         note=note if evidence.tracing_added else "Nothing was added, so nothing moved.", height=90 + 17 * len(names),
     )  # fmt: skip

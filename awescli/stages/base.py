@@ -156,7 +156,8 @@ class Stage(ABC):
     help: ClassVar[str]
     """One line: the command's help."""
     Config: ClassVar[type[StageConfig]] = StageConfig
-    """Its settings. A field `report: bool` becomes the option `--report`."""
+    """Its settings. `report: bool` becomes the option `--report`; `figures: bool` becomes `--figures DIR`, which also copies the
+    files of the stage's folder `figures` to DIR."""
     makes: ClassVar[tuple[str, ...]]
     """Names of the files it always writes into `context.folder`; it may write more."""
     reads: ClassVar[tuple[str, ...]] = ("flight", "kite")

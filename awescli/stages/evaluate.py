@@ -1,4 +1,4 @@
-"""evaluate: what every step was worth, on loops that no stage was fitted to; with --report a page that shows it."""
+"""evaluate: what every step was worth, on loops that no stage was fitted to; with a page that shows it, and figures for papers."""
 
 from pydantic import Field
 
@@ -11,13 +11,14 @@ class EvaluateConfig(StageConfig):
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
     horizons: tuple[float, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
     report: bool = Field(True, description="write report.html, one self-contained page")
+    figures: bool = Field(False, description="write every figure of the page as PNG and SVG, and the data behind it as CSV")
 
 
 class Evaluate(Stage):
     """Score every model of the ladder alike."""
 
     name = "evaluate"
-    help = "Score every model on unseen loops: initial, identified, with effects, hybrid; --report writes the page."
+    help = "Score every model of the ladder on unseen loops; --report writes the page, --figures DIR its figures as files."
     Config = EvaluateConfig
     makes = ("metrics.json", "predictions.npz")
 
@@ -31,6 +32,7 @@ class Evaluate(Stage):
         from awescli.artifacts import write_arrays, write_json
         from awescli.stages.flight_parts import flight_parts
         from awescli.stages.ladder import ladder, score_ladder
+        from awescli.stages.page import FIGURES, REPORT, gather, write_figures, write_report
 
         log, parts = flight_parts(context)
         models = ladder(context, log)
@@ -38,10 +40,12 @@ class Evaluate(Stage):
         metrics, arrays = score_ladder(models, context, log, parts, config, task)
         write_json(context.folder / "metrics.json", metrics)
         write_arrays(context.folder / "predictions.npz", arrays)
+        if config.report or config.figures:
+            evidence = gather(context, log, parts, metrics, arrays)
         if config.report:
-            from awescli.stages.page import write_report
-
-            write_report(context, log, parts, metrics, arrays)
+            write_report(context, evidence)
+        if config.figures:
+            write_figures(context, evidence)
         errors = {
             model: {
                 name: metrics[model]["nrmse"]["test"][name] for name in ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi")
@@ -50,5 +54,7 @@ class Evaluate(Stage):
         }
         summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"]}
         if config.report:
-            summary["report"] = str(context.out / "evaluate" / "report.html")
+            summary["report"] = str(context.out / self.name / REPORT)
+        if config.figures:
+            summary["figures"] = str(context.out / self.name / FIGURES)
         return summary

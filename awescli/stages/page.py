@@ -1,4 +1,4 @@
-"""Gather what the stages left behind, and write report.html beside evaluate's numbers."""
+"""Gather what the stages left behind, and write report.html and the figures for papers beside evaluate's numbers."""
 
 from pathlib import Path
 
@@ -7,16 +7,31 @@ from awescli.stages.base import Context
 UPSTREAM = ("fit-controller", "identify", "trace-residual", "train-hybrid")
 
 
-def write_report(context: Context, log, parts, metrics: dict, arrays: dict) -> None:
-    """report.html in the stage's folder. metrics, arrays: evaluate's own, which are not yet in place."""
+REPORT, FIGURES = "report.html", "figures"
+"""The page, and the folder of its figures as files."""
+
+
+def write_report(context: Context, evidence) -> None:
+    """report.html in the stage's folder."""
     from awescli.artifacts import write_text
     from awescli.report.html import page
 
-    write_text(context.folder / "report.html", page(gather(context, log, parts, metrics, arrays)))
+    write_text(context.folder / REPORT, page(evidence))
+
+
+def write_figures(context: Context, evidence) -> None:
+    """Every figure of the page as PNG, SVG and CSV."""
+    from awescli.artifacts import write_content
+    from awescli.report.paper import figure_files
+
+    task = context.progress.task("drawing figures")
+    for name, content in figure_files(evidence):
+        write_content(context.folder / FIGURES / name, content)
+        task.advance()
 
 
 def gather(context: Context, log, parts, metrics: dict, arrays: dict):
-    """The evidence: what of the upstream stages is there."""
+    """The evidence: what of the upstream stages is there. metrics, arrays: evaluate's own, which are not yet in place."""
     from awescli.artifacts import PROVENANCE, versions
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.phases import phases

@@ -23,6 +23,7 @@ class TraceConfig(StageConfig):
 
 class JudgeConfig(StageConfig):
     report: bool = Field(False, description="also write report.html")
+    figures: bool = Field(False, description="also write figures")
 
 
 class Fit(Stage):
@@ -69,6 +70,8 @@ class Judge(Stage):
         artifacts.write_json(context.folder / "metrics.json", {"kite": context.model_kite().read_text()})
         if config.report:
             artifacts.write_text(context.folder / "report.html", "<p>")
+        if config.figures:
+            artifacts.write_content(context.folder / "figures" / "one.png", b"PNG")
         return {"errors": {"initial": {"mean": 0.1}, "identified": {"mean": 0.0361}}, "report": config.report}
 
 
