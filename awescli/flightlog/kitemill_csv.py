@@ -13,7 +13,8 @@ import polars as pl
 from awescli.flightlog.kitemill_wind import find_weather, read_wind, wind_csv_text
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.plausible_units import check_clock, check_units
-from awescli.flightlog.resample import RawFlight, uniform_log
+from awescli.flightlog.resample import RawFlight, uniform_log, usable_stamps
+from awescli.flightlog.spikes import without_spikes
 from awescli.flightlog.table import read_header, read_table
 from awescli.flightlog.units import factor_to_si
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
@@ -83,6 +84,7 @@ def read_kitemill(
     }
     seconds = (stamps - first) * second
     places = {quantity: (f"{path}: column {column}", column) for quantity, (column, _, _) in COLUMNS.items()}
+    signals, spikes = without_spikes(signals, usable_stamps(seconds)[0])
     check_units(seconds, signals, places, units, CURE)
     weather = find_weather(folder)
     notes = list(table.notes)
@@ -95,7 +97,7 @@ def read_kitemill(
         wind, more = read_wind(weather, first * second, (float(np.nanmin(seconds)), float(np.nanmax(seconds))), station_height)
         notes += more
     groups = {quantity: COLUMNS[quantity][2] for quantity in signals} | ({"wind": "weather"} if wind is not None else {})
-    raw = RawFlight(folder.resolve().name, first * second, seconds, signals, str(path), groups, late or {}, wind, tuple(notes))
+    raw = RawFlight(folder.resolve().name, first * second, seconds, signals, str(path), groups, late or {}, wind, tuple(notes), spikes)
     return uniform_log(raw, max_gap)
 
 

@@ -38,6 +38,7 @@ class FlightLog:
     valid: (N,) bool, False where a sample was filled over a gap or failed a check and must not be fitted or scored.
     wind: WindRecord, or None. groups: signal name -> clock group ("onboard", "winch", "weather").
     notes: what the reader did to the file (removed stamps, filled gaps, ...), one sentence each; counters: the same, counted.
+    causes: why samples are not valid ("gap", "V_a stuck", ...) -> (K, 2) half-open sample ranges; they may overlap.
     """
 
     name: str
@@ -51,6 +52,7 @@ class FlightLog:
     groups: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     counters: Mapping[str, int] = field(default_factory=dict)
+    causes: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self):
         for table, known in ((self.measured, MEASURED), (self.inputs, INPUTS)):
@@ -64,6 +66,7 @@ class FlightLog:
         object.__setattr__(self, "inputs", MappingProxyType(dict(self.inputs)))
         object.__setattr__(self, "groups", MappingProxyType(dict(self.groups)))
         object.__setattr__(self, "counters", MappingProxyType(dict(self.counters)))
+        object.__setattr__(self, "causes", MappingProxyType(dict(self.causes)))
 
     def __len__(self) -> int:
         return self.time.shape[0]
@@ -98,4 +101,17 @@ class FlightLog:
             measured={k: s[cut] for k, s in self.measured.items()},
             inputs={k: s[cut] for k, s in self.inputs.items()},
             valid=self.valid[cut],
+            causes={cause: inside for cause, bounds in self.causes.items() if len(inside := _clipped(bounds, first, last))},
         )
+
+
+def runs_of(mask: np.ndarray) -> np.ndarray:
+    """Half-open (first, last) ranges in which `mask` is True, (K, 2)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return edges.reshape(-1, 2)
+
+
+def _clipped(bounds: np.ndarray, first: int, last: int) -> np.ndarray:
+    """What of the ranges (K, 2) lies in first..last-1, counted from `first`."""
+    inside = np.clip(bounds, first, last) - first
+    return inside[inside[:, 1] > inside[:, 0]]

@@ -1,16 +1,29 @@
-"""Loops: one turn of the course, seen along the line, is one loop. Flights without loops are cut into blocks of equal length."""
+"""Loops: one turn of the course, seen along the line, or one figure of eight. Flights without them are cut into blocks of equal length."""
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 
 from awescli.flightlog.clocks import moving_average
-from awescli.flightlog.faults import runs_of
-from awescli.flightlog.log import FlightLog
+from awescli.flightlog.log import FlightLog, runs_of
 from awescli.flightlog.phases import phases, runs_of_phase
+from awescli.flightlog.usable import LeftOut, usable
 
 SHORTEST, LONGEST = 2.0, 60.0
 """s: a turn faster or slower than this is no crosswind loop."""
+
+BACK = np.pi / 2
+"""rad by which the course may turn back within a loop; a figure of eight turns back by more."""
+
+TO_AND_FRO = np.pi
+"""rad that the course covers within a figure of eight: it turns by more than a half turn to each side; weaving does not."""
+
+SWAY = 40.0
+"""s of the moving mean around which a figure of eight swings in azimuth."""
+
+SWING = 0.3
+"""Share of the swing's standard deviation that must be left to one side before a crossing back counts."""
 
 SMOOTHING = 0.3
 """s of smoothing of the velocity, much shorter than a loop, so that noise at the slow top of a loop does not turn the course."""
@@ -24,32 +37,55 @@ BLOCKS, BLOCK_RANGE = 8, (6.0, 10.0)
 
 @dataclass(frozen=True)
 class Loops:
-    """kind: "loops" or "blocks"; bounds: (K, 2) half-open sample ranges, in order; sentence: what they are."""
+    """kind: "loops" (figures of eight among them) or "blocks"; bounds: (K, 2) half-open sample ranges, in order; sentence: what they are;
+    left_out: those that were found but are not fit for use."""
 
     kind: str
     bounds: np.ndarray
     sentence: str
+    left_out: tuple[LeftOut, ...] = ()
 
     def __len__(self) -> int:
         return len(self.bounds)
 
 
 def find_loops(log: FlightLog, labels: np.ndarray | None = None) -> Loops:
-    """Complete loops inside traction phases; blocks of the flown time where there are fewer than 3.
+    """Complete usable loops and figures of eight inside traction phases; usable blocks of the flown time where there are fewer than 3.
 
     labels: (N,) phases, where they are at hand. A loop may hold invalid samples: `split.segments` leaves those out.
     """
     labels = phases(log) if labels is None else labels
-    found: list[tuple[int, int]] = []
+    turns: list[tuple[int, int]] = []
+    eights: list[tuple[int, int]] = []
     if all(name in log.measured for name in ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d")):
-        course = course_on_sphere(log)
+        course, azimuth = course_on_sphere(log), np.unwrap(np.arctan2(log["p_e"], log["p_n"]))
         for first, last in runs_of_phase(labels, "traction"):
-            found += _turns(np.unwrap(course[first:last]), first, log.dt)
-    bounds = np.array(found, dtype=int).reshape(-1, 2)
-    if len(bounds) >= FEWEST:
-        seconds = (bounds[:, 1] - bounds[:, 0]) * log.dt
-        return Loops("loops", bounds, f"{len(bounds)} loops of {seconds.mean():.1f} s (from {seconds.min():.1f} to {seconds.max():.1f} s)")
-    return _blocks(log, labels)
+            way = np.unwrap(course[first:last])
+            here = _turns(way, log.dt)
+            # figures of eight lie between the turns, before and after
+            edges = [0, *(i for turn in here for i in turn), last - first]
+            for a, b in zip(edges[::2], edges[1::2], strict=True):
+                eights += [(first + a + i, first + a + k) for i, k in _eights(azimuth[first + a : first + b], way[a:b], log.dt)]
+            turns += [(first + i, first + k) for i, k in here]
+    bounds = np.array(sorted(turns + eights), dtype=int).reshape(-1, 2)
+    good, out = usable(log, bounds)
+    if len(good) < FEWEST:
+        return _blocks(log, labels)
+    is_eight = np.isin(good[:, 0], [first for first, _ in eights])
+    kinds = (("loops", good[~is_eight]), ("figures of eight", good[is_eight]))
+    sentence = " and ".join(_say(name, part, log.dt) for name, part in kinds if len(part))
+    return Loops("loops", good, sentence + _say_left_out(out), out)
+
+
+def _say(name: str, bounds: np.ndarray, dt: float) -> str:
+    seconds = (bounds[:, 1] - bounds[:, 0]) * dt
+    return f"{len(bounds)} {name} of {seconds.mean():.1f} s (from {seconds.min():.1f} to {seconds.max():.1f} s)"
+
+
+def _say_left_out(out: tuple[LeftOut, ...]) -> str:
+    """"; 3 left out: 2 slack line, 1 no excitation"; empty where nothing is."""
+    reasons = Counter(o.reason for o in out)
+    return f"; {len(out)} left out: {', '.join(f'{n} {reason}' for reason, n in reasons.items())}" if out else ""
 
 
 def course_on_sphere(log: FlightLog) -> np.ndarray:
@@ -64,7 +100,7 @@ def course_on_sphere(log: FlightLog) -> np.ndarray:
     return np.arctan2(along_azimuth, up)
 
 
-def _turns(course: np.ndarray, offset: int, dt: float) -> list[tuple[int, int]]:
+def _turns(course: np.ndarray, dt: float) -> list[tuple[int, int]]:
     """Whole turns of an unwrapped course, one after the other, from the first sample on."""
     found: list[tuple[int, int]] = []
     if course.size < 3:
@@ -72,11 +108,34 @@ def _turns(course: np.ndarray, offset: int, dt: float) -> list[tuple[int, int]]:
     # only turns in the direction of the phase count; a figure of eight turns to and fro and arrives nowhere
     progress = np.sign(course[-1] - course[0]) * (course - course[0])
     count = int(progress.max() // (2 * np.pi))
-    reached = np.searchsorted(np.maximum.accumulate(progress), 2 * np.pi * np.arange(count + 1))
-    for first, last in zip(reached[:-1], reached[1:], strict=True):
-        if SHORTEST <= (last - first) * dt <= LONGEST:
-            found.append((int(first) + offset, int(last) + offset))
+    farthest = np.maximum.accumulate(progress)
+    reached = np.searchsorted(farthest, 2 * np.pi * np.arange(count + 1))
+    for first, last in zip(reached[:-1].tolist(), reached[1:].tolist(), strict=True):
+        if SHORTEST <= (last - first) * dt <= LONGEST and (farthest - progress)[first:last].max() < BACK:
+            found.append((first, last))
     return found
+
+
+def _eights(azimuth: np.ndarray, course: np.ndarray, dt: float) -> list[tuple[int, int]]:
+    """Figures of eight: from one crossing of the middle towards growing azimuth to the next, with turns to both sides between them.
+
+    azimuth, course: (N,) rad, unwrapped.
+    """
+    if azimuth.size * dt < 2 * SHORTEST:
+        return []
+    swing = azimuth - moving_average(azimuth, max(1, int(round(SWAY / dt))))
+    clear = np.flatnonzero(np.abs(swing) > SWING * swing.std())
+    if clear.size < 2:
+        return []
+    turned = np.flatnonzero((swing[clear[:-1]] < 0) & (swing[clear[1:]] > 0))
+    crossings = [int(clear[k] + np.argmax(swing[clear[k] : clear[k + 1] + 1] >= 0)) for k in turned]
+    return [
+        (first, last)
+        for first, last in zip(crossings[:-1], crossings[1:], strict=True)
+        if SHORTEST <= (last - first) * dt <= LONGEST
+        and np.ptp(course[first:last]) > TO_AND_FRO
+        and abs(course[last - 1] - course[first]) < BACK
+    ]
 
 
 def _blocks(log: FlightLog, labels: np.ndarray) -> Loops:
@@ -91,6 +150,5 @@ def _blocks(log: FlightLog, labels: np.ndarray) -> Loops:
         count = int((last - first) * log.dt / seconds + 1e-9)
         edges = np.linspace(first, last, count + 1).astype(int) if count else ()
         bounds += list(zip(edges[:-1], edges[1:], strict=True))
-    return Loops(
-        "blocks", np.array(bounds, dtype=int).reshape(-1, 2), f"{len(bounds)} blocks of {seconds:.1f} s (the flight does not loop)"
-    )
+    good, out = usable(log, np.array(bounds, dtype=int).reshape(-1, 2))
+    return Loops("blocks", good, f"{len(good)} blocks of {seconds:.1f} s (the flight does not loop){_say_left_out(out)}", out)

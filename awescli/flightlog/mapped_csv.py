@@ -11,6 +11,7 @@ from awescli.flightlog.flight_file import OF_VECTOR, Column, FlightFile, Spheric
 from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.flightlog.plausible_units import check_units
 from awescli.flightlog.resample import RawFlight, sample_interval, uniform_log, usable_stamps
+from awescli.flightlog.spikes import without_spikes
 from awescli.flightlog.table import Table, read_header, read_table
 from awescli.flightlog.units import VOCABULARY, factor_to_si
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
@@ -46,6 +47,7 @@ def read_mapped(declaration: Path, mapping: FlightFile, max_gap: float = 0.2) ->
             places |= {q: (f"{path}: columns {', '.join(vector.columns)}", vector.columns[0]) for q in quantities}
     # a mapping declares its tension: how large a wing it may need is not known here
     believed = [*mapping.believe, *(spec.column for quantity, spec in mapping.signals.items() if quantity == "tension")]
+    signals, spikes = without_spikes(signals, usable_stamps(seconds)[0])
     check_units(seconds, signals, places, believed, CURE)
     wind = _wind(reader, mapping, seconds)
     if wind is not None:
@@ -56,7 +58,7 @@ def read_mapped(declaration: Path, mapping: FlightFile, max_gap: float = 0.2) ->
     if mapping.clocks.get("winch") == "auto":
         late["winch"], said = _winch_lateness(seconds, signals)
         notes.append(said)
-    raw = RawFlight(declaration.resolve().parent.name, start, seconds, signals, str(path), groups, late, wind, tuple(notes))
+    raw = RawFlight(declaration.resolve().parent.name, start, seconds, signals, str(path), groups, late, wind, tuple(notes), spikes)
     return uniform_log(raw, max_gap)
 
 

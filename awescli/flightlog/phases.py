@@ -4,8 +4,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from awescli.flightlog.clocks import moving_average
-from awescli.flightlog.faults import runs_of
-from awescli.flightlog.log import FlightLog
+from awescli.flightlog.log import FlightLog, runs_of
 
 PHASES = ("ground", "hover", "traction", "retraction", "transition")
 

@@ -7,9 +7,8 @@ from math import comb
 import numpy as np
 
 from awescli.flightlog.consistency import Check, consistency_checks
-from awescli.flightlog.faults import runs_of
-from awescli.flightlog.log import FlightLog
-from awescli.flightlog.loops import find_loops
+from awescli.flightlog.log import FlightLog, runs_of
+from awescli.flightlog.loops import Loops, find_loops
 from awescli.flightlog.phases import phase_durations, phases
 from awescli.flightlog.read import missing_for_model
 from awescli.notation.quantities import UNITS
@@ -19,6 +18,9 @@ DISPLAY = {"rad": ("deg", 180 / np.pi), "rad/s": ("deg/s", 180 / np.pi)}
 
 NOISE_ORDER = 4
 """Differences of this order remove what a kite does in a few samples and leave white noise."""
+
+MOST_STRETCHES = 500
+"""Stretches told one by one; the sums in `left_out` count all."""
 
 MAX_INVALID = 0.1
 """Share of samples that may be invalid before the log is called poor."""
@@ -37,6 +39,15 @@ class Channel:
 
 
 @dataclass(frozen=True)
+class Stretch:
+    """Flown time that is not used: from, to [s from the start of the log], and why."""
+
+    begin: float
+    end: float
+    why: str
+
+
+@dataclass(frozen=True)
 class DataQuality:
     """What a log holds and how good it is; every number finite."""
 
@@ -51,6 +62,7 @@ class DataQuality:
     loops: str
     loop_count: int
     left_out: Mapping[str, float]
+    stretches: tuple[Stretch, ...]
     missing: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -95,11 +107,24 @@ def data_quality(log: FlightLog) -> DataQuality:
         "invalid inside loops": float((in_loops & ~log.valid).sum() * log.dt),
         "longest invalid stretch": float((longest[:, 1] - longest[:, 0]).max() * log.dt) if len(longest) else 0.0,
     }
+    left_out |= {f"invalid: {cause}": float((bounds[:, 1] - bounds[:, 0]).sum() * log.dt) for cause, bounds in log.causes.items()}
+    for out in loops.left_out:
+        key = f"{loops.kind} left out: {out.reason}"
+        left_out[key] = left_out.get(key, 0.0) + (out.last - out.first) * log.dt
     return DataQuality(
         name=log.name, rate=1 / log.dt, duration=len(log) * log.dt, samples=len(log), counters=dict(log.counters), channels=tuple(channels),
         checks=checks, phases=phase_durations(labels, log.dt), loops=loops.sentence,
-        loop_count=len(loops) if loops.kind == "loops" else 0, left_out=left_out, missing=tuple(missing_for_model(log)), notes=log.notes,
+        loop_count=len(loops) if loops.kind == "loops" else 0, left_out=left_out,
+        stretches=_stretches(log, loops), missing=tuple(missing_for_model(log)), notes=log.notes,
     )  # fmt: skip
+
+
+def _stretches(log: FlightLog, loops: Loops) -> tuple[Stretch, ...]:
+    """Where and why samples are invalid and loops left out, in the order of time; the longest MOST_STRETCHES."""
+    found = [(first, last, cause) for cause, bounds in log.causes.items() for first, last in bounds.tolist()]
+    found += [(out.first, out.last, f"{loops.kind}: {out.sentence}") for out in loops.left_out]
+    longest = sorted(sorted(found, key=lambda s: s[0] - s[1])[:MOST_STRETCHES])
+    return tuple(Stretch(float(log.time[a]), float(log.time[a] + (b - a) * log.dt), why) for a, b, why in longest)
 
 
 def _sensor_faults(log: FlightLog) -> Check:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from awescli.flightlog.log import FlightLog, WindRecord
+from awescli.flightlog.log import FlightLog, WindRecord, runs_of
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES, MEASURED, SURFACES
 
@@ -29,7 +29,7 @@ class RawFlight:
 
     start: unix time of stamp 0 [s]; stamps: (N,) s; signals: quantity -> (N,), NaN where missing; groups: quantity ->
     clock group; late: clock group -> s by which its records come late (its value stamped t belongs to t - late);
-    wind: WindRecord on the same stamps; where: the file, for messages.
+    wind: WindRecord on the same stamps; where: the file, for messages; spikes: quantity -> samples taken as missing.
     """
 
     name: str
@@ -41,6 +41,7 @@ class RawFlight:
     late: Mapping[str, float] = field(default_factory=dict)
     wind: WindRecord | None = None
     notes: tuple[str, ...] = ()
+    spikes: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,9 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
         )
     origin, time = stamps[0], np.arange(count) * dt
     max_gap = max(max_gap, 1.5 * dt)
-    valid, filled, signals, notes = np.ones(count, bool), 0, {}, list(raw.notes)
+    between = _place(time, stamps - origin, dt, max_gap)
+    valid, causes = between.known.copy(), {"gap": runs_of(~between.known)}
+    filled, signals, notes = 0, {}, list(raw.notes)
     placements: dict[float, _Placement] = {}
     for name, column in raw.signals.items():
         values, late = column[keep], raw.late.get(raw.groups.get(name, "onboard"), 0.0)
@@ -94,12 +97,13 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
             filled += int((~good).sum())
         signals[name] = _take(values, placement, name)
         valid &= placement.known
+        causes[f"{name} missing"] = runs_of(between.known & ~placement.known)
     if not signals:
         raise BadInput("no signal holds a value", raw.where, "Check the columns.")
-    between = _place(time, stamps - origin, dt, max_gap)
     counters = {
         "rows": int(raw.stamps.size), **removed, "interpolated": int((~between.exact & between.known).sum()),
         "gaps": int((np.diff(stamps) > max_gap).sum()), "gap_samples": int((~between.known).sum()), "missing_cells": filled,
+        "spikes": sum(raw.spikes.values()),
     }  # fmt: skip
     return FlightLog(
         name=raw.name,
@@ -111,8 +115,9 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
         valid=valid,
         wind=None if raw.wind is None else replace(raw.wind, time=raw.wind.time - origin),
         groups={k: g for k, g in raw.groups.items() if k in signals or k == "wind"},
-        notes=(*notes, *_say(counters, dt, max_gap, raw.late)),
+        notes=(*notes, *_say(counters, dt, max_gap, raw)),
         counters=counters,
+        causes={cause: bounds for cause, bounds in causes.items() if len(bounds)},
     )
 
 
@@ -185,7 +190,7 @@ def _take(values: np.ndarray, at: _Placement, name: str) -> np.ndarray:
     return wrap(taken) if name in ANGLES else taken
 
 
-def _say(counters: Mapping[str, int], dt: float, max_gap: float, late: Mapping[str, float]) -> list[str]:
+def _say(counters: Mapping[str, int], dt: float, max_gap: float, raw: RawFlight) -> list[str]:
     """The counters that are not zero, one sentence each."""
     sentences = {
         "unreadable": "{} rows without a readable time stamp were removed.",
@@ -194,7 +199,8 @@ def _say(counters: Mapping[str, int], dt: float, max_gap: float, late: Mapping[s
         "backward": "{} rows whose time stamps run backward were removed.",
         "interpolated": f"{{}} samples were interpolated to the uniform clock of {dt:g} s.",
         "gaps": f"{{}} gaps are longer than {max_gap:g} s; the samples inside are marked invalid.",
+        "spikes": f"{{}} spikes were taken as missing ({', '.join(f'{n} {k}' for k, n in raw.spikes.items())}).",
         "missing_cells": "{} missing values: short stretches interpolated, longer ones marked invalid.",
     }
     said = [text.format(counters[key]) for key, text in sentences.items() if counters[key]]
-    return said + [f"The {group} clock was moved by {-s:+.2f} s." for group, s in late.items() if s]
+    return said + [f"The {group} clock was moved by {-s:+.2f} s." for group, s in raw.late.items() if s]

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from awescli.flightlog.faults import runs_of
+from awescli.flightlog.log import runs_of
 from awescli.flightlog.loops import Loops
 from awescli.notation.errors import BadInput
 

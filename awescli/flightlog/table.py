@@ -76,10 +76,14 @@ def read_table(path: Path, wanted: Iterable[str]) -> Table:
         raise BadInput("there is a header but no samples", str(path), "Is the file complete? Copy it again.")
     notes: list[str] = []
     columns = {}
-    for position, name in zip(frame.columns, wanted, strict=True):
-        column = frame[position]
-        if column.null_count():
-            notes += _explain_missing(path, separator, names, name, column)
+    series = dict(zip(wanted, frame.get_columns(), strict=True))
+    incomplete = [name for name in wanted if series[name].null_count()]
+    texts = {}
+    if incomplete:
+        texts = dict(zip(incomplete, _read_columns(path, separator, names, incomplete, pl.String).get_columns(), strict=True))
+    for name, column in series.items():
+        if name in texts:
+            notes += _explain_missing(path, name, column, texts[name])
         values = column.to_numpy().astype(float, copy=True)
         values[~(np.abs(values) < ABSURD)] = np.nan
         columns[name] = values
@@ -141,9 +145,8 @@ def _refuse_truncated(path: Path, separator: str, width: int) -> None:
         )
 
 
-def _explain_missing(path: Path, separator: str, names: tuple[str, ...], name: str, column: pl.Series) -> list[str]:
-    """Notes about the null cells of a column: empty ones, and unreadable ones with the line of the first."""
-    text = _read_columns(path, separator, names, [name], pl.String).to_series()
+def _explain_missing(path: Path, name: str, column: pl.Series, text: pl.Series) -> list[str]:
+    """Notes about the null cells of a column, by its text: empty ones, and unreadable ones with the line of the first."""
     if len(text) != len(column):
         raise BadInput("the rows cannot be told apart (quotes that do not close)", f"{path}: column {name}", "Export it without quotes.")
     missing = column.is_null()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from awescli.flightlog.faults import runs_of
+from awescli.flightlog.log import runs_of
 from awescli.flightlog.split import PARTS
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Body, Cell, Section, bullets, chip, esc, folded, paragraph, table

@@ -1,7 +1,5 @@
 """Kitemill's format: there and back, and every way a file can be wrong has one clear error."""
 
-import time
-
 import numpy as np
 import polars as pl
 import pytest
@@ -127,12 +125,12 @@ def test_missing_weather_and_weather_of_another_day(tmp_path, log):
     assert missing_for_model(read_flight(folder)) == ["wind (direction and speed)"]
 
 
-def test_two_hours_at_50_hz_load_in_3_seconds(tmp_path):
+def test_two_hours_at_50_hz_are_read_whole(tmp_path):
+    """How fast and in how much memory: benchmarks/long_logs.py."""
     long = circle(seconds=7200.0, noise=0.002, reel=0.01)
     folder = write_folder(tmp_path, long)
-    began = time.perf_counter()
     back = read_flight(folder)
-    assert len(back) == 360_000 and time.perf_counter() - began < 3.0
+    assert len(back) == 360_000 and back.valid.all()
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -1,0 +1,62 @@
+"""Spikes: one or two samples that leap away and come back, faster than anything that flies. Found before units are judged, then missing."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from awescli.notation.quantities import ANGLES, MEASURED
+
+WINDOW = 5
+"""Samples of the running median: it does not follow up to two samples in a row."""
+
+USUAL = 10.0
+"""A spike leaves the running median by so many times what 99 % of the samples do, ..."""
+
+SPAN = 0.2
+"""... and by this share of the range in which 98 % of a measured signal lies."""
+
+COMMAND = 0.5
+"""Set-points may jump: their spikes leave the whole range, and by at least this much (SI: 29 deg, 0.5 m, 0.5 m/s)."""
+
+ENOUGH = 20_000
+"""Samples from which a scale is taken."""
+
+FEWEST = 50
+"""Samples below which nothing is usual."""
+
+
+def without_spikes(signals: Mapping[str, np.ndarray], rows: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, int]]:
+    """(signals with NaN for spikes, signal -> number of spiked samples, where there are any).
+
+    signals: quantity -> (N,) SI, NaN where missing; rows: indices of the samples whose stamps run forward (`usable_stamps`).
+    """
+    clean, found = dict(signals), {}
+    for name, column in signals.items():
+        index = rows[np.isfinite(column[rows])]
+        if index.size < FEWEST:
+            continue
+        spikes = index[_spiked(name, column[index])]
+        if spikes.size:
+            clean[name] = column.copy()
+            clean[name][spikes] = np.nan
+            found[name] = int(spikes.size)
+    return clean, found
+
+
+def usual(x: np.ndarray, shares):
+    """Quantiles of x (N,), from at most ENOUGH evenly spaced samples: a scale needs no more, and hours of flight have many."""
+    return np.quantile(x[:: max(1, x.size // ENOUGH)], shares)
+
+
+def _spiked(name: str, x: np.ndarray) -> np.ndarray:
+    """(N,) bool of a signal (N,) without missing values."""
+    if name in ANGLES:
+        x = np.unwrap(x)
+    low, high = usual(x, (0.01, 0.99))
+    off = np.abs(x - median_filter(x, WINDOW, mode="nearest"))
+    if name not in MEASURED:
+        return off > max(USUAL * usual(off, 0.99), high - low, COMMAND)
+    if low == high:
+        return np.zeros(x.size, bool)  # stands still: faults.py's business
+    return off > max(USUAL * usual(off, 0.99), SPAN * (high - low))
