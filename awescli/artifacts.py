@@ -385,7 +385,12 @@ def table_hash(table: Mapping[str, str]) -> str:
 def versions() -> dict[str, str]:
     """Versions of what the numbers depend on. From the packages' metadata: importing torch for it would take seconds."""
     found = {"awes": __version__, "python": platform.python_version()}
-    for package in ("numpy", "scipy", "torch", "torchdiffeq", "numba", "polars"):
+    for package in ("numpy", "scipy", "torch", "torchdiffeq", "numba", "llvmlite", "polars"):
         with suppress(PackageNotFoundError):
             found[package] = version(package)
     return found
+
+
+def machine() -> dict[str, Any]:
+    """What the last bits of the numbers may depend on besides versions."""
+    return {"system": platform.system(), "machine": platform.machine(), "libc": " ".join(platform.libc_ver()), "cores": os.cpu_count()}

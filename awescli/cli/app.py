@@ -88,6 +88,14 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         with shell() as screen:
             commands.init(screen, stages, folder, flight, kite)
 
+    @app.command(help="Compare the results in a folder with their provenance: hashes of artifacts, inputs and stages upstream.")
+    def verify(
+        folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of the results (`out` of the plan).")] = Path("out"),
+        as_json: Json = False,
+    ):
+        with shell(as_json) as screen:
+            commands.verify(screen, stages, folder)
+
     @app.command(help="Print the JSON Schema of stages.yaml and of the kite file, for editor completion.")
     def schema():
         with shell(as_json=True) as screen:

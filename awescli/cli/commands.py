@@ -119,6 +119,19 @@ def quality_sections(quality: Any) -> dict[str, Any]:
     return sections
 
 
+def verify(screen: Screen, stages: tuple[Stage, ...], folder: Path) -> None:
+    """Are the results in a folder what their provenance says? Every mismatch is one line, and makes it bad input."""
+    from awescli.stages.verify import verify as compare
+
+    verified = compare(folder, stages)
+    for stage, count in verified.files.items():
+        screen.line(f"{stage}: {count} files")
+    screen.answer({"run": str(folder), "files": dict(verified.files), "mismatches": list(verified.mismatches)})
+    if verified.mismatches:
+        raise BadInputs([BadInput(line) for line in verified.mismatches])
+    screen.line("all hashes as in the provenance")
+
+
 def init(screen: Screen, stages: tuple[Stage, ...], folder: Path, flight: Path, kite: Path) -> None:
     """A stages.yaml to start from."""
     from awescli.artifacts import write_text

@@ -84,7 +84,8 @@ def test_figures_of_eight_are_loops(clean):
     eights = loops.bounds[abs(seconds - 16.0) < 0.5]
     azimuth = np.arctan2(log["p_e"], log["p_n"])
     assert np.abs(azimuth[eights[:, 0]]).max() < 0.05 and (azimuth[eights[:, 0] + 20] > azimuth[eights[:, 0]]).all()
-    assert all((label[first:last] == "traction").mean() > 0.9 for first, last in loops.bounds[1:])  # the first begins while the kite speeds up
+    # the first loop begins while the kite speeds up
+    assert all((label[first:last] == "traction").mean() > 0.9 for first, last in loops.bounds[1:])
 
 
 def test_set_points_in_other_units(tmp_path, clean):
