@@ -21,7 +21,8 @@ RESULTS = HERE / "results" / "coverage"
 def run_fit(name: str, seed: int) -> dict:
     """One flight, one declaration, one fit: parameter -> (error in std, excited, at bound)."""
     from awescli.estimation.answer import describe
-    from awescli.estimation.question import ask, fit_in_stages, simulator_of
+    from awescli.estimation.question import ask, simulator_of
+    from awescli.estimation.staged_fit import Flown, fit_flights
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
     from awescli.physics.declaration import read_kite
@@ -32,8 +33,8 @@ def run_fit(name: str, seed: int) -> dict:
     parts = split(find_loops(flight.log), 0.7, 0.1, 0.2)
     simulator = simulator_of(flight.declared, flight.log)
     question = ask(simulator, flight.log, parts, 5.0, tuple(flight.log.measured))
-    fit, question = fit_in_stages(question, flight.log, parts, (1.0, 2.5))
-    answer, true = describe(fit, question.prior, question.kite.record)["parameters"], flight.flown.table()
+    fit, _ = fit_flights([Flown(question, flight.log, parts)], (1.0, 2.5))
+    answer, true = describe(fit, question.kite.record)["parameters"], flight.flown.table()
     return {
         "seed": seed, "outcome": fit.solution.outcome, "chi2": fit.chi2,
         "parameters": {n: [(r["value"] - true[n].value) / r["std"], r["excited"], r["at_bound"]] for n, r in answer.items()},

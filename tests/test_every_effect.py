@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, PLAUSIBLE, at_point, every_key, lively, sizes, truly, with_free
 
-from awescli.estimation.simulation_error import Gusts, fit
+from awescli.estimation.fit import fit
+from awescli.estimation.simulation_error import Gusts
 from awescli.notation.quantities import MEASURED, OUTPUTS
 from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.base import PLACES, Effect

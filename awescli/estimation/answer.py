@@ -1,12 +1,13 @@
-"""What a fit says about its own answer: standard deviations, correlations, what the flight does not excite, what sits at a bound."""
+"""What a fit says about its own answer: standard deviations, correlations, what the flights do not excite, what sits at a limit."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping
+from itertools import product
 
 import numpy as np
+from scipy.linalg import qr
 
+from awescli.estimation.fit import JointFit
 from awescli.estimation.limits import scaling
-from awescli.estimation.simulation_error import Fit
-from awescli.notation.parameters import ParameterTable
 
 EXCITED = 0.5
 """A parameter whose standard deviation is still more than this share of its prior's was hardly seen by the flight."""
@@ -14,23 +15,34 @@ COLLINEAR = 0.95
 """Correlation beyond which two parameters are named as a pair that only their combination is known of."""
 
 
-def describe(fit: Fit, prior: ParameterTable, record: Sequence[str] = ()) -> dict:
+UNSEEN = 1.0
+"""Singular value of the Jacobian, scaled to the prior's standard deviations and the noise, below which the prior says more about a
+direction than the flights do."""
+SAME_SHARE = 0.1
+"""Relative difference up to which the changes of parameters along a direction count as one common factor."""
+UNSEEN_SHARE = 1.0
+"""Information on a relative change below which not even a change of 100 % would be seen."""
+MOST_DIRECTIONS = 12
+"""Largest null space whose combinations are searched for common factors."""
+
+
+def describe(fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str, str] | None = None) -> dict:
     """Per free parameter: value, std (scaled by the residual's level where that is above the noise), prior, shift, flags, advice.
 
     std is the Gauss-Newton posterior standard deviation; excited: std < half of the prior's; at_bound: the value sits at an end of
-    its range; partners: parameters correlated by more than 0.95. record: names of nuisance parameters, listed apart.
+    its range; partners: parameters correlated by more than 0.95. record: names of nuisance parameters, listed apart. flight_of: name ->
+    the flight that it belongs to, where it belongs to one alone.
     """
-    scale = np.sqrt(max(fit.chi2, 1.0))
-    std = np.sqrt(np.diag(fit.covariance)) * scale
-    correlation = (
-        fit.covariance / np.outer(np.sqrt(np.diag(fit.covariance)), np.sqrt(np.diag(fit.covariance))) if len(std) else np.zeros((0, 0))
-    )
+    flight_of = flight_of or {}
+    std = np.sqrt(np.diag(fit.covariance)) * np.sqrt(max(fit.chi2, 1.0))
+    correlation = _correlation(fit.covariance)
     rows, errors = {}, {}
     for i, name in enumerate(fit.names):
+        whose = {"flight": flight_of[name]} if name in flight_of else {}
         if name in record:
-            errors[name] = {"value": fit.parameters[name].value, "std": float(std[i]), "unit": fit.parameters[name].unit}
+            errors[name] = {"value": fit.parameters[name].value, "std": float(std[i]), "unit": fit.parameters[name].unit, **whose}
             continue
-        p, before = fit.parameters[name], prior[name]
+        p, before = fit.parameters[name], fit.prior[name]
         width = p.upper - p.lower
         partners = [fit.names[j] for j in np.flatnonzero(np.abs(correlation[i]) > COLLINEAR) if j != i]
         at_bound = bool(np.isfinite(width) and min(p.value - p.lower, p.upper - p.value) < 1e-6 * width)
@@ -40,18 +52,23 @@ def describe(fit: Fit, prior: ParameterTable, record: Sequence[str] = ()) -> dic
             "prior": before.value, "prior_std": float(before.prior_std),
             "shift_in_prior_std": float((p.value - before.value) / before.prior_std),
             "excited": excited, "at_bound": at_bound, "partners": partners,
-            "advice": _advice(excited, at_bound, partners),
+            "advice": _advice(excited, at_bound, partners), **whose,
         }  # fmt: skip
     return {
         "parameters": rows,
         "wind_record_error": errors,
         "constraints": _constraints(fit),
         "correlation": {"names": list(fit.names), "matrix": np.round(correlation, 6).tolist()},
-        "weakest_direction": _weakest(fit, prior),
+        **_directions(fit, record),
     }
 
 
-def _constraints(fit: Fit) -> list[dict]:
+def _correlation(covariance: np.ndarray) -> np.ndarray:
+    std = np.sqrt(np.diag(covariance))
+    return covariance / np.outer(std, std) if len(std) else np.zeros((0, 0))
+
+
+def _constraints(fit: JointFit) -> list[dict]:
     """Every constraint on a fitted parameter: value of its sum, whether it is active, and what the cost (chi-square) would fall by if
     its limit were moved outwards by one unit."""
     rows = []
@@ -74,16 +91,57 @@ def _advice(excited: bool, at_bound: bool, partners: list[str]) -> str:
     return ""
 
 
-def _weakest(fit: Fit, prior: ParameterTable) -> dict:
-    """The direction, in units of prior standard deviations, that the flight tells least of (scaled Jacobian's smallest singular value)."""
-    if not fit.names:
-        return {}
-    scale = np.array([prior[n].prior_std for n in fit.names])
-    H = fit.information.H.sum(0) * np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(H)
-    order = np.argsort(-np.abs(vectors[:, 0]))[:5]
+def _directions(fit: JointFit, record: Collection[str]) -> dict:
+    """The directions, in units of prior standard deviations, that the flights tell least of: right singular vectors of the scaled Jacobian.
+
+    weakest_direction: that of the smallest singular value; unseen_directions: all that the prior knows better than the flights.
+    """
+    kept = np.array([i for i, n in enumerate(fit.names) if n not in record], dtype=int)
+    if not len(kept):
+        return {"weakest_direction": {}, "unseen_directions": [], "common_factors": []}
+    scale = np.array([fit.prior[fit.names[i]].prior_std for i in kept])
+    values, vectors = np.linalg.eigh(fit.known[np.ix_(kept, kept)] * np.outer(scale, scale))
+    singular = np.sqrt(np.maximum(values, 0.0))
+    found = [
+        {
+            "singular_value": float(singular[i]),
+            "parameters": {fit.names[kept[j]]: float(v[j]) for j in np.argsort(-np.abs(v))[:5] if abs(v[j]) > 0.1},
+        }
+        for i, v in enumerate(vectors.T)
+    ]
+    condition = float(singular[-1] / singular[0]) if singular[0] > 0 else None
     return {
-        "singular_value": float(np.sqrt(max(values[0], 0.0))),
-        "condition": float(np.sqrt(max(values[-1], 0.0) / max(values[0], 1e-300))) if values[0] > 0 else None,
-        "parameters": {fit.names[i]: float(vectors[i, 0]) for i in order},
+        "weakest_direction": {**found[0], "condition": condition},
+        "unseen_directions": [d for d in found if d["singular_value"] < UNSEEN],
+        "common_factors": [
+            {"parameters": names, "says": f"a common factor of {', '.join(names)} cannot be told: only their ratios are known"}
+            for names in common_factors(fit, kept)
+        ],
     }
+
+
+def common_factors(fit: JointFit, kept: np.ndarray) -> list[list[str]]:
+    """Groups of parameters that may all be multiplied by one factor without any change that the flights show.
+
+    Such a factor multiplies both sides of an equation: inertias, moment coefficients and attachment arm in the moment equation. It is a
+    vector of ones and zeros in the null space of the Jacobian with respect to relative changes; that space holds other directions too
+    (a constant deflection's derivative and the trim coefficient), so their combinations are tried. kept: places of the parameters.
+    """
+    value = fit.parameters.vector([fit.names[i] for i in kept])
+    known = fit.known[np.ix_(kept, kept)] * np.outer(value, value)
+    # a parameter that is not seen by itself belongs to every group and to none
+    seen = np.flatnonzero(np.diag(known) > UNSEEN_SHARE)
+    values, vectors = np.linalg.eigh(known[np.ix_(seen, seen)])
+    N = vectors[:, values < UNSEEN_SHARE]
+    if not 0 < N.shape[1] <= MOST_DIRECTIONS:
+        return []
+    pivots = qr(N.T, pivoting=True, mode="r")[1][: N.shape[1]]
+    basis = N @ np.linalg.inv(N[pivots])
+    groups: list[frozenset[int]] = []
+    for pattern in sorted(product((0, 1), repeat=len(pivots)), key=sum)[1:]:
+        v = basis @ pattern
+        group = frozenset(np.flatnonzero(v > 0.5).tolist())
+        binary = np.abs(v - (v > 0.5)).max() < SAME_SHARE
+        if binary and not any(smaller < group for smaller in groups):
+            groups.append(group)
+    return [[fit.names[kept[seen[i]]] for i in sorted(group)] for group in groups if len(group) > 2]

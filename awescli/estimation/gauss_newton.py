@@ -92,7 +92,7 @@ def minimise(
                     break
             weight.raise_above(found[len(x) :])
             slope = -2 * float(b @ step) - 2 * own_gain - weight.penalty(violation)
-            share = _search(move, step, lambda s, d=step: weight.at(x + s * d), cost + weight.penalty(violation), slope)
+            share = _search(move, step, lambda s, x=x, d=step: weight.at(x + s * d), cost + weight.penalty(violation), slope)
             if share:
                 break
             damping = max(10 * damping, 1e-3)

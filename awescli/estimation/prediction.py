@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from awescli.estimation.simulation_error import Gusts, fit
+from awescli.estimation.fit import fit
+from awescli.estimation.simulation_error import Gusts
 from awescli.flightlog.split import segments as segment_starts
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES

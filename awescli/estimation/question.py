@@ -1,13 +1,12 @@
-"""From a log and a kite to a contest: compile the library, cut the segments, settle the nuisance wind, fit the null model."""
+"""From a log and a kite to a question: compile the model, cut the segments, settle weights and nuisance wind."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from awescli.estimation.gust_level import gust_level
-from awescli.estimation.record_error import mid_times, with_record_errors
-from awescli.estimation.simulation_error import Fit, Gusts, fit, with_gust_noise, with_residual_noise
+from awescli.estimation.simulation_error import Gusts, with_gust_noise
 from awescli.flightlog.split import Split, segments
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
@@ -29,7 +28,7 @@ GUST_WINDOW = 0.5
 class Question:
     """A flight cut up for one model: what to fit to, what to choose on, the nuisance wind, how gusty it was.
 
-    simulator holds the kite with all parameters; names: the free ones; prior: their table as declared.
+    simulator holds the kite with all parameters; names: the free ones; prior: their table as declared; seed_weights: as in `ask`.
     """
 
     simulator: Simulator
@@ -40,6 +39,7 @@ class Question:
     gust: float
     names: tuple[str, ...]
     prior: ParameterTable
+    seed_weights: bool = False
 
 
 def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None) -> Simulator:
@@ -93,46 +93,5 @@ def ask(
             spans = np.array([0.01 * (np.ptp(log[n]) or 1.0) for n in cut.outputs])
             cut = cut.with_sigma(np.where(np.isfinite(cut.sigma), spans, np.inf))
         observed.append(with_gust_noise(simulator, cut, gusts) if level > GUSTY else cut)
-    return Question(simulator, kite, observed[0], observed[1], gusts, level, (*kite.parameters.free, *kite.record), kite.parameters)
-
-
-def fit_in_stages(
-    question: Question, log, split: Split, horizons: Sequence[float], *, prior: bool = True, start=None,
-    on_iteration: Callable[[float, int, float], None] = lambda h, i, c: None,
-) -> tuple[Fit, Question]:  # fmt: skip
-    """Fit from short horizons to the whole one (a poor guess cannot follow five seconds), then settle the noise in gusty air.
-
-    start: name -> value to start from where that differs from the declared one. Returns the fit and the question with the noise as
-    finally used.
-    """
-    if not prior:
-        # without priors nothing keeps the wind record near what was recorded
-        question = replace(question, names=tuple(n for n in question.names if n not in question.kite.record))
-    table, simulator = question.simulator.kite.parameters.with_values(start or {}), question.simulator
-    outputs = question.fitted.outputs
-    for horizon in horizons:
-        short = ask(simulator.holding(table), log, split, horizon, outputs, parts=("train", "train"))
-        result = fit(
-            simulator.holding(table), short.fitted, table, question.names, gusts=question.gusts, prior=prior, prior_table=question.prior,
-            tolerance=1.0, on_iteration=lambda i, c, h=horizon: on_iteration(h, i, c),
-        )  # fmt: skip
-        table = result.parameters
-    length = question.fitted.segments.steps * question.fitted.segments.dt
-
-    def whole(observed, table, own=None):
-        return fit(
-            simulator.holding(table), observed, table, question.names, gusts=question.gusts, prior=prior, prior_table=question.prior,
-            tolerance=0.01, own=own, on_iteration=lambda i, c: on_iteration(length, i, c),
-        )  # fmt: skip
-
-    result = whole(question.fitted, table)
-    if question.gust > GUSTY:
-        raised = with_residual_noise(question.fitted, result, simulator.holding(result.parameters), question.gusts)
-        ratio = (raised.sigma / question.fitted.sigma)[0, 0]
-        ratio = np.where(np.isfinite(ratio), ratio, 1.0)
-        choice = question.choice.with_sigma(question.choice.sigma * ratio)
-        question = replace(question, fitted=raised, choice=choice)
-        result = whole(raised, result.parameters, result.own)
-    if log.wind is not None:
-        result = with_record_errors(result, question.kite.record, log.wind.time, mid_times(question.fitted.segments, log))
-    return result, question
+    names = (*kite.parameters.free, *kite.record)
+    return Question(simulator, kite, observed[0], observed[-1], gusts, level, names, kite.parameters, seed_weights)

@@ -9,11 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from awescli.estimation.simulation_error import Fit
+from awescli.estimation.fit import Fit
 
 
-def with_record_errors(fit: Fit, record: tuple[str, ...], knots: np.ndarray, times: np.ndarray) -> Fit:
-    """The fit with C sum_mi (std_i^2 B_mi B_mi') C added to its covariance C, B_mi = sum_k w_m(t_k) H_k[:, i].
+def record_influence(fit: Fit, record: tuple[str, ...], knots: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """(n, M i) columns std_i B_mi, B_mi = sum_k w_m(t_k) H_k[:, i]: with the covariance C of a fit, C B B' C is what errors that change
+    from entry to entry add to it.
 
     record: names of the station errors among the fitted ones; knots: (M,) times of the record's entries; times: (K,) mid-times of the
     segments, on the same clock; w_m: the hat functions of linear interpolation between knots, less their mean over the segments
@@ -21,14 +22,18 @@ def with_record_errors(fit: Fit, record: tuple[str, ...], knots: np.ndarray, tim
     """
     fitted = [n for n in record if n in fit.names]
     if not fitted or len(knots) < 2:
-        return fit
+        return np.zeros((len(fit.names), 0))
     hats = np.stack([np.interp(times, knots, row) for row in np.eye(len(knots))])
     hats -= hats.mean(axis=1, keepdims=True)
     index = [fit.names.index(n) for n in fitted]
     std = np.array([fit.parameters[n].prior_std for n in fitted])
     B = np.einsum("mk,kij->mij", hats, fit.information.H[:, :, index]) * std
-    B = np.moveaxis(B, 1, 0).reshape(len(fit.names), -1)
-    influence = fit.covariance @ B
+    return np.moveaxis(B, 1, 0).reshape(len(fit.names), -1)
+
+
+def with_record_errors(fit: Fit, record: tuple[str, ...], knots: np.ndarray, times: np.ndarray) -> Fit:
+    """The fit of one flight with the influence of such errors added to its covariance; arguments of `record_influence`."""
+    influence = fit.covariance @ record_influence(fit, record, knots, times)
     return replace(fit, covariance=fit.covariance + influence @ influence.T)
 
 

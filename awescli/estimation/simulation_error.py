@@ -1,17 +1,13 @@
-"""Simulation error of re-initialised segments (seed eq. 11): parameters and segment starts that fit them together."""
+"""Simulation error of re-initialised segments (seed eq. 11) as a function of parameters, segment starts and nuisance wind."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from awescli.estimation.gauss_newton import Solution, covariance, minimise
 from awescli.estimation.gust_level import within_window
-from awescli.estimation.information import Information, reduce
-from awescli.estimation.limits import limits_of
-from awescli.notation.constraints import LinearConstraint
-from awescli.notation.parameters import ParameterTable
+from awescli.estimation.information import reduce
 from awescli.notation.quantities import STATES
 from awescli.simulation.rollout import Columns, Simulator
 from awescli.simulation.segments import Observed
@@ -51,31 +47,6 @@ class Gusts:
         return np.kron(np.linalg.inv(correlation), np.eye(3)) / self.std**2
 
 
-@dataclass(frozen=True)
-class Fit:
-    """What a fit found: parameters (all rows, new values for the free ones), own (K, n_own) unknowns of the segments (starts first),
-    solution, information at the solution.
-
-    constraints: the kite's, kept by the fit where they name one of `names`;
-    covariance: (n, n) of the free parameters in the order `names`, prior included; chi2: squared whitened residual per degree of freedom.
-    """
-
-    names: tuple[str, ...]
-    parameters: ParameterTable
-    own: np.ndarray
-    solution: Solution
-    information: Information
-    covariance: np.ndarray
-    chi2: float
-    alive: np.ndarray
-    constraints: tuple[LinearConstraint, ...] = ()
-
-    @property
-    def starts(self) -> np.ndarray:
-        """(K, 12) fitted states at the segments' starts."""
-        return self.own[:, :12]
-
-
 def with_gust_noise(simulator: Simulator, observed: Observed, gusts: Gusts, values=None) -> Observed:
     """The observations with the noise of what gusts do inside a window added to their own.
 
@@ -89,19 +60,6 @@ def with_gust_noise(simulator: Simulator, observed: Observed, gusts: Gusts, valu
     direct = J[:, starts, :, np.arange(len(windows))]
     variance = rest**2 * np.mean(direct**2, axis=(0, 1)) * 3
     return observed.with_sigma(np.sqrt(observed.sigma**2 + variance))
-
-
-def with_residual_noise(observed: Observed, fit: "Fit", simulator: Simulator, gusts: Gusts) -> Observed:
-    """The observations with each channel's noise raised to the level of its own residual, where that is larger.
-
-    For gusty air only: gusts shorter than the windows move the kite, not only its sensors, and no window can follow them.
-    """
-    problem = SimulationError(simulator, observed, fit.names, gusts)
-    problem.own = fit.own
-    trajectories = simulator.rollout(problem.segments(fit.own), problem.values([fit.parameters[n].value for n in fit.names]))
-    r = observed.residual(trajectories)
-    level = np.sqrt(np.mean(r * r, axis=(0, 1)))
-    return observed.with_sigma(observed.sigma * np.maximum(level, 1.0))
 
 
 class SimulationError:
@@ -170,75 +128,3 @@ class SimulationError:
         squares, limit = (r * r).sum(axis=2), DIVERGED_COST * len(self.observed.outputs)
         squares[~whole] = np.where(reached[~whole], np.minimum(squares[~whole], limit), limit)
         return squares.sum(axis=1) + np.einsum("ki,ij,kj->k", own, self.own_prior, own), whole
-
-
-def fit(
-    simulator: Simulator,
-    observed: Observed,
-    parameters: ParameterTable,
-    names: Sequence[str],
-    *,
-    gusts: Gusts,
-    prior: bool = True,
-    prior_table: ParameterTable | None = None,
-    iterations: int = 30,
-    tolerance: float = 1e-2,
-    own: np.ndarray | None = None,
-    on_iteration: Callable[[int, float], None] = lambda i, c: None,
-) -> Fit:
-    """Fit the free parameters `names`, and the segments' starts, to observed segments (seed eq. 11, weights from the noise), under
-    the parameters' bounds and the kite's constraints. Raises BadInput where no values satisfy these.
-
-    own: (K, n_own) start values of the segments' unknowns, from an earlier fit of the same segments.
-    prior: weigh deviations from `prior_table` (default: `parameters`) with each row's `prior_std` (maximum a posteriori).
-    """
-    problem = SimulationError(simulator, observed, names, gusts)
-    names = problem.names
-    rows = [parameters[n] for n in names]
-    x0 = np.array([r.value for r in rows])
-    limits = limits_of(parameters, names, simulator.kite.constraints)
-    centre = np.array([(prior_table or parameters)[n].value for n in names])
-    precision = np.array([1 / r.prior_std**2 if prior else 0.0 for r in rows])
-    if own is not None:
-        problem.own = own.copy()
-    # the own unknowns move along with every step; what a trial would make of them waits until the step is accepted
-    here: dict = {}
-
-    def total(x, own):
-        cost, whole = problem.costs(x, own)
-        if (here["flies"] & ~whole).any():
-            return np.inf  # a step may not lose a segment
-        # segments that had diverged before are set aside at a fixed price until a new linearisation finds them flying
-        aside = DIVERGED_COST * observed.measured[0].size * np.count_nonzero(~here["heard"])
-        return float(cost[here["heard"]].sum() + aside + precision @ (centre - x) ** 2)
-
-    def linearise(x):
-        info, trajectories = problem.information(x)
-        # a segment that diverged keeps its own unknowns and has no say in the step, unless all did
-        flies = trajectories.alive > observed.segments.steps
-        heard = flies if flies.any() else np.ones_like(flies)
-        here.update(x=x, info=info, alive=trajectories.alive, flies=flies, heard=heard)
-        b = info.b[heard].sum(0) + precision * (centre - x)
-        # what the own unknowns alone can still gain counts as progress too
-        own_gain = float((problem.costs(x, problem.own)[0] - info.cost)[flies].sum())
-        return total(x, problem.own), b, info.H[heard].sum(0) + np.diag(precision), own_gain
-
-    def move(step, share):
-        moved = problem.own.copy()
-        for k in np.flatnonzero(here["flies"]):
-            moved[k] += share * here["info"].own(k, step)
-        here["moved"] = moved
-        return total(limits.clip(here["x"] + share * step), moved)
-
-    def accept():
-        problem.own = here["moved"]
-
-    solution = minimise(linearise, move, accept, x0, limits, tolerance=tolerance, iterations=iterations, on_iteration=on_iteration)
-    info = here["info"]
-    table = parameters.with_values(dict(zip(names, solution.x, strict=True)))
-    spread = covariance(solution.H, np.array([r.prior_std for r in rows]), limits.A[limits.equal])
-    # the level of the residual is that of the segments that fly; a lost one stands in the account at its price
-    flies = here["flies"]
-    chi2 = float(info.cost[flies].sum() / max(info.dof[flies].sum() - len(names), 1)) if flies.any() else DIVERGED_COST
-    info = replace(info, cost=np.where(flies, info.cost, DIVERGED_COST * observed.measured[0].size))
-    return Fit(names, table, problem.own, solution, info, spread, chi2, here["alive"], simulator.kite.constraints)

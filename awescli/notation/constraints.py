@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from awescli.notation.errors import BadInput
 
@@ -28,6 +28,12 @@ class LinearConstraint:
     def value(self, values: Mapping[str, float]) -> float:
         """The sum at parameter values."""
         return sum(factor * values[name] for name, factor in self.factors.items())
+
+    def renamed(self, names: Mapping[str, str]) -> "LinearConstraint":
+        """The same constraint between parameters of other names (name -> new name); the text says so where they differ."""
+        factors = {names.get(name, name): factor for name, factor in self.factors.items()}
+        new = [f"{name} is {names[name]}" for name in self.factors if names.get(name, name) != name]
+        return replace(self, text=f"{self.text} ({', '.join(new)})" if new else self.text, factors=factors)
 
 
 def parse_constraint(text: str) -> LinearConstraint:

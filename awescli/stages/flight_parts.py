@@ -1,19 +1,22 @@
 """What every stage asks of a flight first: the log, and its loops dealt to train, validation and test."""
 
+from pathlib import Path
+
 from awescli.stages.base import Context, StageConfig
 
 
-def flight_parts(context: Context):
-    """(FlightLog, Split) of the plan's flight. Raises BadInput where a model would lack signals."""
+def flight_parts(context: Context, flight: Path | None = None):
+    """(FlightLog, Split) of the plan's flight, or of another folder. Raises BadInput where a model would lack signals."""
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.read import missing_for_model, read_flight
     from awescli.flightlog.split import split
     from awescli.notation.errors import BadInput
 
-    log = read_flight(context.flight)
+    folder = flight or context.flight
+    log = read_flight(folder)
     if missing := missing_for_model(log):
         raise BadInput(
-            f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}", str(context.flight), "See `awes check` for what it has."
+            f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}", str(folder), "See `awes check` for what it has."
         )
     return log, split(find_loops(log), **context.split.model_dump())
 

@@ -1,10 +1,20 @@
 """identify: estimate the free parameters of the kite from the flight (seed eq. 11)."""
 
+from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
 
 from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
+
+
+class FurtherFlight(StageConfig):
+    """A flight that is fitted together with the plan's."""
+
+    flight: Path = Field(description="folder of the flight log")
+    kite: Path | None = Field(
+        None, description="its own kite file, where wind record, noise or fixed values differ; free parameters are declared by the plan's"
+    )
 
 
 class IdentifyConfig(StageConfig):
@@ -20,13 +30,18 @@ class IdentifyConfig(StageConfig):
     )
     outputs: tuple[str, ...] | None = Field(None, description="measured channels that count; default all of the log")
     prior: bool = Field(True, description="weigh deviations from the declared values by their prior standard deviations")
+    also: tuple[FurtherFlight, ...] = Field((), description="further flights of the same kite, fitted together with the plan's")
+    per_flight: tuple[str, ...] = Field(
+        (), description="parameters that each flight has for itself, names or patterns: trims, offsets ([dl, C?0]); all others are shared"
+    )
+    starts: int = Field(1, ge=1, le=100, description="fits from so many starts: the declared values, then draws of the prior")
 
 
 class Identify(Stage):
     """Fit on train; validation and test are only predicted."""
 
     name = "identify"
-    help = "Estimate the free parameters of the kite from the flight."
+    help = "Estimate the free parameters of the kite from the flight, or from several flights."
     Config = IdentifyConfig
     makes = ("params.json", KITE_FILE, "metrics.json")
 
@@ -36,44 +51,133 @@ class Identify(Stage):
     def run(self, context, config):
         from awescli.artifacts import write_json, write_text
         from awescli.estimation.answer import describe
-        from awescli.estimation.question import ask, fit_in_stages, simulator_of, without_record
+        from awescli.estimation.staged_fit import fit_from_starts, spread_of
         from awescli.physics.declaration import kite_text, read_kite
-        from awescli.stages.flight_parts import flight_parts, law_upstream, score_parts
 
-        log, parts = flight_parts(context)
         declared = read_kite(context.kite)
-        simulator = simulator_of(declared, log)
-        if config.surfaces == "controller":
-            simulator = simulator_of(declared, log, law=law_upstream(context, simulator.kite, log))
-        question = ask(simulator, log, parts, config.horizon, outputs_of(log, config), seed_weights=config.weights == "seed")
+        flights = flown(context, config, declared)
         task = context.progress.task("Gauss-Newton")
-        fitted, question = fit_in_stages(
-            question, log, parts, [h for h in config.curriculum if h < config.horizon], prior=config.prior,
-            on_iteration=lambda h, i, cost: (task.advance(), task.update(f"{h:g} s, iteration {i}: cost {cost:.6g}")),
+        words = ""
+
+        def on_start(i):
+            nonlocal words
+            words = f"start {i + 1} of {config.starts}, " if config.starts > 1 else ""
+
+        fitted, questions, optima = fit_from_starts(
+            flights, [h for h in config.curriculum if h < config.horizon], config.starts, context.seed, on_start=on_start,
+            per_flight=config.per_flight, prior=config.prior,
+            on_iteration=lambda h, i, cost: (task.advance(), task.update(f"{words}{h:g} s, iteration {i}: cost {cost:.6g}")),
         )  # fmt: skip
-        answer = describe(fitted, question.prior, simulator.kite.record)
-        identified = simulator.holding(without_record(simulator.kite, fitted.parameters))
+        flight_of, record = owners(flights, config.per_flight)
+        answer = describe(fitted, record, flight_of)
+        scored = [scores(*each, config.horizon) for each in zip(flights, fitted.flights, questions, strict=True)]
         metrics = {
-            "outcome": fitted.solution.outcome, "chi2": fitted.chi2, "gust_m_s": question.gust,
-            "cost_history": list(fitted.solution.history), "surfaces": config.surfaces,
-            "initial": score_parts(simulator, log, parts, config.horizon),
-            **score_parts(identified, log, parts, config.horizon),
+            "outcome": fitted.solution.outcome, "chi2": fitted.chi2, "kkt_residual": fitted.solution.kkt,
+            "cost_history": list(fitted.solution.history), "surfaces": config.surfaces, **scored[0],
         }  # fmt: skip
+        if len(flights) > 1:
+            metrics["flights"] = {f.label or f.log.name: s for f, s in zip(flights, scored, strict=True)}
+        if config.starts > 1:
+            metrics["starts"] = spread_of(optima, fitted)
+        identified = held(flights[0], fitted.flights[0])
         write_json(context.folder / "params.json", answer)
         write_text(context.folder / KITE_FILE, kite_text(identified.kite.declare(())))
         write_json(context.folder / "metrics.json", metrics)
-        bounded = [n for n, row in answer["parameters"].items() if row["at_bound"]]
-        unseen = [n for n, row in answer["parameters"].items() if not row["excited"]]
-        if bounded:
-            context.progress.note(f"at their bounds: {', '.join(bounded)}")
-        if held := [row["constraint"] for row in answer["constraints"] if row["active"]]:
-            context.progress.note(f"constraints that hold the fit back: {'; '.join(held)}")
-        if unseen:
-            context.progress.note(f"hardly seen by this flight, kept near their priors: {', '.join(unseen)}")
+        tell(context.progress, answer, metrics)
         return {
             "outcome": fitted.solution.outcome, "chi2": fitted.chi2,
             "test NRMSE before": metrics["initial"]["nrmse"]["test"]["mean"], "after": metrics["nrmse"]["test"]["mean"],
         }  # fmt: skip
+
+
+def flown(context, config, declared) -> list:
+    """The flights of the fit: the plan's, then those of `also`, each with its own simulator (wind record, control law) and question."""
+    from awescli.estimation.question import ask, simulator_of
+    from awescli.estimation.staged_fit import Flown, own_names
+    from awescli.notation.errors import BadInput, did_you_mean
+    from awescli.stages.flight_parts import flight_parts, law_upstream
+
+    flights, labels = [], []
+    for i, (folder, file) in enumerate([(context.flight, None), *((f.flight, f.kite) for f in config.also)]):
+        log, parts = flight_parts(context, folder)
+        simulator = simulator_of(same_kite(declared, file) if file else declared, log)
+        if config.surfaces == "controller":
+            simulator = simulator_of(declared, log, law=law_upstream(context, simulator.kite, log))
+        question = ask(simulator, log, parts, config.horizon, outputs_of(log, config), seed_weights=config.weights == "seed")
+        label = f"{log.name}-{labels.count(log.name) + 1}" if log.name in labels else log.name
+        labels.append(log.name)
+        flights.append(Flown(question, log, parts, label if i else ""))
+    free = flights[0].question.kite.parameters.free
+    for pattern in config.per_flight:
+        if not set(own_names(flights[0].question, [pattern])) & set(free):
+            raise BadInput(f"no free parameter is called '{pattern}'", "identify.per_flight", did_you_mean(pattern, free))
+    if config.per_flight and not config.also:
+        raise BadInput("there is only one flight", "identify.per_flight", "Name further flights under identify.also, or drop this key.")
+    return flights
+
+
+def same_kite(declared, file: Path):
+    """The kite of `file` with the free parameters of `declared`. Raises BadInput where it is another kite."""
+    from awescli.notation.errors import BadInput
+    from awescli.physics.declaration import read_kite
+
+    other = read_kite(file)
+    for what in ("aerodynamics", "effects", "tether"):
+        if getattr(other, what) != getattr(declared, what):
+            raise BadInput(f"its {what} differ from the plan's kite", str(file), "Flights that are fitted together are of one kite.")
+    free = {name: row for name, row in declared.parameters.items() if row.free}
+    fixed = {name: row.model_copy(update={"free": False}) for name, row in other.parameters.items()}
+    return other.model_copy(update={"parameters": {**fixed, **free}, "constraints": declared.constraints})
+
+
+def owners(flights, per_flight) -> tuple[dict[str, str], set[str]]:
+    """(unknown -> the flight that it belongs to, where there are several flights; unknowns that are errors of a wind record)."""
+    from awescli.estimation.staged_fit import own_names
+
+    flight_of, record = {}, set()
+    for flight in flights:
+        for name in own_names(flight.question, per_flight):
+            unknown = f"{name}@{flight.label}" if flight.label else name
+            flight_of[unknown] = flight.label or flight.log.name
+            if name in flight.question.kite.record:
+                record.add(unknown)
+    return (flight_of if len(flights) > 1 else {}), record
+
+
+def held(flight, fit):
+    """A flight's simulator with its fitted values, the wind record's error taken out."""
+    from awescli.estimation.question import without_record
+
+    simulator = flight.question.simulator
+    return simulator.holding(without_record(simulator.kite, fit.parameters))
+
+
+def scores(flight, fit, question, horizon: float) -> dict:
+    """Errors of one flight before and after, and how gusty it was."""
+    from awescli.stages.flight_parts import score_parts
+
+    before = score_parts(flight.question.simulator, flight.log, flight.split, horizon)
+    after = score_parts(held(flight, fit), flight.log, flight.split, horizon)
+    return {"gust_m_s": question.gust, "initial": before, **after}
+
+
+def tell(progress, answer: dict, metrics: dict) -> None:
+    """What the person should know of the answer."""
+    rows = answer["parameters"]
+    own = [f"{n} = {row['value']:.4g} +- {row['std']:.2g} ({row['flight']})" for n, row in rows.items() if "flight" in row]
+    for what, names in (
+        ("at their bounds", [n for n, row in rows.items() if row["at_bound"]]),
+        ("constraints that hold the fit back", [row["constraint"] for row in answer["constraints"] if row["active"]]),
+        ("hardly seen by this flight, kept near their priors", [n for n, row in rows.items() if not row["excited"]]),
+        ("of one flight each", own),
+    ):
+        if names:
+            progress.note(f"{what}: {', '.join(names)}")
+    for factor in answer["common_factors"]:
+        progress.note(f"{factor['says']}; the prior sets the factor")
+    if starts := metrics.get("starts"):
+        others = sum(starts["outcomes"][i] == "converged" and c >= 1.0 for i, c in enumerate(starts["cost_above_best"]))
+        progress.note(f"{starts['same_optimum']} of {starts['starts']} starts led to the best optimum, {others} to others that are worse")
 
 
 def outputs_of(log, config) -> tuple[str, ...]:

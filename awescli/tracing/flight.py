@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from awescli.estimation.question import ask, fit_in_stages, simulator_of, without_record
+from awescli.estimation.question import ask, simulator_of, without_record
+from awescli.estimation.staged_fit import fit_in_stages
 from awescli.physics.declaration import KiteDeclaration
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.race import Contest, run

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from awescli.estimation.simulation_error import Fit, Gusts, fit
+from awescli.estimation.fit import Fit, fit
+from awescli.estimation.simulation_error import Gusts
 from awescli.notation.parameters import ParameterTable
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed

@@ -7,8 +7,9 @@ import pytest
 from kites import DEVELOPMENT, lively, truly
 
 from awescli.estimation.answer import describe
+from awescli.estimation.fit import Share, fit_together
 from awescli.estimation.limits import limits_of, scaling
-from awescli.estimation.simulation_error import Gusts, fit
+from awescli.estimation.simulation_error import Gusts
 from awescli.notation.constraints import parse_constraint
 from awescli.notation.errors import BadInput
 from awescli.physics.declaration import kite_text, read_kite
@@ -61,6 +62,11 @@ def observed(kite, calm):
     return truly(lively(kite, calm.log, count=16, seconds=1.5), Simulator(kite))
 
 
+def joint(kite, observed, start, names):
+    share = Share(Simulator(kite).holding(start), observed, Gusts(0.0), names, start, start, names)
+    return fit_together([share], prior=False, tolerance=1e-9, iterations=60)
+
+
 def test_a_fit_keeps_a_constraint_and_says_what_it_costs(kite, observed):
     """Guards the way from the kite file to the answer: the constraint is active, the multiplier is the slope of the optimal cost."""
     names, truth = ("CLa", "CL0", "CD0", "Clp"), kite.parameters
@@ -70,14 +76,14 @@ def test_a_fit_keeps_a_constraint_and_says_what_it_costs(kite, observed):
     def fitted(limit):
         limited = Kite(constrained(f"CLa + 10*CL0 <= {limit!r}", f"CD0 + 0.1*Clp = {sum_of_two!r}"), kite.heights)
         start = truth.with_values({"CLa": 1.05 * truth["CLa"].value})
-        return fit(Simulator(limited).holding(start), observed, start, names, gusts=Gusts(0.0), prior=False, tolerance=1e-9, iterations=60)
+        return joint(limited, observed, start, names)
 
     limit = 0.999 * sharp
     found, less, more = (fitted(limit + h) for h in (0.0, -1e-4, 1e-4))
     at = {n: found.parameters[n].value for n in names}
     assert found.solution.outcome == "converged" and at["CLa"] + 10 * at["CL0"] == pytest.approx(limit, rel=1e-8)
     assert at["CD0"] + 0.1 * at["Clp"] == pytest.approx(sum_of_two, abs=1e-9)
-    inequality, equality = describe(found, truth)["constraints"]
+    inequality, equality = describe(found)["constraints"]
     assert inequality["active"] and equality["active"]
     assert inequality["cost_per_unit"] == pytest.approx((less.solution.cost - more.solution.cost) / 2e-4, rel=1e-3)
     # across an equality there is no variance
@@ -89,9 +95,8 @@ def test_a_constraint_that_truth_keeps_changes_nothing(kite, observed):
     """Guards an inactive constraint: the same optimum, and no multiplier."""
     names, truth = ("CLa", "CD0"), kite.parameters
     start = truth.with_rows([replace(truth["CLa"], value=1.1 * truth["CLa"].value)])
-    free = fit(Simulator(kite).holding(start), observed, start, names, gusts=Gusts(0.0), prior=False, tolerance=1e-9)
-    kept = fit(Simulator(Kite(constrained("CLa <= 100"), kite.heights)).holding(start), observed, start, names, gusts=Gusts(0.0),
-               prior=False, tolerance=1e-9)  # fmt: skip
+    free = joint(kite, observed, start, names)
+    kept = joint(Kite(constrained("CLa <= 100"), kite.heights), observed, start, names)
     assert kept.solution.x == pytest.approx(free.solution.x, rel=1e-12)
-    (row,) = describe(kept, truth)["constraints"]
+    (row,) = describe(kept)["constraints"]
     assert not row["active"] and row["cost_per_unit"] == 0

@@ -8,7 +8,8 @@ from kites import DEVELOPMENT, lively, truly
 from scipy import stats
 
 from awescli.estimation.answer import describe
-from awescli.estimation.simulation_error import DIVERGED_COST, Gusts, SimulationError, fit
+from awescli.estimation.fit import JointFit, fit
+from awescli.estimation.simulation_error import DIVERGED_COST, Gusts, SimulationError
 from awescli.simulation.campaign_flights import perturbed
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
@@ -35,6 +36,13 @@ def upto(observed: Observed, seconds: float) -> Observed:
     return observed.with_sigma(sigma)
 
 
+def told(found, declared):
+    """`describe` of a fit of one flight."""
+    place = np.arange(len(found.names))
+    joint = JointFit(found.names, found.parameters, declared, found.solution, found.covariance, found.chi2, (), (found,), (place,))
+    return describe(joint)
+
+
 def from_afar(simulator, observed, names, seed, share):
     """A fit from a guess that is off by `share`, short horizons first; rows off the list stay at the truth."""
     guess = perturbed(DEVELOPMENT, seed, (share, share)).table()
@@ -55,8 +63,8 @@ def test_truth_is_recovered_from_a_guess_that_is_30_percent_off(simulator, obser
     multiplies both sides of the moment equation.
     """
     names = tuple(n for n in FREE if n != "Jy")
-    found, _ = from_afar(simulator, observed, names, seed, 0.3)
-    assert found.solution.outcome == "converged"
+    found, declared = from_afar(simulator, observed, names, seed, 0.3)
+    assert found.solution.outcome == "converged" and told(found, declared)["common_factors"] == []
     truth = simulator.kite.parameters
     for name in names:
         assert found.parameters[name].value == pytest.approx(truth[name].value, rel=1e-6, abs=1e-6 * truth[name].prior_std), name
@@ -67,12 +75,15 @@ def test_the_factor_that_no_flight_can_tell_is_reported_as_unseen(simulator, obs
     """Guards `excited` and the covariance of a singular problem: with all inertias free, only ratios are known, and the answer says so
     with finite numbers (a NaN standard deviation once stood here)."""
     found, declared = from_afar(simulator, observed, FREE, 1, 0.3)
-    answer = describe(found, declared)["parameters"]
+    said = told(found, declared)
+    answer = said["parameters"]
     truth = simulator.kite.parameters
     moments = [n for n in FREE if n[:2] in ("Jx", "Jy", "Jz", "Cl", "Cm", "Cn", "rt")]
     for name in FREE:
         assert answer[name]["excited"] == (name not in moments), name
         assert np.isfinite(answer[name]["std"]) and answer[name]["std"] >= 0
+    (factor,) = said["common_factors"]
+    assert set(factor["parameters"]) == set(moments)
     ratios = [found.parameters[n].value / truth[n].value for n in moments]
     assert ratios == pytest.approx([ratios[0]] * len(moments), rel=1e-6)
     for name in (n for n in FREE if n not in moments):
@@ -167,7 +178,7 @@ def test_a_bound_is_kept_and_reported(simulator, observed):
     truth = simulator.kite.parameters
     cramped = truth.with_rows([replace(truth["CLa"], value=5.0, lower=4.0, upper=5.4), truth["CD0"]])
     found = fit(simulator.holding(cramped), observed, cramped, ("CLa", "CD0"), gusts=CALM, tolerance=1e-6)
-    answer = describe(found, cramped)["parameters"]
+    answer = told(found, cramped)["parameters"]
     assert found.parameters["CLa"].value == pytest.approx(5.4, abs=1e-6) and answer["CLa"]["at_bound"] and not answer["CD0"]["at_bound"]
     assert "bound" in answer["CLa"]["advice"]
 

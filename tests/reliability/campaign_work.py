@@ -34,7 +34,8 @@ def fails(name: str, case: dict) -> dict:
 
 def identifies(name: str, case: dict) -> dict:
     """A real piece of work, made short: fly, then fit; compiled code, BLAS and threads take part."""
-    from awescli.estimation.question import ask, fit_in_stages, simulator_of
+    from awescli.estimation.question import ask, simulator_of
+    from awescli.estimation.staged_fit import fit_in_stages
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
     from awescli.physics.declaration import read_kite

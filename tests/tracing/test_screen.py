@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, lively, sizes, truly
 
-from awescli.estimation.simulation_error import Gusts, SimulationError, fit
+from awescli.estimation.fit import fit
+from awescli.estimation.simulation_error import Gusts, SimulationError
 from awescli.physics.kite import Kite, make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.candidates import variants
