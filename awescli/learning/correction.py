@@ -202,10 +202,12 @@ class HybridKite:
         return self.kite.declare(keys, free, own)
 
 
-def hybrid_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log, law=None) -> Simulator:
+def hybrid_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log) -> Simulator:
     """The simulator of what train-hybrid left (network.json, network.safetensors) on the kite file beside them."""
-    correction = Correction.from_arrays(arrays, description)
-    kite = Kite(declaration, log.wind.height if log.wind is not None else (10.0,))
-    own = len(kite.parameter_names)
-    of_hybrid = (lambda x, u, c: law(x, u, c[:own])) if law else None
-    return Simulator(kite, GUSTS, law) if correction.is_zero else Simulator(HybridKite(kite, correction), GUSTS, of_hybrid)
+    return Simulator(kite_from_artifact(description, arrays, declaration, log.wind.height if log.wind is not None else (10.0,)), GUSTS)
+
+
+def kite_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, heights) -> Kite | HybridKite:
+    """The kite that train-hybrid left, for a wind known at `heights` [m]; plain physics where nothing was learned."""
+    correction, kite = Correction.from_arrays(arrays, description), Kite(declaration, heights)
+    return kite if correction.is_zero else HybridKite(kite, correction)

@@ -123,7 +123,7 @@ def fly(
     wind: the air as it is, time 0 at the flight's first sample; recorded_wind: what the log says of it (default: the truth).
     Raises NumericalFailure("departed") where no start stays on the pattern to the end.
     """
-    flown = simulate_flight(declaration, law, wind, reel_out, pattern=pattern, duration=duration, seed=seed, **how)
+    flown = simulate_flight(Kite(declaration, wind.height), law, wind, reel_out, pattern=pattern, duration=duration, seed=seed, **how)
     if flown.departed:
         raise NumericalFailure(
             "departed",
@@ -134,7 +134,7 @@ def fly(
 
 
 def simulate_flight(
-    declaration: KiteDeclaration,
+    kite,
     law: Callable | None,
     wind: WindRecord,
     reel_out,
@@ -150,15 +150,15 @@ def simulate_flight(
 ) -> Flown:
     """Simulate one long segment, up to its end or to where the kite departs.
 
-    law: function of (x, u, c) -> four set-points (`PathFollowing.setpoints`, or a fitted law's), or None to replay setpoints (N+1, 4);
-    reel_out: anything with `ReelOut.at`; start: (12,) states at t = 0, or None: the kite is put on the pattern at several phases
-    and speeds `settle` seconds before t = 0, and the run that follows the pattern best is kept. seed: of the gusts; substeps: RK4 steps
-    per sample of dt [s]. pattern: what the kite must not stray from; without one only a kite that the numbers or the ground end departs.
+    kite: a Kite made for the wind's heights, or what stands in its place (a hybrid); law: function of (x, u, c) -> four set-points
+    (`PathFollowing.setpoints`, or a fitted law's), or None to replay setpoints (N+1, 4); reel_out: anything with `ReelOut.at`;
+    start: (12,) states at t = 0, or None: the kite is put on the pattern at several phases and speeds `settle` seconds before t = 0,
+    and the run that follows the pattern best is kept. seed: of the gusts; substeps: RK4 steps per sample of dt [s]. pattern: what the
+    kite must not stray from; without one only a kite that the numbers or the ground end departs.
     """
-    if declaration.tether.tension == "measured":
+    if kite.declaration.tether.tension == "measured":
         what = "a kite whose tension is the measured one cannot fly on its own"
         raise BadInput(what, "tether.tension", "Declare `tension: constraint`.")
-    kite = Kite(declaration, wind.height)
     lead = int(round((settle if start is None else 0.0) / dt))
     samples = lead + int(round(duration / dt)) + 1
     time = (np.arange(samples) - lead) * dt

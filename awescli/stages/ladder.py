@@ -1,29 +1,37 @@
 """The ladder of models: initial, identified, with_effects, hybrid; each step adds what the stage before it found."""
 
+from pathlib import Path
+
 from awescli.stages.base import KITE_FILE, Context
+
+MADE_BY = {"identified": "identify", "with_effects": "trace-residual", "hybrid": "train-hybrid"}
+"""Model -> the stage that hands it on; `initial` is what the user declared."""
 
 
 def ladder(context: Context, log) -> dict:
     """name -> Simulator of every model that exists, in the order in which they were made."""
     from awescli.estimation.question import simulator_of
+    from awescli.learning.correction import hybrid_from_artifact
     from awescli.physics.declaration import read_kite
 
-    files = {"initial": context.kite}
-    for name, stage in (("identified", "identify"), ("with_effects", "trace-residual")):
-        if folder := context.upstream(stage):
-            files[name] = folder / KITE_FILE
-    models = {name: simulator_of(read_kite(path), log) for name, path in files.items()}
-    if folder := context.upstream("train-hybrid"):
-        models["hybrid"] = hybrid_simulator(folder, read_kite(folder / KITE_FILE), log)
+    models = {}
+    for name, file in kite_files(context).items():
+        declaration = read_kite(file)
+        models[name] = hybrid_from_artifact(*network(file.parent), declaration, log) if name == "hybrid" else simulator_of(declaration, log)
     return models
 
 
-def hybrid_simulator(folder, declaration, log):
-    """The trained network on the kite it was trained with."""
-    from awescli.artifacts import read_json, read_tensors
-    from awescli.learning.correction import hybrid_from_artifact
+def kite_files(context: Context) -> dict[str, Path]:
+    """name -> kite file of every model that exists, in the order in which they were made."""
+    made = {name: context.upstream(stage) for name, stage in MADE_BY.items()}
+    return {"initial": context.kite} | {name: folder / KITE_FILE for name, folder in made.items() if folder}
 
-    return hybrid_from_artifact(read_json(folder / "network.json"), read_tensors(folder / "network.safetensors"), declaration, log)
+
+def network(folder: Path) -> tuple[dict, dict]:
+    """What train-hybrid left in its folder: (description, weights)."""
+    from awescli.artifacts import read_json, read_tensors
+
+    return read_json(folder / "network.json"), read_tensors(folder / "network.safetensors")
 
 
 def score_ladder(models: dict, context: Context, log, parts, config, task) -> tuple[dict, dict]:

@@ -24,6 +24,7 @@ from awescli.simulation.made_wind import wind_record
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import observe
 from awescli.simulation.synthetic import ReelOut, fly, with_effects
+from awescli.stages import STAGES
 from awescli.stages.plan import read_plan
 from awescli.stages.runner import run_plan
 from awescli.stages.simulate import Simulate
@@ -226,7 +227,7 @@ def simulate(tmp_path, **overrides):
     plan = tmp_path / "stages.yaml"
     plan.write_text(f"flight: {DATA / 'km1_demo'}\nkite: {DATA / 'kites' / 'km1_identified.yaml'}\nstages: {{simulate: {{}}}}\n")
     stages = (Simulate(),)
-    settings = {"simulate.model": "declared", "simulate.duration": "12.0"} | {f"simulate.{k}": v for k, v in overrides.items()}
+    settings = {"simulate.model": "initial", "simulate.duration": "12.0"} | {f"simulate.{k}": v for k, v in overrides.items()}
     (result,) = run_plan(read_plan(plan, stages, settings), stages)
     return result, read_json(tmp_path / "out" / "simulate" / "metrics.json"), tmp_path / "out" / "simulate" / "flight"
 
@@ -243,6 +244,26 @@ def test_simulate_follows_the_flown_circle_beyond_the_log(tmp_path):
     _, metrics, folder = simulate(tmp_path, surfaces="path_following", start="140.0", duration="30.0", noise="false")
     assert metrics["outcome"] == "flew_on" and metrics["survived_s"] == pytest.approx(30.0)
     assert read_flight(folder)["tether_length"][-1] > read_flight(DATA / "km1_demo")["tether_length"][-1]
+
+
+def test_simulate_flies_in_the_wind_it_is_told(tmp_path):
+    """The written record is the wind of the power law; the seed decides the noise and nothing else."""
+    wanted = {"wind.speed": "9.0", "wind.direction": "300", "wind.height": "100", "wind.shear": "0.2"}
+    _, metrics, folder = simulate(tmp_path, surfaces="path_following", seed="3", **wanted)
+    wind = read_flight(folder).wind
+    assert metrics["outcome"] == "flew_on" and metrics["seed"] == 3 and metrics["wind"]["speed"] == 9.0
+    for height in (100.0, 300.0):
+        at = np.argmin(np.abs(wind.height - height))
+        assert wind.speed[:, at] == pytest.approx(9.0 * (wind.height[at] / 100) ** 0.2, rel=1e-4)
+    assert np.degrees(wind.direction) % 360 == pytest.approx(300.0, abs=1e-3)
+
+
+def test_simulate_names_what_it_cannot_fly(tmp_path):
+    with pytest.raises(BadInput, match=r"actuator_lag"):
+        simulate(tmp_path, surfaces="recorded", effects="{actuator_lagg:rudder: {tau: 0.2}}")
+    settings = {"simulate.model": "hybrid", "simulate.surfaces": "recorded"}
+    with pytest.raises(BadInput, match="Make it first: awes train-hybrid"):
+        run_plan(read_plan(tmp_path / "stages.yaml", STAGES, settings), STAGES, only=("simulate",))
 
 
 def test_simulate_says_where_the_flight_ends(tmp_path):
