@@ -63,16 +63,26 @@ class Prediction:
         return int(np.sum(self.alive < len(self.time)))
 
 
-def predict(simulator: Simulator, log, ranges, horizon: float, values=None, warm_up: float = WARM_UP) -> Prediction:
+def predict(
+    simulator: Simulator, log, ranges, horizon: float, values=None, warm_up: float = WARM_UP, every: float | None = None
+) -> Prediction:
     """Predict `horizon` seconds ahead, again and again through the sample `ranges`, and compare.
 
-    values: parameter name -> value where it differs from the simulator's kite. Divergence is counted, never raised.
+    values: parameter name -> value where it differs from the simulator's kite; every: [s] between predictions, default one after the
+    other. Divergence is counted, never raised.
     """
     before, ahead = int(round(warm_up / log.dt)), int(round(horizon / log.dt))
-    begin = segment_starts([(max(a - before, 0), b) for a, b in ranges], before + ahead, stride=ahead, valid=log.valid)
+    begin = prediction_starts(log, ranges, horizon, warm_up, every)
     observed = observe(log, simulator.kite, begin, before + ahead, MEASURED)
     trajectories = simulator.rollout(warmed_up(simulator, observed, before, values), values)
     return compare(log, trajectories, begin + before, before, ranges, simulator.kite.declaration.noise)
+
+
+def prediction_starts(log, ranges, horizon: float, warm_up: float = WARM_UP, every: float | None = None) -> np.ndarray:
+    """(K,) samples where the warm-ups of predictions begin; none where no range is long enough."""
+    before, ahead = int(round(warm_up / log.dt)), int(round(horizon / log.dt))
+    stride = ahead if every is None else max(ahead, int(round(every / log.dt)))
+    return segment_starts([(max(a - before, 0), b) for a, b in ranges], before + ahead, stride=stride, valid=log.valid)
 
 
 def warmed_up(simulator: Simulator, observed: Observed, before: int, values=None):

@@ -63,9 +63,8 @@ def over_horizon(evidence: Evidence) -> Body:
     data = []
     for m in evidence.models:
         at = evidence.scores[m].get("by_horizon") or {}
-        data.append(
-            line([float(h) for h in at], [100 * v for v in at.values()], evidence.label(m), COLOURS[m], width=2, mode="lines+markers")
-        )
+        errors = [100 * row["nrmse"]["mean"] for row in at.values()]
+        data.append(line([float(h) for h in at], errors, evidence.label(m), COLOURS[m], width=2, mode="lines+markers"))
     if not any(t["x"] for t in data):
         return ""
     floor = 100 * evidence.floor["mean"]

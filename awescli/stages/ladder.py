@@ -36,9 +36,10 @@ def network(folder: Path) -> tuple[dict, dict]:
 
 def score_ladder(models: dict, context: Context, log, parts, config, task) -> tuple[dict, dict]:
     """(metrics.json, arrays of predictions.npz): every model predicted alike on train, validation and test."""
-    from awescli.estimation.prediction import predict
-    from awescli.simulation import scores
+    from awescli.estimation.prediction_scores import scored
+    from awescli.flightlog.loops import find_loops
 
+    loops = find_loops(log).bounds
     metrics: dict = {
         "horizon_s": config.horizon,
         "split": {p: [list(r) for r in getattr(parts, p)] for p in ("train", "validation", "test")},
@@ -46,35 +47,20 @@ def score_ladder(models: dict, context: Context, log, parts, config, task) -> tu
     arrays: dict = {}
     for name, simulator in models.items():
         task.update(name)
-        block: dict = {"horizon_s": config.horizon, "nrmse": {}, "diverged_predictions": {}, "outcome": "scored"}
-        for part in ("train", "validation", "test"):
-            prediction = predict(simulator, log, getattr(parts, part), config.horizon)
-            block["nrmse"][part] = prediction.nrmse() | rudder_error(context, log, prediction)
-            block["diverged_predictions"][part] = prediction.diverged
-            if part == "test":
-                kept = prediction
-        if kept.diverged:
-            block["outcome"] = f"{kept.diverged} of {len(kept.first)} predictions diverged"
-        block["rmse"] = {n: scores.rmse(kept.errors(n)) for n in kept.simulated}
-        block["r2"] = {n: scores.r_squared(kept.errors(n), kept.measured[n]) for n in kept.simulated}
-        block["theil"] = {n: scores.theil(kept.errors(n), kept.measured[n], kept.measured[n] - kept.errors(n)) for n in kept.simulated}
-        block["by_horizon"] = {}
-        for horizon in config.horizons:
-            try_ranges = [r for r in parts.test if (r[1] - r[0]) * log.dt > horizon]
-            if try_ranges:
-                at = predict(simulator, log, try_ranges, horizon)
-                block["by_horizon"][f"{horizon:g}"] = at.nrmse()["mean"]
-        metrics[name] = block
-        arrays["time"], arrays["first"] = kept.time, kept.first
-        for n in kept.simulated:
-            arrays[f"measured_{n}"] = kept.measured[n]
-            arrays[f"{name}_{n}"] = kept.measured[n] - kept.errors(n)
-        metrics["noise_floor"] = kept.noise_floor()
+        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons)
+        for part, prediction in predictions.items():
+            block["nrmse"][part] |= surface_errors(context, log, prediction)
+        metrics[name], test = block, predictions["test"]
+        arrays["time"], arrays["first"] = test.time, test.first
+        for n in test.simulated:
+            arrays[f"measured_{n}"] = test.measured[n]
+            arrays[f"{name}_{n}"] = test.measured[n] - test.errors(n)
+        metrics["noise_floor"] = test.noise_floor()
         task.advance()
     return metrics, arrays
 
 
-def rudder_error(context: Context, log, prediction) -> dict:
+def surface_errors(context: Context, log, prediction) -> dict:
     """NRMSE of each driven surface: what the fitted law commands at the predicted states, against what was flown."""
     import numpy as np
 

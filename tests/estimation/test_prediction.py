@@ -8,7 +8,9 @@ from kites import DEVELOPMENT, declared, flight, lively, truly
 
 from awescli.estimation.gust_level import gust_level, within_window
 from awescli.estimation.prediction import SCORED, predict
+from awescli.estimation.prediction_scores import scored
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.split import Split
 from awescli.notation.quantities import STATES
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
@@ -73,11 +75,11 @@ def test_predictions_stay_inside_their_ranges(noisy):
     for a, b in ranges:
         inside[a - 50 : b] = True  # the warm-up may begin before the part: only its measurements are used, never scored
     assert inside[samples].all() and len(prediction.first) >= 2
-    scored = prediction.first[:, None] + np.arange(len(prediction.time))[None]
+    compared = prediction.first[:, None] + np.arange(len(prediction.time))[None]
     part = np.zeros(len(noisy.log) + 1, bool)
     for a, b in ranges:
         part[a:b] = True
-    assert part[scored].all()
+    assert part[compared].all()
 
 
 def test_invalid_samples_are_left_out(noisy):
@@ -94,6 +96,32 @@ def test_divergence_is_counted_and_scored_with_a_number(noisy):
     simulator = Simulator(Kite(declared(Cmq=4e4), noisy.log.wind.height), ())
     prediction = predict(simulator, noisy.log, RANGES, 2.0)
     assert prediction.diverged == len(prediction.first) and all(np.isfinite(v) for v in prediction.nrmse().values())
+
+
+def test_scores_per_horizon_loop_and_step_agree_with_the_predictions(noisy):
+    """Guards the table of scores: what is said per loop adds up to what is said per part, and one step is one step."""
+    loops = np.array([[200, 700], [700, 1000], [1000, 1300]])
+    parts = Split(((200, 700),), ((700, 1000),), ((1000, 1300),), (1, 1, 1), "loops")
+    block, predictions = scored(of(noisy), noisy.log, parts, loops, 3.0, (1.0, 2.0, 50.0))
+    assert set(block["by_horizon"]) == {"1", "2"}  # no range holds 50 s
+    assert block["nrmse"]["test"] == predictions["test"].nrmse()
+    assert [(row["loop"], row["part"]) for row in block["by_loop"]] == [(1, "train"), (2, "validation"), (3, "test")]
+    for row in block["by_loop"]:
+        assert row["nrmse"] == pytest.approx(block["nrmse"][row["part"]])
+    alone = predict(of(noisy), noisy.log, parts.test, 1.0)
+    assert block["by_horizon"]["1"]["nrmse"] == alone.nrmse() and block["by_horizon"]["1"]["predictions"] == len(alone.first)
+    assert block["one_step"]["horizon_s"] == noisy.log.dt and block["one_step"]["predictions"] > 10
+    assert block["divergence_rate"] == {"train": 0.0, "validation": 0.0, "test": 0.0}
+    e, measured = predictions["test"].errors("u"), predictions["test"].measured["u"]
+    assert block["rmse"]["u"] == np.sqrt(np.mean(e**2)) and block["r2"]["u"] == 1 - np.sum(e**2) / np.sum((measured - measured.mean()) ** 2)
+
+
+def test_the_rate_of_divergence_is_told(noisy):
+    simulator = Simulator(Kite(declared(Cmq=4e4), noisy.log.wind.height), ())
+    parts = Split(((200, 700),), ((700, 1000),), ((1000, 1300),), (1, 1, 1), "loops")
+    block, _ = scored(simulator, noisy.log, parts, np.array([[200, 700]]), 2.0, (1.0,))
+    assert block["divergence_rate"]["test"] == 1.0 and "diverged" in block["outcome"]
+    assert block["by_horizon"]["1"]["diverged_predictions"] > 0
 
 
 def test_gusts_show_in_the_pitot_and_calm_air_does_not(noisy):

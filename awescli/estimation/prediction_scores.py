@@ -1,0 +1,75 @@
+"""All scores of a model on a flight: per part, channel, horizon and loop, from one step to many seconds, and how often it diverges."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from awescli.estimation.prediction import Prediction, predict, prediction_starts
+from awescli.flightlog.split import PARTS, Split
+from awescli.notation.quantities import STATES
+from awescli.simulation import scores
+
+ONE_STEP_EVERY = 0.25
+"""[s] between one-step predictions: each has a start of its own to estimate, and neighbours say the same."""
+
+
+def scored(
+    simulator, log, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float]
+) -> tuple[dict, dict[str, Prediction]]:
+    """(scores of one model, part -> its prediction).
+
+    loops: (K, 2) half-open sample ranges; horizon: seconds predicted ahead in all scores but by_horizon, one_step.
+    """
+    predictions = {part: predict(simulator, log, getattr(parts, part), horizon) for part in PARTS}
+    test = predictions["test"]
+    block = {
+        "horizon_s": horizon,
+        "outcome": f"{test.diverged} of {len(test.first)} predictions diverged" if test.diverged else "scored",
+        "nrmse": {part: p.nrmse() for part, p in predictions.items()},
+        "predictions": {part: len(p.first) for part, p in predictions.items()},
+        "diverged_predictions": {part: p.diverged for part, p in predictions.items()},
+        "divergence_rate": {part: p.diverged / len(p.first) for part, p in predictions.items()},
+        **{name: of_channels(test, name) for name in RELATIVES},
+        "by_horizon": {f"{h:g}": at for h in horizons if (at := ahead(simulator, log, parts.test, h))},
+        "one_step": ahead(simulator, log, parts.test, log.dt, every=ONE_STEP_EVERY),
+        "by_loop": [row for part, p in predictions.items() for row in by_loop(p, log, loops, part)],
+    }
+    return block, predictions
+
+
+RELATIVES = {
+    "rmse": lambda e, measured: scores.rmse(e),
+    "r2": scores.r_squared,
+    "theil": lambda e, measured: scores.theil(e, measured, measured - e),
+}
+"""Scores beside the NRMSE: name -> function of (error, measured)."""
+
+
+def of_channels(prediction: Prediction, name: str) -> dict[str, float]:
+    """Channel -> one of RELATIVES."""
+    return {n: RELATIVES[name](prediction.errors(n), prediction.measured[n]) for n in prediction.simulated}
+
+
+def ahead(simulator, log, ranges, horizon: float, every: float | None = None) -> dict | None:
+    """NRMSE, RMSE and divergence of predictions `horizon` seconds ahead; None where no range is long enough."""
+    if not len(prediction_starts(log, ranges, horizon, every=every)):
+        return None
+    p = predict(simulator, log, ranges, horizon, every=every)
+    counts = {"horizon_s": horizon, "predictions": len(p.first), "diverged_predictions": p.diverged}
+    return counts | {"nrmse": p.nrmse(), "rmse": of_channels(p, "rmse")}
+
+
+def by_loop(prediction: Prediction, log, loops: np.ndarray, part: str) -> list[dict]:
+    """NRMSE per channel of what was predicted of each loop; loops that no prediction reaches are left out."""
+    rows = prediction.first[:, None] + np.arange(len(prediction.time))[None]
+    errors = {n: prediction.errors(n) for n in prediction.simulated}
+    found = []
+    for number, (first, last) in enumerate(loops):
+        inside = (rows >= first) & (rows < last)
+        if not inside.any():
+            continue
+        nrmse = {n: scores.nrmse(e[inside], prediction.spans[n]) for n, e in errors.items()}
+        nrmse["mean"] = float(np.mean([nrmse[n] for n in STATES]))
+        place = {"loop": number + 1, "part": part, "from_s": float(log.time[first]), "to_s": float(log.time[last - 1])}
+        found.append(place | {"nrmse": nrmse})
+    return found
