@@ -1,6 +1,5 @@
 """The door: fit a flight controller to a log, choose what is open by held-out flight, say how good it is and why."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -91,7 +90,6 @@ def fit_controller(
     the air from states of the log, handed down by who can simulate; with it, the strength of the hold is the smallest that flies.
     """
     config = config or ControllerConfig()
-    begin = time.perf_counter()
     samples = gather(log, train_ranges, validation_ranges, config.surfaces, config.smooth_window_s)
     features, feature_report = choose_features(samples, config.features, config.folds, config.additions)
     problem = pose(samples, features, config.folds, config.selection_samples)
@@ -108,14 +106,12 @@ def fit_controller(
         "rate_limit": _rate_limit(rates),
         "delay_s": delay["delay_s"],
     }
-    shared = time.perf_counter() - begin
     kinds = (config.kind, *(k for k in FITS if k != config.kind)) if config.compare else (config.kind,)
     laws, reports = {}, {}
     for kind in kinds:
-        begin = time.perf_counter()
         strengths = (config.hold,) if fly is None else config.hold_strengths if kind == "gaussian" else (0.0,)
         laws[kind], report = _fit_until_it_flies(kind, problem, config, common, strengths, fly)
-        reports[kind] = report | {"seconds": time.perf_counter() - begin, **_scores(laws[kind], samples, config)}
+        reports[kind] = report | _scores(laws[kind], samples, config)
     report = {
         "kind": config.kind,
         **reports[config.kind],
@@ -126,7 +122,6 @@ def fit_controller(
         "delay": delay,
         "rates": rates,
         "pattern": samples.pattern.to_dict(),
-        "seconds_choosing": shared,
         "comparison": {kind: _line(r) for kind, r in reports.items()},
     }
     law = laws[config.kind]
@@ -160,7 +155,7 @@ def _rate_limit(rates: dict) -> float:
 
 def _line(report: dict) -> dict:
     """One row of the comparison."""
-    return {key: report[key] for key in ("nrmse", "nrmse_smoothed", "noise_nrmse", "nonzeros", "condition", "seconds", "survival")}
+    return {key: report[key] for key in ("nrmse", "nrmse_smoothed", "noise_nrmse", "nonzeros", "condition", "survival")}
 
 
 def _scores(law: Law, samples: Samples, config: ControllerConfig) -> dict:

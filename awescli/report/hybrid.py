@@ -38,8 +38,6 @@ def sentence(evidence: Evidence) -> str:
         text.append(f"A network with hidden layers of {esc(hidden)} sees {esc(listed([str(i) for i in network['inputs']]))}.")
     if isinstance(report.get("outside_box_test"), (int, float)):
         text.append(f"On {percent(report['outside_box_test'])} of the test samples it faded, as the flight left what it was trained on.")
-    if isinstance(report.get("seconds"), (int, float)):
-        text.append(f"Training took {number(report['seconds'])} s.")
     return " ".join(text)
 
 

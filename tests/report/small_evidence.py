@@ -91,7 +91,7 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
     }  # fmt: skip
     fit = {p: {"rudder": 0.01} for p in ("train", "validation", "test")}
     trained = {
-        "outcome": "trained", "sentence": f"better{evil}", "seconds": 3.0, "validation_rmse_ratio": {"u": 0.5},
+        "outcome": "trained", "sentence": f"better{evil}", "validation_rmse_ratio": {"u": 0.5},
         "share_of_acceleration": {"u": 0.1}, "distilled": [f"du/dt += u{evil}"], "outside_box_test": 0.01,
         "comparison": {"test": {"adam": error, "adam_lbfgs": error}},
         "history": {"columns": ["train", "validation_last_horizon", "evaluations"],
