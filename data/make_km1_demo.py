@@ -14,6 +14,7 @@ from awescli.artifacts import write_text
 from awescli.control.path_following import PathFollowing
 from awescli.control.pattern import Pattern
 from awescli.flightlog.kitemill_csv import to_kitemill_csv
+from awescli.flightlog.log import FlightLog
 from awescli.physics.declaration import read_kite
 from awescli.simulation.made_wind import as_measured, wind_record
 from awescli.simulation.synthetic import ReelOut, fly, with_effects
@@ -39,13 +40,18 @@ LAW = PathFollowing(
 REEL_OUT = ReelOut(length=480.0, speed=0.5, swing=0.3, period=9.3)
 
 
-def main(folder: Path) -> None:
-    truth = with_effects(read_kite(HERE / "kites" / "km1_identified.yaml"), UNDECLARED)
-    wind = wind_record(HEIGHTS, WIND_SHARE * PUBLISHED_WIND, -54.5939 * DEG, DURATION, drift=0.01, turn=0.01, seed=SEED)
-    log = fly(
-        truth, LAW.setpoints, wind, REEL_OUT, pattern=LAW.pattern, duration=DURATION, seed=SEED,
-        recorded_wind=as_measured(wind, SEED + 1), name="km1_demo",
+def flown(seed: int = SEED, effects=UNDECLARED) -> FlightLog:
+    """The flight, with noise and wind record drawn from the seed."""
+    truth = with_effects(read_kite(HERE / "kites" / "km1_identified.yaml"), effects)
+    wind = wind_record(HEIGHTS, WIND_SHARE * PUBLISHED_WIND, -54.5939 * DEG, DURATION, drift=0.01, turn=0.01, seed=seed)
+    return fly(
+        truth, LAW.setpoints, wind, REEL_OUT, pattern=LAW.pattern, duration=DURATION, seed=seed,
+        recorded_wind=as_measured(wind, seed + 1), name="km1_demo",
     )  # fmt: skip
+
+
+def main(folder: Path) -> None:
+    log = flown()
     kite, weather = to_kitemill_csv(log)
     write_text(folder / "kite.csv", kite)
     write_text(folder / "wind.csv", weather)
