@@ -96,6 +96,17 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         with shell(as_json) as screen:
             commands.verify(screen, stages, folder)
 
+    @app.command(help="Compare two runs side by side: what they were made from, and which numbers differ.")
+    def compare(
+        run_a: Annotated[Path, typer.Argument(metavar="RUN_A", help="Folder of the results (`out` of a plan).")],
+        run_b: Annotated[Path, typer.Argument(metavar="RUN_B", help="Folder of other results.")],
+        tolerance: Annotated[float, typer.Option(min=0.0, help="Relative difference that still counts as equal.")] = 0.0,
+        most: Annotated[int, typer.Option(min=0, help="Most differing numbers shown, largest change first (--json: all).")] = 40,
+        as_json: Json = False,
+    ):
+        with shell(as_json) as screen:
+            commands.compare(screen, stages, run_a, run_b, tolerance, most)
+
     @app.command(help="Print the JSON Schema of stages.yaml and of the kite file, for editor completion.")
     def schema():
         with shell(as_json=True) as screen:

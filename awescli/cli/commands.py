@@ -132,6 +132,35 @@ def verify(screen: Screen, stages: tuple[Stage, ...], folder: Path) -> None:
     screen.line("all hashes as in the provenance")
 
 
+def compare(screen: Screen, stages: tuple[Stage, ...], a: Path, b: Path, tolerance: float, most: int) -> None:
+    """What differs between two runs: what they were made from, the errors of their models, their numbers."""
+    from dataclasses import asdict
+
+    from awescli.stages.comparison import compare as of_runs
+
+    found = of_runs(a, b, stages, tolerance)
+    screen.line(f"a  {a}\nb  {b}")
+    for run, names in found.only.items():
+        if names:
+            screen.line(f"only in {run}: {', '.join(names)}")
+    for stage, lines in found.made_from.items():
+        screen.section(f"{stage}, a -> b", lines)
+    errors = {m: {"a": x, "b": y, "b / a": y / x if x and y else None} for m, (x, y) in found.errors.items()}
+    if errors:
+        screen.section("mean NRMSE on the test loops", {m: {k: _or_dash(v) for k, v in row.items()} for m, row in errors.items()})
+    both = [d for d in found.differences if not d.one_sided]
+    screen.line(f"{len(both)} values differ, {found.same} are equal, {len(found.differences) - len(both)} are in one run only")
+    if both[:most]:
+        screen.section("largest changes", {d.where: {"a": d.a, "b": d.b} for d in both[:most]})
+    if len(both) > most or len(both) < len(found.differences):
+        screen.line("--most shows more of them, --json all")
+    screen.answer({"a": str(a), "b": str(b), **json_safe(asdict(found))})
+
+
+def _or_dash(value: Any) -> Any:
+    return "-" if value is None else value
+
+
 def init(screen: Screen, stages: tuple[Stage, ...], folder: Path, flight: Path, kite: Path) -> None:
     """A stages.yaml to start from."""
     from awescli.artifacts import write_text

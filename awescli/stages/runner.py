@@ -200,8 +200,8 @@ class _Run:
         ran = [need.stage for need in self._needs(name) if need.stage in self.ran]
         if ran:
             return f"upstream {', '.join(ran)} ran"
-        if changes := _changes(kept["stamp"], stamp):
-            return "; ".join(changes)
+        if changed := changes(kept["stamp"], stamp):
+            return "; ".join(changed)
         if damaged := self._damaged(name, kept):
             return f"artifact {damaged}"
         return ""
@@ -259,8 +259,8 @@ class _Run:
                 raise BadInput(f"{name} needs the result of {upstream}: {missing}", where, cure)
             elif self._folder(upstream).is_dir():
                 self.progress.note(f"{name} does without {upstream}: {missing}. To use it: {self.command(upstream)}")
-            if not missing and (changes := self._outdated(upstream)):
-                self.progress.note(f"{upstream} was made before {'; '.join(changes)}. To bring it up to date: {self.command(upstream)}")
+            if not missing and (changed := self._outdated(upstream)):
+                self.progress.note(f"{upstream} was made before {'; '.join(changed)}. To bring it up to date: {self.command(upstream)}")
         return found
 
     def command(self, name: str) -> str:
@@ -294,10 +294,10 @@ class _Run:
             return []
         kept = self._provenance(name) or {}
         today = {**self._stamp(name, {}), "upstream": {}, "code": "", "versions": {}}
-        return _changes({**kept["stamp"], "upstream": {}, "code": "", "versions": {}}, today)
+        return changes({**kept["stamp"], "upstream": {}, "code": "", "versions": {}}, today)
 
 
-def _changes(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+def changes(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """What differs between two stamps, in words."""
     words = []
     for group, label in (("inputs", "input"), ("settings", "setting"), ("split", "split"), ("versions", "version of")):

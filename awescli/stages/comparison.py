@@ -1,0 +1,129 @@
+"""Two runs side by side: what they were made from, and which of their numbers and verdicts differ."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from awescli.artifacts import PROVENANCE, read_json
+from awescli.notation.errors import BadInput
+from awescli.stages.base import Stage
+from awescli.stages.runner import changes
+
+TIMES = ("seconds", "timing")
+"""Keys of times: they differ between any two runs and say nothing about the result."""
+NAMES = ("name", "acts_on", "loop", "part")
+"""What an entry of a list is known by, where it has one of these: its place may differ between runs."""
+
+Value = float | str | bool | None
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One number or word that differs. where: `evaluate/metrics.json: hybrid.nrmse.test.mean`; None: nothing there in that run."""
+
+    where: str
+    a: Value
+    b: Value
+
+    @property
+    def change(self) -> float:
+        """|b - a| / max(|a|, |b|): from 0 to 2; 2 also for words."""
+        if not (_is_number(self.a) and _is_number(self.b)):
+            return 2.0
+        return abs(self.b - self.a) / max(abs(self.a), abs(self.b))
+
+    @property
+    def one_sided(self) -> bool:
+        return self.a is None or self.b is None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """made_from: stage -> what differs in inputs, settings, seed, versions, one sentence each; only: run -> stages that the other lacks;
+    errors: model -> (mean test NRMSE in a, in b); same: how many values are equal; differences: largest change first, what only one
+    of the runs has last."""
+
+    made_from: Mapping[str, list[str]]
+    only: Mapping[str, list[str]]
+    errors: Mapping[str, tuple[float | None, float | None]]
+    same: int
+    differences: tuple[Difference, ...]
+
+
+def compare(a: Path, b: Path, stages: Sequence[Stage], tolerance: float = 0.0) -> Comparison:
+    """Compare every JSON artifact of two runs (`out` folders). tolerance: relative change that still counts as equal.
+    Raises BadInput for a folder that is no run."""
+    in_a, in_b = _stages_in(a, stages), _stages_in(b, stages)
+    both = [name for name in in_a if name in in_b]
+    made_from = {name: changes(*({**_stamp(run / name), "upstream": {}} for run in (a, b))) for name in both}
+    values_a, values_b = ({k: v for name in both for k, v in _values(run / name)} for run in (a, b))
+    pairs = [Difference(k, values_a.get(k), values_b.get(k)) for k in dict.fromkeys([*values_a, *values_b])]
+    differing = [d for d in pairs if d.a != d.b and d.change > tolerance]
+    errors_a, errors_b = (_errors(run) for run in (a, b))
+    return Comparison(
+        {name: lines for name, lines in made_from.items() if lines},
+        {str(a): [n for n in in_a if n not in in_b], str(b): [n for n in in_b if n not in in_a]},
+        {model: (errors_a.get(model), errors_b.get(model)) for model in dict.fromkeys([*errors_a, *errors_b])},
+        len(pairs) - len(differing),
+        tuple(sorted(differing, key=lambda d: (d.one_sided, -d.change))),
+    )
+
+
+def _stages_in(run: Path, stages: Sequence[Stage]) -> list[str]:
+    """The stages that left results in a run."""
+    found = [s.name for s in stages if (run / s.name / PROVENANCE).is_file()]
+    if not found:
+        if not run.is_dir():
+            raise BadInput("there is no such folder", str(run), "Name the folder of a run (`out` in its plan).")
+        inner = " Did you mean its folder 'out'?" if any((run / "out" / s.name / PROVENANCE).is_file() for s in stages) else ""
+        raise BadInput("no results of awes are here", str(run), f"Name the folder of a run (`out` in its plan).{inner}")
+    return found
+
+
+def _stamp(folder: Path) -> Mapping[str, Any]:
+    """What a stage was made from."""
+    stamp = read_json(folder / PROVENANCE).get("stamp")
+    if not isinstance(stamp, dict):
+        raise BadInput("not readable as provenance", str(folder / PROVENANCE), "Run the stage again.")
+    return stamp
+
+
+def _errors(run: Path) -> dict[str, float]:
+    """Model -> mean NRMSE on the test loops, where evaluate has run."""
+    file = run / "evaluate" / "metrics.json"
+    scores = read_json(file) if file.is_file() else {}
+    return {m: block["nrmse"]["test"]["mean"] for m, block in scores.items() if isinstance(block, dict) and "nrmse" in block}
+
+
+def _values(folder: Path) -> Iterator[tuple[str, Value]]:
+    """(where, value) of everything in a stage's JSON artifacts."""
+    for file in sorted(folder.glob("*.json")):
+        if file.name != PROVENANCE:
+            for key, value in _leaves(read_json(file)):
+                yield f"{folder.name}/{file.name}: {key}", value
+
+
+def _leaves(tree: Any, prefix: str = "") -> Iterator[tuple[str, Value]]:
+    """Dotted keys and plain values. A table ({columns, rows}) goes column by column."""
+    if isinstance(tree, dict) and set(tree) == {"columns", "rows"}:
+        tree = {name: list(column) for name, column in zip(tree["columns"], zip(*tree["rows"], strict=True), strict=False)}
+    if isinstance(tree, dict):
+        for key, value in tree.items():
+            if key not in TIMES:
+                yield from _leaves(value, f"{prefix}.{key}" if prefix else key)
+    elif isinstance(tree, list):
+        for place, value in enumerate(tree):
+            yield from _leaves(value, f"{prefix}[{_name(value, place)}]")
+    else:
+        yield prefix, tree
+
+
+def _name(entry: Any, place: int) -> str:
+    """What an entry of a list is called."""
+    known = [str(entry[key]) for key in NAMES if entry.get(key) not in (None, "")] if isinstance(entry, dict) else []
+    return " ".join(known) or str(place)
+
+
+def _is_number(value: Value) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
