@@ -27,14 +27,14 @@ MOST_DIRECTIONS = 12
 
 
 def describe(fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str, str] | None = None) -> dict:
-    """Per free parameter: value, std (scaled by the residual's level where that is above the noise), prior, shift, flags, advice.
+    """Per free parameter: value, std, prior, shift, flags, advice.
 
-    std is the Gauss-Newton posterior standard deviation; excited: std < half of the prior's; at_bound: the value sits at an end of
-    its range; partners: parameters correlated by more than 0.95. record: names of nuisance parameters, listed apart. flight_of: name ->
-    the flight that it belongs to, where it belongs to one alone.
+    std is that of the fit's covariance (`staged_fit` has added what coloured residuals do); excited: std < half of the prior's;
+    at_bound: the value sits at an end of its range; partners: parameters correlated by more than 0.95. record: names of nuisance
+    parameters, listed apart. flight_of: name -> the flight that it belongs to, where it belongs to one alone.
     """
     flight_of = flight_of or {}
-    std = np.sqrt(np.diag(fit.covariance)) * np.sqrt(max(fit.chi2, 1.0))
+    std = np.sqrt(np.diag(fit.covariance))
     correlation = _correlation(fit.covariance)
     rows, errors = {}, {}
     for i, name in enumerate(fit.names):

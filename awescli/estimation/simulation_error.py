@@ -100,20 +100,28 @@ class SimulationError:
         extra: (K, N+1, n_out, n) further columns (secants) behind those of the parameters; values: further parameter values.
         """
         names = self.names if parameters is None else tuple(parameters)
-        # windows come last in `Columns`; own unknowns must come first in the Gram matrix
-        columns = Columns(STATES, names, self.windows)
-        trajectories, J = self.simulator.sensitivities(
-            self.segments(self.own), columns, self.observed.outputs, {**self.values(x), **(values or {})}
-        )
-        s, g = len(STATES), len(names)
-        w = len(self.windows)
+        trajectories, J, order, sigma = self._sensitivities(names, {**self.values(x), **(values or {})})
         if extra is not None:
+            order = np.r_[order, J.shape[-1] : J.shape[-1] + extra.shape[-1]]
             J = np.concatenate([J, extra], axis=-1)
-        order = np.r_[:s, s + g : s + g + w, s : s + g, s + g + w : J.shape[-1]]
         r = self.observed.residual(trajectories)
-        sigma = np.where(self._reached(trajectories)[:, :, None], self.observed.sigma, np.inf)
-        information = reduce(J, r, sigma, s + w, self.own_prior, self.own, order)
-        return information, trajectories
+        return reduce(J, r, sigma, len(self.own_prior), self.own_prior, self.own, order), trajectories
+
+    def whitened(self, x: np.ndarray):
+        """(own (K, N+1, n_out, n_own), columns (K, N+1, n_out, n), r (K, N+1, n_out), counted): sensitivities to own unknowns and
+        parameters, and residual, over the noise; all 0 where a sample does not count."""
+        trajectories, J, order, sigma = self._sensitivities(self.names, self.values(x))
+        J, n_own = (J / sigma[..., None])[..., order], len(self.own_prior)
+        return J[..., :n_own], J[..., n_own:], self.observed.residual(trajectories), np.isfinite(sigma)
+
+    def _sensitivities(self, names: tuple[str, ...], values: dict[str, float]):
+        """(trajectories, J, order, sigma): columns of J are those of starts, parameters `names`, windows; `order` puts own unknowns first;
+        sigma is infinite where a sample does not count."""
+        columns = Columns(STATES, names, self.windows)
+        trajectories, J = self.simulator.sensitivities(self.segments(self.own), columns, self.observed.outputs, values)
+        s, g = len(STATES), len(names)
+        order = np.r_[:s, s + g : s + g + len(self.windows), s : s + g]
+        return trajectories, J, order, np.where(self._reached(trajectories)[:, :, None], self.observed.sigma, np.inf)
 
     def _reached(self, trajectories) -> np.ndarray:
         return np.arange(self.observed.measured.shape[1])[None] < trajectories.alive[:, None]

@@ -6,9 +6,11 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from awescli.estimation.coloured import coloured_information
 from awescli.estimation.fit import Fit, JointFit, Share, fit_together, with_residual_noise
 from awescli.estimation.question import GUSTY, Question, ask
 from awescli.estimation.record_error import mid_times, record_influence
+from awescli.estimation.simulation_error import SimulationError
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Split
 from awescli.notation.parameters import ParameterTable
@@ -87,7 +89,7 @@ def fit_flights(
         tables = [f.parameters for f in result.flights]
         questions = [_settled(q, f) for q, f in zip(questions, result.flights, strict=True)]
         result = fitted(questions, length, 0.01, [f.own for f in result.flights])
-    return _with_record_errors(result, flights), tuple(questions)
+    return _widened(result, flights, questions), tuple(questions)
 
 
 def fit_in_stages(question: Question, log: FlightLog, split: Split, horizons: Sequence[float], **how) -> tuple[Fit, Question]:
@@ -157,12 +159,17 @@ def _settled(question: Question, fit: Fit) -> Question:
     return replace(question, fitted=raised, choice=question.choice.with_sigma(question.choice.sigma * ratio))
 
 
-def _with_record_errors(result: JointFit, flights: Sequence[Flown]) -> JointFit:
-    """What the flights' wind records add to the covariance."""
-    grown = result.covariance.copy()
-    for flight, fit, place in zip(flights, result.flights, result.places, strict=True):
+def _widened(result: JointFit, flights: Sequence[Flown], questions: Sequence[Question]) -> JointFit:
+    """The fit with what coloured residuals and the errors of the wind records add to its covariance."""
+    C = result.covariance
+    grown = C.copy()
+    for flight, question, fit, place in zip(flights, questions, result.flights, result.places, strict=True):
+        problem = SimulationError(question.simulator.holding(fit.parameters), question.fitted, fit.names, question.gusts)
+        problem.own = fit.own
+        flies = fit.alive > question.fitted.segments.steps
+        grown += C[:, place] @ coloured_information(problem, fit.parameters.vector(fit.names), fit.information, flies) @ C[place]
         if flight.log.wind is not None:
-            times = mid_times(flight.question.fitted.segments, flight.log)
-            influence = result.covariance[:, place] @ record_influence(fit, flight.question.kite.record, flight.log.wind.time, times)
+            times = mid_times(question.fitted.segments, flight.log)
+            influence = C[:, place] @ record_influence(fit, question.kite.record, flight.log.wind.time, times)
             grown += influence @ influence.T
     return result.with_covariance(grown)
