@@ -4,32 +4,19 @@ A file holds one struct `validationData`: NED, SI, radians, `R` body to NED. Its
 are moved onto the onboard clock where the reeling motion shows by how much (clocks.py).
 """
 
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from scipy.io import loadmat, whosmat
-from scipy.io.matlab import MatReadError
 
 from awescli.flightlog.clocks import clock_offset
 from awescli.flightlog.log import FlightLog, WindRecord
+from awescli.flightlog.mat5 import read_mat
 from awescli.flightlog.resample import RawFlight, uniform_log
 from awescli.flightlog.table import ABSURD
 from awescli.notation.errors import BadInput, did_you_mean
 
 STRUCT = "validationData"
-
-PLAIN = ("struct", "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "char", "logical", "cell")
-"""MATLAB classes that are numbers and containers; objects, function handles and opaque data are refused unread."""
-
-UNREADABLE = (
-    MatReadError, ValueError, TypeError, KeyError, IndexError, OSError, OverflowError, MemoryError, NotImplementedError, EOFError,
-    AttributeError, UnboundLocalError, AssertionError, UnicodeError, zlib.error,
-)  # fmt: skip
-"""What scipy's reader raises on damaged files."""
-
-MAX_BYTES = 1_000_000_000
 
 FIELDS = {
     "phi": None, "theta": None, "psi": None,
@@ -119,45 +106,33 @@ def _tether_length(seconds: np.ndarray, signals: Mapping[str, np.ndarray], late:
     return run + float(np.median((distance_then - run)[taut])) if taut.any() else run + distance[0]
 
 
-def _load(path: Path):
+def _load(path: Path) -> dict:
     """The struct, or what is wrong with the file."""
     do = "Expected Ampyx's MATLAB 5 file with the struct validationData; download it again."
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise BadInput(f"the file is larger than {MAX_BYTES / 1e9:g} GB", str(path), do)
-        contents = {name: kind for name, _, kind in whosmat(path)}
-        if refused := [f"{name} ({kind})" for name, kind in contents.items() if kind not in PLAIN]:
-            raise BadInput(
-                f"MATLAB objects are not read: {', '.join(refused)[:200]}", str(path), "Save plain structs and numbers (save -v6)."
-            )
-        if STRUCT not in contents:
-            raise BadInput(f"there is no struct '{STRUCT}'", str(path), f"It holds: {', '.join(contents) or 'nothing'}."[:200])
-        data = loadmat(path, variable_names=[STRUCT], struct_as_record=True, squeeze_me=True)[STRUCT]
-    except UNREADABLE as e:
-        raise BadInput(f"not a readable MATLAB 5 file ({type(e).__name__}: {str(e)[:100]})", str(path), do) from None
-    if data.dtype.names is None or data.shape != ():
+    kinds, value = read_mat(path, STRUCT, do)
+    if STRUCT not in kinds:
+        raise BadInput(f"there is no struct '{STRUCT}'", str(path), f"It holds: {', '.join(kinds) or 'nothing'}."[:200])
+    if not isinstance(value, dict):
         raise BadInput(f"'{STRUCT}' is not one struct", str(path), do)
-    return data
+    return value
 
 
-def _member(path: Path, data, name: str):
+def _member(path: Path, data: dict, name: str) -> dict:
     """A struct inside the struct."""
-    if name not in data.dtype.names:
-        raise BadInput(f"{STRUCT} has no field '{name}'", str(path), did_you_mean(name, data.dtype.names))
-    member = data[name].item()
-    if not isinstance(member, np.ndarray) or member.dtype.names is None or member.shape != ():
+    if name not in data:
+        raise BadInput(f"{STRUCT} has no field '{name}'", str(path), did_you_mean(name, data))
+    if not isinstance(data[name], dict):
         raise BadInput(f"{STRUCT}.{name} is not a struct", str(path), "Is this the published file?")
-    return member
+    return data[name]
 
 
-def _field(path: Path, data, parent: str, name: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
+def _field(path: Path, data: dict, parent: str, name: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
     """A numeric field of a struct, float64, of the given shape (None: any vector of at least 3)."""
-    if name not in data.dtype.names:
-        raise BadInput(f"{parent} has no field '{name}'", str(path), did_you_mean(name, data.dtype.names))
-    value = data[name].item()
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu":
+    if name not in data:
+        raise BadInput(f"{parent} has no field '{name}'", str(path), did_you_mean(name, data))
+    value = data[name]
+    if not isinstance(value, np.ndarray):
         raise BadInput(f"{parent}.{name} does not hold numbers", str(path), "Is this the published file?")
     if value.shape != shape if shape is not None else value.ndim != 1 or value.size < 3:
         raise BadInput(f"{parent}.{name} has the shape {value.shape}, expected {shape or '(N,)'}", str(path), "Is the file complete?")
-    value = value.astype(float)
     return np.where(np.abs(value) < ABSURD, value, np.nan)
