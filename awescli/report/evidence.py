@@ -29,8 +29,9 @@ class Evidence:
 
     scores, predictions: evaluate's metrics.json and predictions.npz; controller: fit-controller's metrics.json;
     commanded: surface -> (N,) rad, what the fitted law commands at the measured states; identify, params: metrics.json and params.json;
-    effects, residuals: effects.json and residuals.npz; hybrid, network: train-hybrid's metrics.json and network.json;
-    provenance: stage -> provenance.json; versions: package -> version.
+    effects, residuals: effects.json and residuals.npz; hybrid, network, correction: train-hybrid's metrics.json, network.json and
+    correction.npz; flown, trajectory: simulate's metrics.json and trajectory.npz; provenance: stage -> provenance.json; versions:
+    package -> version.
     """
 
     log: FlightLog
@@ -48,6 +49,9 @@ class Evidence:
     residuals: Arrays | None = None
     hybrid: Document | None = None
     network: Document | None = None
+    correction: Arrays | None = None
+    flown: Document | None = None
+    trajectory: Arrays | None = None
     provenance: Mapping[str, Document] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
 
@@ -71,6 +75,11 @@ class Evidence:
     def nrmse(self, model: str, part: str = "test") -> Mapping[str, float]:
         """Channel -> NRMSE of one model."""
         return self.scores[model]["nrmse"][part]
+
+    def ahead(self, model: str, key: str) -> Document | None:
+        """Scores of a model one step (`one_step`) or `key` seconds ahead; None where the flight is too short."""
+        block = self.scores[model]
+        return block["one_step"] if key == "one_step" else block["by_horizon"].get(key)
 
     @property
     def tracing_added(self) -> bool:

@@ -6,7 +6,7 @@ from awescli.flightlog.log import runs_of
 from awescli.flightlog.split import PARTS
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Body, Cell, Section, bullets, chip, esc, folded, paragraph, table
-from awescli.report.plots import Figure, axis, grid, line, scene, stride
+from awescli.report.plots import Figure, axis, grid, line, scene, stride, strip, swatch
 from awescli.report.words import COLOURS, channel, number, percent
 
 PHASE_COLOURS = {"ground": "@grey", "hover": "@ochre", "traction": "@green", "retraction": "@purple", "transition": "@steel"}
@@ -65,28 +65,16 @@ def timeline(evidence: Evidence) -> Figure:
         data.append(line(t, log["tether_length"][::step], "tether length", COLOURS["floor"], dash="dot"))
     shapes = []
     for part in PARTS:
-        data.append(_key(part, COLOURS[part]))
-        shapes += [_strip(log.time[a], log.time[b - 1], 0.955, 1.0, COLOURS[part]) for a, b in getattr(evidence.parts, part)]
+        data.append(swatch(part, COLOURS[part]))
+        shapes += [strip(log.time[a], log.time[b - 1], 0.955, 1.0, COLOURS[part]) for a, b in getattr(evidence.parts, part)]
     for name in [p for p in PHASE_COLOURS if (evidence.phases == p).any()]:
-        data.append(_key(name, PHASE_COLOURS[name], "phase: "))
-        shapes += [_strip(log.time[a], log.time[b - 1], 0.0, 0.045, PHASE_COLOURS[name]) for a, b in runs_of(evidence.phases == name)]
+        data.append(swatch(name, PHASE_COLOURS[name], "phase: "))
+        shapes += [strip(log.time[a], log.time[b - 1], 0.0, 0.045, PHASE_COLOURS[name]) for a, b in runs_of(evidence.phases == name)]
     spent = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in evidence.quality.phases.items())
     return Figure(
         "fig-timeline", "Height over time", data, {"xaxis": axis("time [s]"), "yaxis": axis("[m]", rangemode="tozero"), "shapes": shapes},
         split="whole flight", note=f"Strip above: parts; strip below: phases ({esc(spent)}).", height=300, linked="flight",
     )  # fmt: skip
-
-
-def _strip(x0, x1, y0, y1, colour) -> dict:
-    return {"type": "rect", "xref": "x", "yref": "paper", "x0": x0, "x1": x1, "y0": y0, "y1": y1, "fillcolor": colour, "line": {"width": 0}}
-
-
-def _key(name: str, colour: str, prefix: str = "") -> dict:
-    """A legend entry for shapes, which have none of their own."""
-    return {
-        "type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": f"{prefix}{name}",
-        "marker": {"symbol": "square", "size": 10, "color": colour},
-    }  # fmt: skip
 
 
 def wind(evidence: Evidence) -> Body:

@@ -3,7 +3,7 @@
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Section, bullets, esc, link, paragraph
 from awescli.report.plots import Figure, dots, log_axis
-from awescli.report.words import COLOURS, channel, effect_words, listed, percent, short, times, with_std
+from awescli.report.words import COLOURS, channel, effect_words, listed, number, percent, short, times, with_std
 
 ODDS = {
     "none": "Nothing is missing that this flight could show",
@@ -19,7 +19,7 @@ SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "
 
 def headline(evidence: Evidence) -> Section:
     """Title, verdict, claims, numbers of the ladder, and the ladder per channel."""
-    said = paragraph(lead(evidence), "lead") if evidence.effects else ""
+    said = paragraph(f"{lead(evidence)} {worth(evidence)}", "lead") if evidence.effects else ""
     body = said, tiles(evidence), bullets(claims(evidence)), ladder(evidence)
     return Section("summary", title(evidence), body)
 
@@ -29,6 +29,12 @@ def lead(evidence: Evidence) -> str:
     places = {"next": link("next", "what would tell them apart"), "detectable": link("detectable", "what would have been seen")}
     known = LEADS.get(evidence.effects["verdict"])
     return known.format(**places) if known else esc(evidence.effects["sentence"])
+
+
+def worth(evidence: Evidence) -> str:
+    """How much better the model is now, in a sentence."""
+    before, after = (evidence.nrmse(m)["mean"] for m in (evidence.models[0], evidence.best))
+    return f"On unseen {esc(evidence.parts.of)} the error is {link('fig-ladder', times(before, after))} now."
 
 
 def title(evidence: Evidence) -> str:
@@ -75,7 +81,7 @@ def claims(evidence: Evidence) -> list[str]:
         found += _shifts(evidence)
     elif evidence.params:
         found += _bounds(evidence)
-    return [c for c in [*found, _hybrid(evidence), _controller(evidence), _flight(evidence)] if c]
+    return [c for c in [*found, _hybrid(evidence), _flown(evidence), _controller(evidence), _flight(evidence)] if c]
 
 
 def _error(evidence: Evidence) -> str:
@@ -105,7 +111,22 @@ def _effect(evidence: Evidence, effect: dict) -> str:
     doc = f" ({esc(effect['doc'])})" if effect.get("doc") else ""
     if not evidence.tracing_added:
         return f"<b>{name}</b>{doc} is suspected, {sizes} (± 2 std); {link('fig-shifts', 'the parameters')} hint at it.{against}"
-    return f"<b>{name}</b>{doc}: {sizes} (± 2 std).{against}"
+    shown = "fig-phase" if shows_phase(evidence) else "fig-residual"
+    return f"<b>{link(shown, name)}</b>{doc}: {link('tab-effects', sizes)} (± 2 std){_share(evidence, effect)}.{against}"
+
+
+def _share(evidence: Evidence, effect: dict) -> str:
+    """How much of the gap the effect explains by itself, and the next best."""
+    ranking = evidence.effects["ranking"]
+    own = [c for c in ranking if c["name"] == effect["name"] and c.get("acts_on", "") == effect.get("acts_on", "")]
+    if not own or own[0]["explained_share"] <= 0:
+        return ""
+    text = f"; alone it explains {link('tab-ranking', percent(own[0]['explained_share']))} of the gap on train"
+    others = [c for c in ranking if c["name"] not in {e["name"] for e in evidence.effects["effects"]}]
+    if not others:
+        return text
+    best = max(others, key=lambda c: c["explained_share"])
+    return f"{text} (next: {esc(effect_words(best['name'], best.get('acts_on', '')))}, {percent(best['explained_share'])})"
 
 
 def _gain(evidence: Evidence) -> str:
@@ -154,6 +175,18 @@ def _hybrid(evidence: Evidence) -> str:
     before, after = evidence.nrmse(base)["mean"], evidence.nrmse("hybrid")["mean"]
     told = times(before, after)
     return f"The network on top of physics: {percent(before)} to {link('fig-hybrid-velocities', percent(after))}, {told}."
+
+
+def _flown(evidence: Evidence) -> str:
+    """How long the model flies by itself, and how near to the flight."""
+    f = evidence.flown
+    if f is None:
+        return ""
+    who = {"controller": "with the fitted controller", "recorded": "on the recorded set-points"}.get(f["surfaces"], "on a built-in law")
+    far = list((f.get("path_error_m") or {}).items())
+    near = f", {number(far[-1][1])} m (RMS) from the measured path over {far[-1][0]} s" if far else ""
+    held = f"{link('fig-3d-flown', number(f['survived_s']) + ' s')} of {number(f['asked_s'])} s"
+    return f"Flown on its own {who}, the model ({esc(evidence.label(f['model']))}) holds for {held}{near}."
 
 
 def _controller(evidence: Evidence) -> str:
@@ -208,6 +241,6 @@ def ladder(evidence: Evidence) -> Figure:
     }
     return Figure(
         "fig-ladder", f"Prediction error {evidence.horizon:g} s ahead, per channel", data, layout, split=f"test {evidence.parts.of}",
-        note="Further left is better; the axis is logarithmic. Nothing can stay left of the grey mark: that is sensor noise.",
+        note="Further left is better; the axis is logarithmic. The grey mark is sensor noise: further left is chance.",
         height=max(60 + 24 * len(names), 260),
     )  # fmt: skip

@@ -7,6 +7,7 @@ from plotly.offline import get_plotlyjs
 from awescli.report.controller import controller
 from awescli.report.evidence import Evidence
 from awescli.report.flight import flight
+from awescli.report.free_flight import free_flight
 from awescli.report.headline import headline
 from awescli.report.hybrid import hybrid
 from awescli.report.identification import identification
@@ -16,12 +17,12 @@ from awescli.report.prediction import prediction
 from awescli.report.provenance import provenance
 from awescli.report.residual import residual
 
-SECTIONS = (headline, flight, controller, identification, residual, hybrid, prediction, next_steps, provenance)
+SECTIONS = (headline, flight, controller, identification, residual, hybrid, free_flight, prediction, next_steps, provenance)
 """The story, in order."""
 
 NAMES = {
     "summary": "Summary", "flight": "Flight", "controller": "Controller", "identification": "Identification", "residual": "Residual",
-    "hybrid": "Hybrid", "prediction": "Simulated", "next": "Next", "provenance": "Provenance",
+    "hybrid": "Hybrid", "flown": "Flown", "prediction": "Predicted", "next": "Next", "provenance": "Provenance",
 }  # fmt: skip
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"

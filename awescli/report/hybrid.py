@@ -1,13 +1,18 @@
 """The hybrid: what a network on top of physics adds (figures 3 and 4 of the seed), and how it was trained."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 
+from awescli.notation.quantities import UNITS
 from awescli.report.evidence import Evidence
-from awescli.report.marks import Body, Cell, Section, absent, bullets, esc, paragraph, table
-from awescli.report.plots import Figure, axis, bars, grid, line, log_axis
-from awescli.report.words import COLOURS, channel, listed, number, percent
+from awescli.report.marks import Body, Cell, Section, absent, bullets, esc, keys, paragraph, table
+from awescli.report.plots import PANEL_POINTS, Figure, Shared, axis, bars, dots, grid, line, log_axis, stride
+from awescli.report.words import COLOURS, channel, listed, number, percent, short, unit_of
+
+CORRECTED = ("u", "v", "w", "p", "q", "r")
+"""States whose derivatives the network corrects: the columns of correction.npz."""
 
 
 def hybrid(evidence: Evidence) -> Section:
@@ -16,8 +21,8 @@ def hybrid(evidence: Evidence) -> Section:
         return Section("hybrid", title, absent("awes train-hybrid", "no network was trained on what is left"))
     if "hybrid" not in evidence.models:
         return Section("hybrid", title, (paragraph(sentence(evidence)), history(evidence)))
-    body = paragraph(sentence(evidence)), scores(evidence), optimisers(evidence), history(evidence), shares(evidence)
-    return Section("hybrid", title, body)
+    trained = optimisers(evidence), history(evidence)
+    return Section("hybrid", title, (paragraph(sentence(evidence)), scores(evidence), along_flight(evidence), trained, shares(evidence)))
 
 
 def training(evidence: Evidence) -> Mapping:
@@ -52,12 +57,19 @@ def scores(evidence: Evidence) -> Body:
         ("fig-hybrid-attitude", "Attitude", ("phi", "theta", "psi")),
     ):
         data = [
-            bars([channel(n) for n in names], [100 * evidence.nrmse(m)[n] for n in names], evidence.label(m), COLOURS[m])
+            bars([short(n) for n in names], [100 * evidence.nrmse(m)[n] for n in names], evidence.label(m), COLOURS[m])
             for m in models if all(n in evidence.nrmse(m) for n in names)
         ]  # fmt: skip
-        layout = {"yaxis": axis("NRMSE [% of range]", rangemode="tozero")}
-        panels.append(Figure(id, title, data, layout, split=f"test {evidence.parts.of}", height=260, part=True))
-    return grid(panels)
+        data.append(
+            dots(
+                [short(n) for n in names], [100 * evidence.floor[n] for n in names], "noise alone", "@ink", symbol="line-ew", size=22,
+                marker={"line": {"width": 2, "color": "@ink"}},
+            )
+        )  # fmt: skip
+        layout = {"yaxis": axis("NRMSE [% of range]", rangemode="tozero"), "showlegend": False, "margin": {"t": 24}}
+        panels.append(Figure(id, title, data, layout, split=f"test {evidence.parts.of}", height=240, part=True))
+    entries = [*((evidence.label(m), COLOURS[m], "solid") for m in models), ("noise alone", "@ink", "solid")]
+    return f"<h3>Error {evidence.horizon:g} s ahead, with and without the network</h3>", keys(entries), grid(panels)
 
 
 def optimisers(evidence: Evidence) -> Body:
@@ -66,7 +78,8 @@ def optimisers(evidence: Evidence) -> Body:
     test = (found.get("test") or {}) if isinstance(found, Mapping) else {}
     names = [n for n in ("p_n", "p_e", "p_d", "mean") if n in (test.get("adam") or {}) and n in (test.get("adam_lbfgs") or {})]
     if not names:
-        return ""
+        how = "<code>awes train-hybrid --set train-hybrid.compare=true</code>"
+        return paragraph(f"Adam alone was not trained for comparison; {how} does so.", "absent")
     x = [channel(n) for n in names]
     data = [
         bars(x, [100 * test["adam"][n] for n in names], "Adam alone", COLOURS["initial"]),
@@ -76,6 +89,25 @@ def optimisers(evidence: Evidence) -> Body:
         "fig-optimisers", "Adam alone, and Adam followed by L-BFGS, at equal cost", data,
         {"yaxis": axis("NRMSE [% of range]", rangemode="tozero")}, split=f"test {evidence.parts.of}", height=300,
     )  # fmt: skip
+
+
+def along_flight(evidence: Evidence) -> Body:
+    """What the network adds to each derivative over the whole flight."""
+    c = evidence.correction
+    if c is None:
+        return ""
+    step = stride(len(c["time"]), PANEL_POINTS)
+    panels = []
+    for i, name in enumerate(CORRECTED):
+        unit, factor = ("m/s²", 1.0) if name in "uvw" else ("°/s²", 180 / math.pi)
+        data = [line("$correction_time", factor * c["correction"][::step, i], "network", COLOURS["hybrid"])]
+        layout = {"xaxis": axis("time [s]"), "yaxis": axis(f"[{unit}]", zeroline=True), "showlegend": False, "margin": {"t": 24}}
+        panels.append(
+            Figure(f"fig-correction-{name}", f"d{name}/dt", data, layout, split="whole flight", height=210, linked="flight", part=True)
+        )
+    text = "Added to the accelerations at the measured states. It fades to nothing where the flight leaves what it was trained on."
+    head = f'<div id="fig-correction"><h3>What the network adds</h3>{paragraph(text, "soft")}'
+    return head, Shared("correction_time", c["time"][::step]), grid(panels), "</div>"
 
 
 def history(evidence: Evidence) -> Body:
@@ -92,6 +124,11 @@ def history(evidence: Evidence) -> Body:
         )
         if any(isinstance(r.get(key), (int, float)) for r in rows)
     ]
+    kept = ((training(evidence).get("validation") or {}).get("prediction") or {}).get("hybrid")
+    judged = [r.get("validation_last_horizon") for r in rows]
+    chosen = [k for k, v in enumerate(judged) if kept and v and math.isclose(v, kept, rel_tol=1e-9)]
+    if chosen:
+        data.append(dots([along[chosen[0]]], [kept], "kept: best on validation", COLOURS["hybrid"], size=13, symbol="diamond"))
     layout = {"xaxis": axis("gradient evaluations"), "yaxis": log_axis("squared error / physics alone", *(t["y"] for t in data))}
     return Figure(
         "fig-training", "Training", data, layout, split="train and validation", height=280,
@@ -112,9 +149,24 @@ def shares(evidence: Evidence) -> str:
     report = training(evidence)
     found = report.get("share_of_acceleration") or {}
     ratio = report.get("validation_rmse_ratio") or {}
-    rows = [(str(k), Cell(percent(v), v)) for k, v in found.items() if isinstance(v, (int, float))]
+    rows = [(f"d{k}/dt", Cell(percent(v), v)) for k, v in found.items() if isinstance(v, (int, float))]
     more = [(channel(k), Cell(number(v), v)) for k, v in ratio.items() if isinstance(v, (int, float))]
     text = f"<h3>Share of the network in the motion</h3>{table(('derivative', 'share'), rows)}" if rows else ""
     text += f"<h3>Error with the network over error without, validation</h3>{table(('channel', 'ratio'), more)}" if more else ""
+    text += ensemble(report)
     formulas = [f"<code>{esc(f)}</code>" for f in report.get("distilled") or ()]
     return text + (f"<h3>Formulas nearest to what the network learned</h3>{bullets(formulas)}" if formulas else "")
+
+
+def ensemble(report: Mapping) -> str:
+    """How far networks from different seeds agree: their spread is what the hybrid does not know."""
+    found = report.get("ensemble") or {}
+    spread = found.get("spread") or {}
+    if not spread:
+        return ""
+    rows = []
+    for name, value in spread.items():
+        unit, factor = unit_of(UNITS.get(name, ""))
+        rows.append((channel(name), unit, Cell(number(value * factor), value)))
+    text = f"{found.get('learned', '?')} of {found.get('members', '?')} networks from different seeds learned something."
+    return f'<div id="ensemble"><h3>Spread of the ensemble, test</h3>{paragraph(text)}{table(("channel", "unit", "1 std"), rows)}</div>'

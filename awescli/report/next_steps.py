@@ -35,7 +35,8 @@ def _parameters(evidence: Evidence) -> list[str]:
     """Advice of params.json, one line per kind: thirty equal sentences help nobody."""
     by_advice: dict[str, list[str]] = {}
     for name, p in ((evidence.params or {}).get("parameters") or {}).items():
-        if p.get("advice"):
+        # what ran to its bound without the effect says nothing more once the effect is there
+        if p.get("advice") and not (p.get("at_bound") and evidence.tracing_added):
             kind = "known only together with others" if p["advice"].startswith("known only together") else p["advice"]
             by_advice.setdefault(kind, []).append(name)
     return [f"<b>{esc(listed(names))}:</b> {esc(kind)} ({link('tab-parameters', 'table')})." for kind, names in by_advice.items()]

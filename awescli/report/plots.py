@@ -12,6 +12,8 @@ from awescli.report.marks import Body, chip, esc
 
 MOST_POINTS = 2500
 """Samples of one line at most: more than a screen has pixels."""
+PANEL_POINTS = 1500
+"""The same for a panel of a grid where zooming in shows nothing new."""
 
 LINE = 1.4
 
@@ -114,6 +116,19 @@ def axis(title: str, **more) -> dict:
     return {"title": {"text": esc(title)}, **more}
 
 
+def strip(x0, x1, y0, y1, colour: str) -> dict:
+    """A coloured bar across part of an axis, at heights 0..1 of the plot."""
+    return {"type": "rect", "xref": "x", "yref": "paper", "x0": x0, "x1": x1, "y0": y0, "y1": y1, "fillcolor": colour, "line": {"width": 0}}
+
+
+def swatch(name: str, colour: str, prefix: str = "") -> dict:
+    """A legend entry for shapes, which have none of their own."""
+    return {
+        "type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": f"{prefix}{name}",
+        "marker": {"symbol": "square", "size": 10, "color": colour},
+    }  # fmt: skip
+
+
 def log_axis(title: str, *shown) -> dict:
     """A logarithmic axis for the values shown, with its numbers in full: plotly's own short ticks (2, 5) want explaining."""
     values = np.array([v for some in shown for v in some if v is not None and v > 0], dtype=float)
@@ -141,5 +156,5 @@ def scene(east, north, up, *, winch: bool = False) -> dict:
     x, y = (-0.75 * n + 0.65 * e) / length, (0.75 * e + 0.65 * n) / length
     return {
         **axes, "aspectmode": "manual", "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
-        "camera": {"eye": {"x": 1.45 * x, "y": 1.45 * y, "z": 0.35}, "center": {"x": 0, "y": 0, "z": 0}},
+        "camera": {"eye": {"x": 1.9 * x, "y": 1.9 * y, "z": 0.45}, "center": {"x": 0, "y": 0, "z": -0.14}},
     }  # fmt: skip

@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from awescli.flightlog.split import PARTS
 from awescli.notation.quantities import ANGLES
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Body, Cell, Section, esc, folded, keys, paragraph, table
-from awescli.report.plots import LINE, Figure, Shared, axis, grid, line, log_axis, scene, stride, with_gaps
+from awescli.report.plots import LINE, Figure, Shared, axis, dots, grid, line, log_axis, scene, stride, strip, swatch, with_gaps
 from awescli.report.words import COLOURS, GROUPS, channel, number, percent, scale_of
 
 SPATIAL = ("p_n", "p_e", "p_d")
@@ -18,7 +19,8 @@ def prediction(evidence: Evidence) -> Section:
         "the second before it, and sees nothing of the flight after that but set-points, winch and wind. "
         "Where a line breaks, the next prediction begins."
     )
-    body = paragraph(text), paths(evidence), over_horizon(evidence), channels(evidence), scores(evidence)
+    told = over_horizon(evidence), horizons(evidence), over_loops(evidence)
+    body = paragraph(text), paths(evidence), told, channels(evidence), scores(evidence)
     return Section("prediction", "Measured against simulated", body)
 
 
@@ -77,6 +79,54 @@ def over_horizon(evidence: Evidence) -> Body:
     return Figure("fig-horizon", "How far ahead", data, layout, split=f"test {evidence.parts.of}", height=300)
 
 
+def horizons(evidence: Evidence) -> str:
+    """Mean error one step and more ahead, and for the best model every channel in its unit."""
+    steps = [("one_step", f"one step ({evidence.log.dt:g} s)"), *((h, f"{h} s") for h in evidence.scores[evidence.best]["by_horizon"])]
+    rows = []
+    for m in evidence.models:
+        found = [evidence.ahead(m, key) for key, _ in steps]
+        rows.append((evidence.label(m), *(Cell(percent(a and a["nrmse"]["mean"]), a and a["nrmse"]["mean"]) for a in found)))
+    lost = [(evidence.label(m), *(_lost(evidence.ahead(m, key)) for key, _ in steps)) for m in evidence.models]
+    own = []
+    for name in (n for n in evidence.nrmse(evidence.best) if f"measured_{n}" in evidence.predictions):
+        unit, factor = scale_of(name, evidence.predictions[f"measured_{name}"])
+        sizes = [(evidence.ahead(evidence.best, key) or {}).get("rmse", {}).get(name) for key, _ in steps]
+        own.append((channel(name), unit, *(Cell(number(None if s is None else s * factor), s) for s in sizes)))
+    words = [w for _, w in steps]
+    more = folded(f"Every channel in its unit (RMSE), {evidence.label(evidence.best)}, test", table(("channel", "unit", *words), own))
+    more += folded("Predictions that diverged, of how many", table(("model", *words), lost))
+    note = paragraph(f"Mean NRMSE of the 12 states on the test {esc(evidence.parts.of)}, by how far ahead is predicted.", "soft")
+    return f'<div id="tab-horizon">{note}{table(("model", *words), rows)}{more}</div>'
+
+
+def _lost(block) -> Cell:
+    """diverged of all predictions of a horizon."""
+    return Cell(f"{block['diverged_predictions']} of {block['predictions']}", block["diverged_predictions"]) if block else Cell("–")
+
+
+def over_loops(evidence: Evidence) -> Figure:
+    """Mean error of every loop, part by part: whether the model is as good on loops it was not fitted to."""
+    data, shapes = [], []
+    for m in evidence.models:
+        rows = evidence.scores[m]["by_loop"]
+        said = [f"{r['part']}, {r['from_s']:.0f} to {r['to_s']:.0f} s" for r in rows]
+        errors = [100 * r["nrmse"]["mean"] for r in rows]
+        data.append(dots([r["loop"] for r in rows], errors, evidence.label(m), COLOURS[m], size=7, text=said,
+                         hovertemplate="%{text}: %{y:.3g} %<extra>" + esc(evidence.label(m)) + "</extra>"))  # fmt: skip
+    rows = evidence.scores[evidence.best]["by_loop"]
+    for part in PARTS:
+        data.append(swatch(part, COLOURS[part]))
+        shapes += [strip(r["loop"] - 0.5, r["loop"] + 0.5, 0.965, 1.0, COLOURS[part]) for r in rows if r["part"] == part]
+    layout = {
+        "xaxis": axis(f"{evidence.parts.of.removesuffix('s')} of the flight"), "shapes": shapes,
+        "yaxis": log_axis("mean NRMSE [% of range]", *(t["y"] for t in data)),
+    }  # fmt: skip
+    return Figure(
+        "fig-loops", f"Every {evidence.parts.of.removesuffix('s')}", data, layout, split="all parts, strip above", height=300,
+        note=f"Error {evidence.horizon:g} s ahead of what was predicted of each, in percent of the part's range.",
+    )  # fmt: skip
+
+
 def channels(evidence: Evidence) -> Body:
     """Every channel over time: measured, and every model."""
     arrays = evidence.predictions
@@ -109,7 +159,7 @@ def _channel(evidence: Evidence, name: str, step: int) -> Figure:
         if simulated is None:
             continue
         if name in ANGLES:
-            simulated = measured + np.angle(np.exp(1j * (simulated - measured)))
+            simulated = measured + np.unwrap(np.angle(np.exp(1j * (simulated - measured))), axis=1)
         label = evidence.label(m)
         data.append(line("$test_time", with_gaps(simulated * factor, step), label, COLOURS[m], width=LINE, meta=label))
     low, high = np.nanmin(measured * factor), np.nanmax(measured * factor)

@@ -11,7 +11,8 @@ def provenance(evidence: Evidence) -> Section:
         timing, stamp = record.get("timing") or {}, record.get("stamp") or {}
         seconds = timing.get("duration_s")
         rows.append((
-            stage, timing.get("started", "–"), Cell(f"{number(seconds)} s", seconds), str(stamp.get("seed", "–")),
+            stage, timing.get("started", "with this page"), Cell(f"{number(seconds)} s" if seconds else "–", seconds),
+            str(stamp.get("seed", "–")),
             Cell(f"<code>{esc(str(stamp.get('code', '–'))[:12])}</code>", str(stamp.get("code", ""))),
         ))  # fmt: skip
         inputs.update({str(k): str(v) for k, v in (stamp.get("inputs") or {}).items()})

@@ -39,7 +39,8 @@ def sizes(evidence: Evidence) -> str:
     ]  # fmt: skip
     gust = evidence.effects.get("gust_m_s")
     air = paragraph(f"Gusts that the flight shows: {number(gust)} m/s.") if gust else ""
-    return (f"{table(('effect', 'what it is', 'parameter', 'size ± 2 std', 'rivals'), rows, sortable=False)}" if rows else "") + air
+    head = ("effect", "what it is", "parameter", "size ± 2 std", "rivals")
+    return (f'<div id="tab-effects">{table(head, rows, sortable=False)}</div>' if rows else "") + air
 
 
 def labels(evidence: Evidence) -> tuple[str, str]:

@@ -30,7 +30,7 @@ cases, and when it is interrupted, the artifacts of the run before stay as they 
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol
 
@@ -120,7 +120,8 @@ class Context:
     folder: where this stage writes, empty at first; it becomes `out/<stage>` as a whole when `run` returns;
     scratch: for checkpoints: survives an interruption, comes back only to a run with the same inputs, settings and code, and is
     removed when the stage has ended; seed, split: shared by all stages; progress: where to tell how it goes;
-    upstreams: folders of the upstream stages in `needs` that have run and are up to date, in the order of the stages table.
+    upstreams: folders of the upstream stages in `needs` that have run and are up to date, in the order of the stages table;
+    stamp: what this run of the stage is made from, as its provenance.json will say: inputs, seed, split, settings, code, versions.
     """
 
     flight: Path
@@ -132,6 +133,7 @@ class Context:
     split: Split
     upstreams: Mapping[str, Path]
     progress: Progress
+    stamp: Mapping[str, Any] = field(default_factory=dict)
 
     def upstream(self, stage: str) -> Path | None:
         """The folder of an upstream stage of `needs`; None if it is optional and has not run (or is out of date)."""

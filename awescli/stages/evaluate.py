@@ -25,7 +25,7 @@ class Evaluate(Stage):
     def needs(self, config):
         return (
             Need("fit-controller", required=False), Need("identify", required=False),
-            Need("trace-residual", required=False), Need("train-hybrid", required=False),
+            Need("trace-residual", required=False), Need("train-hybrid", required=False), Need("simulate", required=False),
         )  # fmt: skip
 
     def run(self, context, config):

@@ -4,7 +4,9 @@ from pathlib import Path
 
 from awescli.stages.base import Context
 
-UPSTREAM = ("fit-controller", "identify", "trace-residual", "train-hybrid")
+OWN = "evaluate"
+"""The stage whose page this is."""
+UPSTREAM = ("fit-controller", "identify", "trace-residual", "train-hybrid", "simulate")
 
 
 REPORT, FIGURES = "report.html", "figures"
@@ -38,15 +40,16 @@ def gather(context: Context, log, parts, metrics: dict, arrays: dict):
     from awescli.flightlog.quality import data_quality
     from awescli.report.evidence import Evidence
 
-    law, identified, traced, trained = (context.upstream(stage) for stage in UPSTREAM)
+    law, identified, traced, trained, simulated = (context.upstream(stage) for stage in UPSTREAM)
     labels = phases(log)
-    records = {stage: _json(context.upstream(stage), PROVENANCE) for stage in UPSTREAM}
+    records = {stage: _json(context.upstream(stage), PROVENANCE) for stage in UPSTREAM} | {OWN: {"stamp": context.stamp}}
     return Evidence(
         log=log, loops=find_loops(log, labels), phases=labels, quality=data_quality(log), parts=parts, scores=metrics, predictions=arrays,
         controller=_json(law, "metrics.json"), commanded=_commanded(law, log),
         identify=_json(identified, "metrics.json"), params=_json(identified, "params.json"),
         effects=_json(traced, "effects.json"), residuals=_arrays(traced, "residuals.npz"),
-        hybrid=_json(trained, "metrics.json"), network=_json(trained, "network.json"),
+        hybrid=_json(trained, "metrics.json"), network=_json(trained, "network.json"), correction=_arrays(trained, "correction.npz"),
+        flown=_json(simulated, "metrics.json"), trajectory=_arrays(simulated, "trajectory.npz"),
         provenance={stage: record for stage, record in records.items() if record}, versions=versions(),
     )  # fmt: skip
 

@@ -155,6 +155,7 @@ class _Run:
                 split=plan.split,
                 upstreams=upstreams,
                 progress=self.progress,
+                stamp=stamp,
             )
             try:
                 summary = dict(stage.run(context, plan.settings[name]) or {})

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from awescli.stages.base import Context, Need, Stage, StageConfig
 from awescli.stages.ladder import MADE_BY
 
-HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0)
+HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0)
 """[s] after the start at which the simulated flight is compared with the measured one."""
 
 
@@ -31,7 +31,7 @@ class SimulateConfig(StageConfig):
     model: Literal["newest", "initial", "identified", "with_effects", "hybrid"] = Field("newest", description="which model flies")
     effects: dict[str, dict[str, float]] = Field({}, description="effects switched on, e.g. {actuator_lag:rudder: {tau: 0.2}}")
     wind: Wind = Field(Wind(), description="wind of one's own: speed, direction, height, shear; default as recorded")
-    start: float = Field(0.0, ge=0, description="where in the flight it sets out [s]")
+    start: float | None = Field(None, ge=0, description="where in the flight it sets out [s]; default where the test part begins")
     duration: float = Field(60.0, gt=0, le=3600, description="how long it flies [s]; beyond the log, winch and wind go on as they were")
     noise: bool = Field(True, description="add the kite file's sensor noise to the written log")
     seed: int | None = Field(None, ge=0, description="seed of noise and turbulence; default the plan's")
@@ -61,9 +61,11 @@ class Simulate(Stage):
         from awescli.simulation.rollout import setpoints_of
         from awescli.simulation.segments import smooth_states
         from awescli.simulation.synthetic import LoggedReelOut, as_recorded, simulate_flight
+        from awescli.stages.flight_parts import flight_parts
 
-        log = log_in_wind(context, config.wind)
-        first = int(round(config.start / log.dt))
+        log, parts = flight_parts(context)
+        log = in_wanted_wind(log, config.wind)
+        first = parts.test[0][0] if config.start is None else int(round(config.start / log.dt))
         if first >= len(log) - 1:
             raise BadInput(f"the flight is only {log.time[-1]:.1f} s long", "simulate.start", f"Start before {log.time[-1]:.1f} s.")
         model, kite = kite_to_fly(context, config, log.wind.height)
@@ -88,7 +90,8 @@ class Simulate(Stage):
         write_arrays(context.folder / "trajectory.npz", side_by_side(log, first, flown))
         survived = (len(flown.time) - 1) * flown.dt
         metrics = {
-            "outcome": "departed" if flown.departed else "flew_on", "survived_s": survived, "asked_s": duration, "start_s": config.start,
+            "outcome": "departed" if flown.departed else "flew_on", "survived_s": survived, "asked_s": duration,
+            "start_s": float(log.time[first]),
             "seed": seed, "model": model, "surfaces": config.surfaces, "effects": config.effects, "wind": config.wind.model_dump(),
             **compared(log, first, flown, HORIZONS),
         }  # fmt: skip
@@ -97,18 +100,13 @@ class Simulate(Stage):
         return {"model": model, "outcome": metrics["outcome"], "flew": f"{survived:.1f} of {duration:g} s", **errors}
 
 
-def log_in_wind(context: Context, wanted: Wind):
+def in_wanted_wind(log, wanted: Wind):
     """The flight's log, with the wind that is wanted in place of the recorded one."""
     import math
 
-    from awescli.flightlog.read import missing_for_model, read_flight
-    from awescli.notation.errors import BadInput
     from awescli.simulation.free_flight import in_wind
     from awescli.stages.controller_artifact import wind_direction
 
-    log = read_flight(context.flight)
-    if missing := missing_for_model(log):
-        raise BadInput(f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}", str(context.flight), "See `awes check`.")
     if wanted.speed is None and wanted.direction is None:
         return log
     direction = wind_direction(log) if wanted.direction is None else math.radians(wanted.direction)

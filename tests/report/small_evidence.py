@@ -93,10 +93,23 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
     trained = {
         "outcome": "trained", "sentence": f"better{evil}", "validation_rmse_ratio": {"u": 0.5},
         "share_of_acceleration": {"u": 0.1}, "distilled": [f"du/dt += u{evil}"], "outside_box_test": 0.01,
-        "comparison": {"test": {"adam": error, "adam_lbfgs": error}},
+        "comparison": {"test": {"adam": error, "adam_lbfgs": error}}, "validation": {"prediction": {"physics": 1.0, "hybrid": 0.5}},
+        "ensemble": {"members": 3, "learned": 2, "spread": {"p_n": 0.1, "phi": 0.01}},
         "history": {"columns": ["train", "validation_last_horizon", "evaluations"],
                     "rows": [[1.0, 1.0, 10], [0.5, 0.6, 20], [0.4, 0.5, 5]]},
     }  # fmt: skip
+    flown = {
+        "outcome": "flew_on", "survived_s": 30.0, "asked_s": 30.0, "start_s": 56.0, "model": models[-1], "surfaces": "controller",
+        "effects": {f"actuator_lag:rudder{evil}": {"tau": 0.2}}, "wind": {"speed": 8.0, "direction": None, "height": 10.0, "shear": 0.14},
+        "nrmse": {"5": {n: 0.02 for n in (*SCORED, "mean")}}, "path_error_m": {"5": 1.5},
+    }  # fmt: skip
+    start, reach = int(56 / DT), min(samples - int(56 / DT), 240)
+    trajectory = {"time": 56 + np.arange(300) * DT}
+    for n in SCORED:
+        trajectory[f"measured_{n}"] = log[n][start : start + reach]
+        trajectory[f"simulated_{n}"] = np.resize(log[n][start : start + reach], 300) + 0.1
+    added = 0.1 * np.sin(np.arange(6) + log.time[:, None])
+    correction = {"time": log.time, "correction": added, "physics": np.ones_like(added), "fade": np.ones(samples)}
     return Evidence(
         log=log, loops=loops, phases=np.full(samples, "traction"), quality=data_quality(log), parts=parts,
         scores=scores, predictions=predictions,
@@ -109,6 +122,7 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
         commanded={"rudder": log["rudder"] + 0.001}, identify={"outcome": "converged", "chi2": 1.1, "gust_m_s": 0.0},
         params={"parameters": {f"Ca{evil}": row}}, effects=effects, residuals=residuals,
         hybrid=trained if hybrid else None, network={"inputs": [f"u{evil}"], "hidden": [8, 8]} if hybrid else None,
+        correction=correction if hybrid else None, flown=flown, trajectory=trajectory,
         provenance={"identify": {
             "timing": {"started": "2026-01-01", "duration_s": 2.0},
             "stamp": {"inputs": {"flight": "ab" * 32}, "seed": 0, "settings": {"horizon": f"5{evil}"}, "code": "cd" * 32},

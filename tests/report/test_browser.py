@@ -35,9 +35,22 @@ const waiting = setInterval(async () => {
     root.dataset.sorted = column();
     head.querySelector("button").click();
     root.dataset.again = column();
-    const three = document.querySelector("#fig-3d-flight .plot");
-    await Plotly.relayout(three, { "scene.camera.eye": { x: 0.1, y: 0.2, z: 2 } });
-    root.dataset.eye = three._fullLayout.scene._scene.getCamera().eye.z;
+    const eyes = [];
+    for (const three of document.querySelectorAll(".plot[data-three]")) {
+      await Plotly.relayout(three, { "scene.camera.eye": { x: 0.1, y: 0.2, z: 2 } });
+      eyes.push(three._fullLayout.scene._scene.getCamera().eye.z);
+    }
+    root.dataset.eyes = eyes.join(",");
+    // every claim of the first screen leads to something that is shown
+    const shown = (id) => [...document.querySelectorAll(`${id}, ${id} *`)].some((e) => e.matches(".plot[data-drawn], table, li, summary"));
+    const claims = [...document.querySelectorAll("header.top a")].map((a) => a.getAttribute("href"));
+    root.dataset.claims = claims.length;
+    root.dataset.empty = claims.filter((id) => !shown(id)).join(",");
+    // a table is copied as text with tabs
+    let copied = "";
+    document.execCommand = () => { copied = document.activeElement.value || document.querySelector("body > textarea").value; return true; };
+    document.querySelector("#tab-ranking .copy").click();
+    root.dataset.copied = (document.querySelector("body > textarea") || {}).value || copied;
     await Plotly.relayout(document.querySelector("#fig-p_n .plot"), { "xaxis.range[0]": 60, "xaxis.range[1]": 62 });
     await new Promise((done) => setTimeout(done, 500));
     root.dataset.zoom = document.querySelector("#fig-theta .plot")._fullLayout.xaxis.range.join(",");
@@ -81,8 +94,18 @@ def test_tables_sort_both_ways(visited):
     assert values == sorted(values, reverse=True) and visited[0]["again"] == ",".join(f"{v:g}" for v in sorted(values))
 
 
+def test_every_claim_of_the_first_screen_leads_to_what_shows_it(visited):
+    assert int(visited[0]["claims"]) > 15 and not visited[0].get("empty")
+
+
+def test_a_table_is_copied_as_tab_separated_text(visited):
+    first, second = visited[0]["copied"].splitlines()[:2]
+    assert first.count("\t") == second.count("\t") == 7 and "candidate" in first
+
+
 def test_the_flight_turns_and_the_channels_zoom_together(visited):
-    assert float(visited[0]["eye"]) == pytest.approx(2, abs=0.05)
+    eyes = [float(z) for z in visited[0]["eyes"].split(",")]
+    assert len(eyes) == 3 and eyes == pytest.approx([2, 2, 2], abs=0.05)
     assert visited[0]["zoom"] == "60,62"
     assert visited[0]["hidden"] == "false"
 

@@ -66,7 +66,7 @@ def links_lead_somewhere(text: str) -> int:
 
 
 def test_every_section_is_there_and_every_link_leads_somewhere():
-    assert len(SECTIONS) == 9 and links_lead_somewhere(own(usual())) > 15
+    assert len(SECTIONS) == 10 and links_lead_somewhere(own(usual())) > 15
 
 
 def test_nothing_is_asked_of_a_network():
@@ -112,6 +112,7 @@ def texts(obj, *left_out):
 MISSING = {
     "only the declared model": dict(controller=None, commanded={}, identify=None, params=None, effects=None, residuals=None, hybrid=None),
     "no controller": dict(controller=None, commanded={}),
+    "not flown": dict(flown=None, trajectory=None),
     "no tracing": dict(effects=None, residuals=None),
     "empty controller": dict(controller={}, commanded={}),
     "empty hybrid": dict(hybrid={}, network={}),
@@ -128,7 +129,7 @@ def test_what_did_not_run_is_said(left_out):
     some = replace(whole, **left_out, scores={k: v for k, v in whole.scores.items() if k in keep})
     text = own(page(some))
     ids = {a["id"] for _, a in Reader(text).elements if "id" in a}
-    assert {"summary", "flight", "controller", "identification", "residual", "hybrid", "prediction", "next", "provenance"} <= ids
+    assert {"summary", "flight", "controller", "identification", "residual", "hybrid", "flown", "prediction", "next", "provenance"} <= ids
     links_lead_somewhere(text)
     if None in left_out.values():
         assert 'class="absent"' in text
