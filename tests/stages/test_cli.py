@@ -2,6 +2,7 @@
 
 import json
 import os
+import pty
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from stages.dummy_stages import DUMMIES, make_folder
 from typer.testing import CliRunner
 
 from awescli.cli import build_app
+from awescli.stages import STAGES
 
 APP = build_app(DUMMIES)
 
@@ -70,6 +72,55 @@ def test_dry_run_quiet_and_json(folder):
     answer = json.loads(result.stdout)
     assert [s["status"] for s in answer["stages"]] == ["skipped", "skipped", "ran"]
     assert answer["stages"][2]["summary"]["errors"]["initial"] == {"mean": 0.1}
+
+
+@pytest.mark.parametrize("stage", [s.name for s in STAGES])
+def test_every_stage_can_be_quiet_and_answer_in_json(stage):
+    text = CliRunner().invoke(build_app(STAGES), [stage, "--help"]).stdout
+    assert "--quiet" in text and "--json" in text
+
+
+@pytest.mark.parametrize("stage", [s.name for s in DUMMIES])
+def test_quiet_says_nothing_and_json_is_only_json(folder, stage):
+    awes("run")
+    quiet = awes(stage, "--quiet", "--force")
+    assert (quiet.stdout, quiet.stderr, quiet.exit_code) == ("", "", 0)
+    loud = awes(stage, "--json", "--force")
+    assert json.loads(loud.stdout)["stages"][0]["status"] == "ran" and f"{stage}: done in" in loud.stderr
+    both = awes(stage, "--json", "--quiet", "--force")
+    assert json.loads(both.stdout)["stages"][0]["stage"] == stage and both.stderr == ""
+    wrong = awes(stage, "--json", "--set", "identify.horizon=-1")
+    assert wrong.exit_code == 2 and wrong.stdout == "" and "identify.horizon" in wrong.stderr
+
+
+RUN = """
+import sys
+sys.path.insert(0, {tests!r})
+from stages.dummy_stages import DUMMIES
+from awescli.cli import build_app
+build_app(DUMMIES)(["run", "--force"])
+"""
+
+
+def test_no_colour_codes_in_a_pipe_but_bars_on_a_terminal(folder):
+    """A pipe gets plain lines whatever the environment asks for; a terminal gets rich's bars."""
+    code = [sys.executable, "-c", RUN.format(tests=os.path.dirname(os.path.dirname(__file__)))]
+    wild = {**os.environ, "FORCE_COLOR": "1", "CLICOLOR_FORCE": "1", "TERM": "xterm-256color", "COLORTERM": "truecolor"}
+    piped = subprocess.run(code, env=wild, capture_output=True, text=True, timeout=60)
+    assert piped.returncode == 0 and "identify: done in" in piped.stdout and "\x1b" not in piped.stdout + piped.stderr
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(code, env=wild, stdout=theirs, stderr=theirs)
+    os.close(theirs)
+    shown = b""
+    while True:
+        try:
+            piece = os.read(ours, 65536)
+        except OSError:  # Linux: the other end is closed
+            break
+        if not piece:
+            break
+        shown += piece
+    assert process.wait(timeout=60) == 0 and b"\x1b[" in shown and b"identify: done in" in shown
 
 
 @pytest.mark.parametrize(
