@@ -62,7 +62,7 @@ def scores(evidence: Evidence) -> Body:
         ]  # fmt: skip
         data.append(
             dots(
-                [short(n) for n in names], [100 * evidence.floor[n] for n in names], "noise alone", "@ink", symbol="line-ew", size=22,
+                [short(n) for n in names], [100 * evidence.floor[n] for n in names], "noise alone", "@ink", symbol="line-ew", size=14,
                 marker={"line": {"width": 2, "color": "@ink"}},
             )
         )  # fmt: skip

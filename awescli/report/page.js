@@ -103,14 +103,14 @@
   async function stills() {
     const was = root.dataset.paper;
     root.dataset.paper = "yes";
-    const three = plots.filter((d) => d.dataset.three && d.dataset.drawn).map((div) => [div, spec(div, { width: 1400, height: 900 })]);
+    const three = plots.filter((d) => d.dataset.three && d.dataset.drawn).map((div) => [div, spec(div, { width: 760, height: 490 })]);
     if (was === undefined) delete root.dataset.paper;
     for (const [div, [data, layout]] of three) {
       try {
         const still = new Image();
         still.className = "still";
         still.alt = div.getAttribute("aria-label");
-        still.src = await Plotly.toImage({ data, layout }, { format: "png", width: 1400, height: 900 });
+        still.src = await Plotly.toImage({ data, layout }, { format: "png", width: 760, height: 490, scale: 2 });
         div.append(still);
         div.classList.add("has-still");
       } catch { /* no WebGL: the paper then lacks this picture, the page says so where it stands */ }

@@ -173,26 +173,30 @@ def _channel(evidence: Evidence, name: str, step: int) -> Figure:
 
 
 def scores(evidence: Evidence) -> str:
-    """All numbers: NRMSE per part, RMSE, R2, Theil, divergence."""
-    rows, test = [], []
+    """Mean errors per part, how many predictions diverged, and every score of every channel and model."""
+    rows = []
     for m in evidence.models:
         block = evidence.scores[m]
-        mean = [block["nrmse"][p]["mean"] for p in ("train", "validation", "test")]
-        lost = sum((block.get("diverged_predictions") or {}).values())
-        rows.append((evidence.label(m), *(Cell(percent(v), v) for v in mean), Cell(str(lost), lost)))
-    for name in (n for n in evidence.nrmse(evidence.best) if n != "mean"):
-        unit, factor = scale_of(name, evidence.predictions.get(f"measured_{name}", np.zeros(1)))
-        row: list = [channel(name), unit]
-        for m in evidence.models:
-            block = evidence.scores[m]
-            rmse, r2, theil = (block.get(k, {}).get(name) for k in ("rmse", "r2", "theil"))
-            row += [Cell(percent(block["nrmse"]["test"].get(name)), block["nrmse"]["test"].get(name))]
-            row += [Cell(number(None if rmse is None else rmse * factor), rmse), Cell(number(r2, 5), r2), Cell(number(theil), theil)]
-        test.append(row)
-    row = ["noise alone", "", Cell("–"), Cell(percent(evidence.floor["mean"]), evidence.floor["mean"]), Cell("–")]
-    rows.append((row[0], Cell("–"), row[2], row[3], row[4]))
-    head = ["channel", "unit"]
+        lost, count = (sum((block.get(key) or {}).values()) for key in ("diverged_predictions", "predictions"))
+        mean = [Cell(percent(block["nrmse"][p]["mean"]), block["nrmse"][p]["mean"]) for p in PARTS]
+        rows.append((evidence.label(m), *mean, Cell(f"{lost} of {count}", lost)))
+    floor = evidence.floor["mean"]
+    rows.append(("noise alone", Cell("–"), Cell("–"), Cell(percent(floor), floor), Cell("–")))
+    parts = table(("model", *PARTS, "predictions that diverged"), rows)
+    head = ("channel", "unit", "model", "NRMSE", "RMSE", "R²", "Theil U")
+    every = table(head, [row for name in evidence.nrmse(evidence.best) if name != "mean" for row in _of_channel(evidence, name)])
+    return f'<div id="tab-scores"><h3>Mean error by part</h3>{parts}{folded("All scores per channel, test", every)}</div>'
+
+
+def _of_channel(evidence: Evidence, name: str) -> list[tuple]:
+    """All scores of a channel, a row for every model."""
+    unit, factor = scale_of(name, evidence.predictions.get(f"measured_{name}", np.zeros(1)))
+    rows = []
     for m in evidence.models:
-        head += [f"{evidence.label(m)}: NRMSE", "RMSE", "R²", "Theil U"]
-    parts = table(("model", "train", "validation", "test", "diverged"), rows)
-    return f"<h3>Mean error by part</h3>{parts}" + folded("All scores per channel, test", table(head, test))
+        block = evidence.scores[m]
+        nrmse = block["nrmse"]["test"].get(name)
+        rmse, r2, theil = (block.get(k, {}).get(name) for k in ("rmse", "r2", "theil"))
+        in_unit = None if rmse is None else rmse * factor
+        numbers = Cell(percent(nrmse), nrmse), Cell(number(in_unit), in_unit), Cell(number(r2, 5), r2), Cell(number(theil), theil)
+        rows.append((channel(name), unit, evidence.label(m), *numbers))
+    return rows

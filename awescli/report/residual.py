@@ -62,7 +62,7 @@ def before_after(evidence: Evidence) -> Figure:
     ]  # fmt: skip
     data.append(
         dots(
-            x, [100 * error["noise_floor"][n] for n in names], "noise alone", "@ink", symbol="line-ew", size=22,
+            x, [100 * error["noise_floor"][n] for n in names], "noise alone", "@ink", symbol="line-ew", size=14,
             marker={"line": {"width": 2, "color": "@ink"}}, hovertemplate="noise alone: %{y:.3g} %<extra></extra>",
         )
     )  # fmt: skip
@@ -70,7 +70,7 @@ def before_after(evidence: Evidence) -> Figure:
     note = f"Predictions that diverged: {lost[0]} before, {lost[1]} after." if any(lost) else ""
     return Figure(
         "fig-residual", f"Error {error['horizon_s']:g} s ahead, before and after", data,
-        {"yaxis": axis("NRMSE [% of range]", rangemode="tozero"), "xaxis": {"type": "category", "tickangle": 0}},
+        {"yaxis": axis("NRMSE [% of range]", rangemode="tozero"), "xaxis": {"type": "category"}},
         split=f"{error.get('split', 'test')} {evidence.parts.of}", note=note, height=320,
     )  # fmt: skip
 
