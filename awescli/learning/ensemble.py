@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from awescli.learning.correction import Correction, HybridKite
-from awescli.learning.training import Trained, TrainingConfig, train
+from awescli.learning.training import State, Trained, TrainingConfig, train
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Segments, Simulator
 
@@ -28,13 +28,22 @@ class Ensemble:
 
 
 def train_ensemble(kite: Kite, log, train_ranges, validation_ranges, config: TrainingConfig, members: int,
-                   progress: Callable[[str, float], None] = lambda text, cost: None, **further) -> Ensemble:  # fmt: skip
-    """`members` trainings with seeds seed, seed+1, ..., the time budget shared among them."""
+                   progress: Callable[[str, float], None] = lambda text, cost: None, *, law: Callable | None = None,
+                   resume: Callable[[int], State | None] = lambda member: None,
+                   checkpoint: Callable[[int, State], None] = lambda member, state: None) -> Ensemble:  # fmt: skip
+    """`members` trainings with seeds seed, seed+1, ..., the time budget shared among them.
+
+    resume(member): where that member's training stood, if it was interrupted; checkpoint(member, state) after every round.
+    """
     found = []
     for i in range(members):
         own = replace(config, seed=config.seed + i, budget=config.budget / members, compare=config.compare and i == 0)
         tell = (lambda text, cost, i=i: progress(f"network {i + 1} of {members}: {text}", cost)) if members > 1 else progress
-        found.append(train(kite, log, train_ranges, validation_ranges, own, tell, **(further if i == 0 else {"law": further.get("law")})))
+        trained = train(
+            kite, log, train_ranges, validation_ranges, own, tell, law=law, state=resume(i),
+            checkpoint=lambda state, i=i: checkpoint(i, state),
+        )  # fmt: skip
+        found.append(trained)
     return Ensemble(tuple(found))
 
 

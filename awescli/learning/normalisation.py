@@ -1,6 +1,6 @@
 """From a flight to an untrained correction: what its inputs range over, and how large its outputs may have to be."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -24,10 +24,13 @@ SMALLEST = (1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)
 """[m/s2, rad/s2] least scale of an output: a model without any residual must not divide by it."""
 
 
-def instants(log, kite: Kite):
-    """The instant of the physics at every sample of the log (arrays (N,) instead of numbers), at smoothed measured states."""
+def instants(log, kite: Kite, values: Mapping[str, float] | None = None):
+    """The instant of the physics at every sample of the log (arrays (N,) instead of numbers), at smoothed measured states.
+
+    values: parameters that differ from the kite's, within their bounds or not.
+    """
     U, SP, Z = inputs_of(log, kite).T, setpoints_of(log).T, smooth_states(log).T
-    c = [float(v) for v in kite.parameters.vector()]
+    c = [float((values or {}).get(n, v)) for n, v in zip(kite.parameter_names, kite.parameters.vector(), strict=True)]
     own = len(kite.state_names) - 12
     x = [*Z, *(np.zeros(len(log)) for _ in range(own)), *SP]
     x[12 : 12 + own] = kite.initial(x, list(U), c)

@@ -7,6 +7,7 @@ import numpy as np
 
 from awescli.learning.correction import ROWS, Correction, HybridKite
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
+from awescli.learning.orthogonality import Parametric
 from awescli.learning.starts import Own, estimated_starts, own_unknowns
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES, STATES
@@ -47,8 +48,9 @@ class Problem:
 
     def __init__(
         self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, substeps: int = 1, decay: float = 0.0,
-        solver: str = "rk4",
+        solver: str = "rk4", parametric: Parametric | None = None, orthogonality: float = 0.0,
     ):  # fmt: skip
+        self.parametric, self.orthogonality = parametric, orthogonality
         self.kite, self.log, self.correction, self.decay = kite, log, correction, decay
         if missing := [n for n in MEASURED_STATE if n not in log]:
             raise BadInput(f"flight '{log.name}' does not measure {', '.join(missing)}", do="Training needs the whole state.")
@@ -126,7 +128,8 @@ class Problem:
         return np.where(reached[..., None], (error * weight) ** 2, DIVERGED_COST * (weight > 0))
 
     def gradient(self, data: Data, weights: np.ndarray, groups: Sequence[int] | None = None) -> tuple[float, np.ndarray, int]:
-        """(cost, its gradient, number of diverged segments) on all segments, or on some lane groups; weight decay included."""
+        """(cost, its gradient, number of diverged segments) on all segments, or on some lane groups; weight decay
+        and the penalty on what parameters can do (`orthogonality`) included."""
         prepared, target, weight = data.prepared, data.target, data.weight
         if groups is not None:
             from awescli.engine.machine import LANES
@@ -139,7 +142,11 @@ class Problem:
         cost = float(self._squares(weight, error, reached).sum()) / total
         bar, _ = self.corrected.gradient(run, 2 / total * error * weight**2)
         diverged = int((~reached[:, -1]).sum())
-        return cost + 0.5 * self.decay * float(weights @ weights), bar + self.decay * weights, diverged
+        cost, bar = cost + 0.5 * self.decay * float(weights @ weights), bar + self.decay * weights
+        if self.orthogonality > 0:
+            inside, slope = self.parametric.penalty(self.correction, weights)
+            cost, bar = cost + self.orthogonality * inside, bar + self.orthogonality * slope
+        return cost, bar, diverged
 
 
 def state_noise(kite: Kite, log) -> np.ndarray:

@@ -10,10 +10,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from awescli.learning.comparison import adam_alone
 from awescli.learning.correction import Correction, HybridKite
 from awescli.learning.network_inputs import DEFAULT_INPUTS
 from awescli.learning.normalisation import drifting, outside_share, untrained
 from awescli.learning.optimisers import Adam, lbfgs
+from awescli.learning.orthogonality import parametric
 from awescli.learning.problem import Data, Problem
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.physics.kite import Kite
@@ -30,10 +32,10 @@ OUTCOMES = {
 class TrainingConfig:
     """hidden: widths of the tanh layers; inputs: names in `correction.NETWORK_INPUTS`; horizons: predicted seconds, growing, the last
     one is what counts; warmup: seconds before a prediction that fit its start; batch: segments per Adam step; rate: Adam's;
-    clip: greatest norm of a gradient; decay: weight decay; adam_iterations, lbfgs_iterations: per round; rounds: most rounds per
-    horizon and of L-BFGS; patience: rounds without progress that make a plateau; material: least relative gain on validation;
-    budget: seconds; solver: rk4 (compiled, exact adjoint) or a name of
-    `hybrid_torch.solver_names()` (torchdiffeq and autograd: slow); compare: also run Adam alone for as many gradients."""
+    clip: greatest norm of a gradient; decay: weight decay; orthogonality: weight of the penalty on what the free parameters could do;
+    adam_iterations, lbfgs_iterations: per round; rounds: most rounds per horizon and of L-BFGS; patience: rounds without progress that
+    make a plateau; material: least relative gain on validation; budget: seconds; solver: rk4 (compiled, exact adjoint) or a name of
+    `hybrid_torch.solver_names()` (torchdiffeq and autograd: slow); compare: also let Adam go on alone for as long as L-BFGS took."""
 
     hidden: tuple[int, ...] = (16, 16)
     inputs: tuple[str, ...] = DEFAULT_INPUTS
@@ -43,6 +45,7 @@ class TrainingConfig:
     rate: float = 0.01
     clip: float = 5.0
     decay: float = 1e-4
+    orthogonality: float = 0.0
     adam_iterations: int = 40
     lbfgs_iterations: int = 30
     rounds: int = 5
@@ -115,14 +118,16 @@ HISTORY = ("phase", "round", "horizon", "train", "validation", "validation_last_
 @dataclass(frozen=True)
 class Trained:
     """What training gives back. correction: the network (null where nothing was learned); outcome: a name in OUTCOMES;
-    history: rows of HISTORY; metrics: plain numbers for metrics.json; state: the last one, to go on from."""
+    history: rows of HISTORY; metrics: plain numbers for metrics.json; state: the last one, to go on from; compared: the
+    best weights of L-BFGS ("adam_lbfgs") and of Adam alone at equal gradients ("adam") and at equal wall time ("adam_equal_time"),
+    whether they were accepted or not."""
 
     correction: Correction
     outcome: str
     history: tuple[tuple[float, ...], ...]
     metrics: dict
     state: State
-    adam_only: Correction | None = None
+    compared: Mapping[str, Correction] | None = None
     dropped: Mapping[str, str] = field(default_factory=dict)
 
     def kite(self, physics: Kite) -> Kite | HybridKite:
@@ -150,7 +155,10 @@ def train(
     names, dropped = usable_inputs(kite, log, train_ranges, validation_ranges, config.inputs)
     correction = untrained(log, kite, train_ranges, names, config.hidden, config.seed, validation_ranges)
     dropped |= {n: "never changes in training" for n in names if n not in correction.inputs}
-    problem = Problem(kite, log, correction, config.warmup, law=law, decay=config.decay, solver=config.solver)
+    problem = Problem(
+        kite, log, correction, config.warmup, law=law, decay=config.decay, solver=config.solver,
+        parametric=parametric(log, kite, correction, train_ranges), orthogonality=config.orthogonality,
+    )  # fmt: skip
     horizons = _usable(config.horizons, log, train_ranges, validation_ranges, config)
     sets = [_Horizon(problem, h, train_ranges, validation_ranges, correction.weights) for h in horizons]
     n = correction.weights.size
@@ -170,7 +178,7 @@ def train(
         name = "L-BFGS" if last["phase"] == len(sets) else f"Adam, {last['horizon']:g} s"
         progress(f"{name}, round {int(last['round']) + 1}: validation {last['validation_last_horizon']:.3f}", last["train"])
         checkpoint(state)
-    return _concluded(problem, sets, state, config, correction, dropped, out_of_time, (train_ranges, validation_ranges))
+    return _concluded(problem, sets, state, config, correction, dropped, out_of_time, (train_ranges, validation_ranges), clock)
 
 
 def usable_inputs(kite, log, train_ranges, validation_ranges, names) -> tuple[tuple[str, ...], dict[str, str]]:
@@ -273,25 +281,30 @@ def _adam(problem: Problem, data: Data, weights, adam: Adam, config: TrainingCon
     return weights, adam, float(np.mean(costs[-max(1, groups // per_batch) :])), spent, diverged
 
 
+CERTAIN = 3.0
+"""Standard errors by which the gain on validation must exceed nothing. Two let through what clean flights gain by chance: the network is
+the best of many rounds, chosen on the same segments."""
+
+
 def gate(predicted: Sequence[np.ndarray], smoothed: Sequence[np.ndarray], material: float) -> tuple[bool, dict]:
     """Is a correction better than physics on validation? Each argument: (physics, hybrid), (K,) costs per segment.
 
-    predicted: errors of predictions from estimated starts. Their mean gain must exceed two standard errors, and `material` of the cost.
-    smoothed: chi-square with starts AND a wind error fitted to whole segments. A network could learn the mean error of the wind record,
-    which is no effect of the kite and will be another one tomorrow: `material` must still be gained when the wind may explain it too.
+    predicted: errors of predictions from estimated starts; smoothed: chi-square with starts AND a wind error fitted to whole segments. A
+    network could learn the mean error of the wind record, which is no effect of the kite and will be another one tomorrow: there must
+    still be a gain when the wind may explain it too. Either mean gain must exceed CERTAIN standard errors, and `material` of the cost.
     Neighbouring segments overlap by half, so standard errors are taken with half as many.
     """
     numbers, passed = {}, True
-    for name, (physics, hybrid), errors in (("prediction", predicted, 2.0), ("chi2", smoothed, 0.0)):
+    for name, (physics, hybrid) in (("prediction", predicted), ("chi2", smoothed)):
         gain, independent = physics - hybrid, max(len(physics) / 2, 1)
         error = float(gain.std(ddof=1) / np.sqrt(independent)) if len(gain) > 1 else float(physics.mean())
-        need = max(material * float(physics.mean()), errors * error)
+        need = max(material * float(physics.mean()), CERTAIN * error)
         passed = passed and bool(gain.mean() > need)
         numbers[name] = {"physics": float(physics.mean()), "hybrid": float(hybrid.mean()), "standard_error": error, "needed_gain": need}
     return passed, numbers
 
 
-def _concluded(problem, sets, state, config, correction, dropped, out_of_time, ranges) -> Trained:
+def _concluded(problem, sets, state, config, correction, dropped, out_of_time, ranges, clock) -> Trained:
     """The verdict on the best weights, and the numbers that go with it."""
     last = sets[-1]
     costs = last.validation_costs(state.best)
@@ -311,12 +324,13 @@ def _concluded(problem, sets, state, config, correction, dropped, out_of_time, r
         "horizons": [s.seconds for s in sets], "train_segments": len(last.train_observed.segments.first),
         "validation_segments": len(last.validation_observed.segments.first), "weights": int(correction.weights.size),
         "gradient_evaluations": state.evaluations, "seconds": state.seconds, "left_out_inputs": dict(dropped),
+        "parametric_share": problem.parametric.share(correction.with_weights(state.best)),
         "outside_box_validation": outside_share(problem.log, problem.kite, correction, ranges[1]),
     }  # fmt: skip
-    adam_only = None
+    compared = None
     if config.compare and state.switch is not None:
-        adam_only, metrics["comparison"] = compare(problem, last, state, config, correction, costs)
-    return Trained(trained, outcome, state.history, metrics, state, adam_only, dropped)
+        compared, metrics["comparison"] = compare(problem, last, len(sets), state, config, correction, clock)
+    return Trained(trained, outcome, state.history, metrics, state, compared, dropped)
 
 
 def _nulled(correction: Correction) -> np.ndarray:
@@ -328,35 +342,32 @@ def _nulled(correction: Correction) -> np.ndarray:
     return weights
 
 
-def compare(problem: Problem, last: _Horizon, state: State, config: TrainingConfig, correction: Correction, costs: np.ndarray):
-    """Adam alone, from where L-BFGS took over, for as many gradients of all segments: (its correction, numbers)."""
+def compare(problem: Problem, last: _Horizon, phase: int, state: State, config: TrainingConfig, correction: Correction, clock):
+    """(name -> correction, numbers) of L-BFGS, and of Adam alone from the same start at either limit; see `comparison`."""
     column = {name: i for i, name in enumerate(HISTORY)}
-    spent = sum(row[column["evaluations"]] for row in state.history if row[column["phase"]] == len(last_phases(state)))
-    weights, adam = state.switch
-    best, best_cost = weights, float(last.validation_costs(weights).mean())
-    done, every = 0, config.adam_iterations
-    while done < spent:
-        data = last.train(weights)
-        for _ in range(int(min(every, max(1, spent - done)))):
-            _, gradient, _ = problem.gradient(data, weights)
-            adam, weights = adam.step(weights, gradient)
-            done += 1
-        cost = float(last.validation_costs(weights).mean())
-        best, best_cost = (weights, cost) if cost < best_cost else (best, best_cost)
-    alone = last.validation_costs(best)
-    rows = {
-        n: {"adam": float(np.sqrt(a)), "adam_lbfgs": float(np.sqrt(b))}
-        for n, a, b in zip(problem.outputs, alone.mean(0), costs.mean(0), strict=True)
-    }
-    # the validation's best may be the same point for both; what each has minimised tells the optimisers apart
-    minimised = {name: float(problem.costs(last.train(w), w).mean()) for name, w in (("adam", weights), ("adam_lbfgs", state.weights))}
+    rows = [row for row in state.history if row[column["phase"]] == phase]
+    gradients = sum(row[column["evaluations"]] for row in rows)
+    earlier = [row[column["seconds"]] for row in state.history if row[column["phase"]] < phase]
+    seconds = rows[-1][column["seconds"]] - (earlier[-1] if earlier else 0.0)
+
+    def one_round(weights, adam, number):
+        # rounds that no phase has used: batches of their own
+        weights, adam, _, spent, _ = _adam(problem, last.train(weights), weights, adam, config, [phase, number])
+        return weights, adam, spent
+
+    training = lambda w: float(problem.costs(last.train(w), w).mean())  # noqa: E731
+    validation = lambda w: float(last.validation_costs(w).mean())  # noqa: E731
+    start, best = state.switch[0], state.best
     numbers = {
-        "gradients": float(spent), "adam": float(alone.mean()), "adam_lbfgs": float(costs.mean()), "training": minimised, "channels": rows,
+        "gradients": gradients, "seconds": seconds, "spent": {},
+        "training": {"switch": training(start), "adam_lbfgs": training(state.weights)},
+        "validation": {"switch": validation(start), "adam_lbfgs": validation(best)},
     }  # fmt: skip
-    return correction.with_weights(best), numbers
-
-
-def last_phases(state: State) -> list[int]:
-    """Phases of Adam that were run before the last one (L-BFGS)."""
-    phases = sorted({int(row[0]) for row in state.history})
-    return list(range(phases[-1])) if phases else []
+    found = adam_alone(state.switch, one_round, validation, gradients, seconds, clock)
+    corrections = {"adam_lbfgs": correction.with_weights(state.best)}
+    for name, run in zip(("adam", "adam_equal_time"), found, strict=True):
+        corrections[name] = correction.with_weights(run.best)
+        numbers["training"][name] = training(run.last)
+        numbers["validation"][name] = validation(run.best)
+        numbers["spent"][name] = {"gradients": run.spent, "seconds": run.seconds}
+    return corrections, numbers

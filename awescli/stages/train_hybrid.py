@@ -6,7 +6,12 @@ from pydantic import Field
 
 from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
 
-CHECKPOINT = "training.npz"
+CHECKPOINT = "training-{}.npz"
+"""In the stage's scratch, one for each network; `State.to_arrays`."""
+
+
+TORCHDIFFEQ = ("rk4_classical", "euler", "midpoint", "heun2", "heun3", "dopri8", "dopri5", "bosh3", "fehlberg2", "adaptive_heun")
+"""Solvers of `hybrid_torch.solver_names()`, which only torch could tell; rk4_classical has the tableau of rk4."""
 
 
 class TrainHybridConfig(StageConfig):
@@ -17,17 +22,20 @@ class TrainHybridConfig(StageConfig):
     horizons: tuple[float, ...] = Field((1.0, 2.5, 5.0), description="predicted seconds, growing; the last one is what counts [s]")
     warmup: float = Field(1.0, gt=0.1, le=5, description="seconds before a prediction that its start is estimated from [s]")
     surfaces: Literal["recorded", "controller"] = Field("recorded", description="replay the recorded set-points, or close the loop")
-    solver: str = Field("rk4", description="rk4: compiled, exact adjoint; any solver of torchdiffeq: slow, for checks")
+    solver: Literal["rk4", *TORCHDIFFEQ] = Field(
+        "rk4", description="rk4: compiled, exact adjoint; the others: torchdiffeq and autograd, slow"
+    )
     batch: int = Field(32, ge=8, description="segments per Adam step")
     rate: float = Field(0.01, gt=0, le=1, description="Adam's step size")
     clip: float = Field(5.0, gt=0, description="greatest norm of a gradient")
     decay: float = Field(1e-4, ge=0, description="weight decay: physics explains first")
+    orthogonality: float = Field(0.0, ge=0, description="weight of the penalty on what the free parameters could do instead")
     rounds: int = Field(5, ge=1, le=100, description="most rounds per horizon, and of L-BFGS")
     patience: int = Field(2, ge=1, description="rounds without progress that make a plateau")
     material: float = Field(0.03, ge=0, lt=1, description="least relative gain on validation for a correction to be kept")
     budget: float = Field(60.0, gt=0, description="seconds of training, all networks together [s]")
     members: int = Field(1, ge=1, le=20, description="networks from different seeds; their spread is the model's uncertainty")
-    compare: bool = Field(False, description="also run Adam alone for as many gradients (seed figure 3)")
+    compare: bool = Field(False, description="also let Adam go on alone for as many gradients, and seconds, as L-BFGS (seed figure 3)")
 
 
 class TrainHybrid(Stage):
@@ -63,15 +71,19 @@ class TrainHybrid(Stage):
         law = law_upstream(context, kite, log) if config.surfaces == "controller" else None
         chosen = {k: v for k, v in config.model_dump().items() if k != "inputs" and k in TrainingConfig.__annotations__}
         settings = TrainingConfig(**chosen, seed=context.seed, **({"inputs": config.inputs} if config.inputs else {}))
-        saved = context.scratch / CHECKPOINT
-        further = {"law": law}
-        if config.members == 1:
-            further["state"] = State.from_arrays(read_arrays(saved), where=str(saved)) if saved.is_file() else None
-            further["checkpoint"] = lambda state: write_arrays(saved, state.to_arrays())
+
+        def saved(member):
+            return context.scratch / CHECKPOINT.format(member)
+
+        def resume(member):
+            file = saved(member)
+            return State.from_arrays(read_arrays(file, "awes train-hybrid --force"), where=str(file)) if file.is_file() else None
+
         task = context.progress.task("training")
         ensemble = train_ensemble(
             kite, log, parts.train, parts.validation, settings, config.members,
-            lambda text, cost: (task.advance(), task.update(f"{text}, training {cost:.4g}")), **further,
+            lambda text, cost: (task.advance(), task.update(f"{text}, training {cost:.4g}")), law=law, resume=resume,
+            checkpoint=lambda member, state: write_arrays(saved(member), state.to_arrays()),
         )  # fmt: skip
         best = ensemble.best
         correction, description = best.correction, best.correction.description()
@@ -89,10 +101,9 @@ class TrainHybrid(Stage):
             "share_of_acceleration": told.shares(log.valid), "history": {"columns": columns, "rows": rows},
             "distilled": [str(f) for f in distil(log, kite, correction, parts.train, parts.validation)],
         }  # fmt: skip
-        if best.adam_only is not None:
-            alone = hybrid_from_artifact(best.adam_only.description(), best.adam_only.to_arrays(), declaration, log)
-            of_adam = score_parts(alone, log, parts, horizon)["nrmse"]["test"]
-            metrics["comparison"]["test"] = {"adam": of_adam, "adam_lbfgs": after["nrmse"]["test"]}
+        for name, other in (best.compared or {}).items():
+            model = hybrid_from_artifact(other.description(), other.to_arrays(), declaration, log)
+            metrics["comparison"].setdefault("test", {})[name] = score_parts(model, log, parts, horizon)["nrmse"]["test"]
         if config.members > 1:
             learned = [c for c in ensemble.corrections if not c.is_zero]
             metrics["ensemble"] = {"members": config.members, "learned": len(learned), "outcomes": [m.outcome for m in ensemble.members]}

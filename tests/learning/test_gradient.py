@@ -63,24 +63,47 @@ def test_gradient_is_that_of_the_discretised_rollout(effects, values, law, half)
         assert (up - down) / (2 * h) == pytest.approx(g_weights @ dw + (g_starts * dx).sum(), rel=3e-7)
 
 
-def test_gradient_agrees_with_autograd_through_torchdiffeq():
-    torch = pytest.importorskip("torch")
-    from awescli.simulation.hybrid_torch import TorchHybrid
+SOLVERS = {
+    # the same steps: rounding; other methods with steps of 20 ms, or of their own: the error that goes with their order
+    "rk4_classical": ({}, 1e-11), "rk4": ({}, 2e-3), "heun3": ({}, 1e-2), "midpoint": ({}, 5e-2), "heun2": ({}, 5e-2), "euler": ({}, 0.5),
+    **dict.fromkeys(("dopri5", "dopri8"), ({}, 2e-3)),
+    # low orders would take thousands of steps for as much
+    **dict.fromkeys(("bosh3", "adaptive_heun", "fehlberg2"), ({"rtol": 1e-4, "atol": 1e-4}, 1e-2)),
+}  # fmt: skip
 
+
+@pytest.fixture(scope="module")
+def small_rollout():
+    """(kite, correction, segments, outputs and gradient of the fast path)"""
     kite, c = small_kite(), some_correction()
     segments = small_segments(kite, 3, 6)
     simulator = CorrectedSimulator(kite, network_inputs(kite, INPUTS), c.sizes, ROWS, COMPARED)
     run = simulator.rollout(simulator.prepare(segments), c.weights, c.constants)
     outputs = run.outputs
-    gradient, _ = simulator.gradient(run, 2 * outputs)
-    # the other two discretise differently: they differ by the error of a step
-    for solver, options, tolerance in (("rk4_classical", {}, 1e-11), ("rk4", {}, 2e-3), ("dopri5", {"rtol": 1e-8, "atol": 1e-8}, 2e-3)):
-        weights = torch.tensor(c.weights, requires_grad=True)
-        slow = TorchHybrid(kite, inputs_of_instant(INPUTS), c.sizes, ROWS, COMPARED, solver=solver, options=options)
-        y = slow.rollout(segments, weights, c.constants)
-        (y**2).sum().backward()
-        assert np.abs(y.detach().numpy() - outputs).max() < 100 * tolerance
-        assert np.abs(weights.grad.numpy() - gradient).max() < tolerance * np.abs(gradient).max()
+    return kite, c, segments, outputs, simulator.gradient(run, 2 * outputs)[0]
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_gradient_agrees_with_autograd_through_torchdiffeq(solver, small_rollout):
+    torch = pytest.importorskip("torch")
+    from awescli.simulation.hybrid_torch import TorchHybrid
+
+    kite, c, segments, outputs, gradient = small_rollout
+    options, tolerance = SOLVERS[solver]
+    weights = torch.tensor(c.weights, requires_grad=True)
+    slow = TorchHybrid(kite, inputs_of_instant(INPUTS), c.sizes, ROWS, COMPARED, solver=solver, options=options)
+    y = slow.rollout(segments, weights, c.constants)
+    (y**2).sum().backward()
+    assert np.abs(y.detach().numpy() - outputs).max() < 100 * tolerance
+    assert np.abs(weights.grad.numpy() - gradient).max() < tolerance * np.abs(gradient).max()
+
+
+def test_every_solver_can_be_chosen_and_is_checked():
+    pytest.importorskip("torch")
+    from awescli.simulation.hybrid_torch import solver_names
+    from awescli.stages.train_hybrid import TORCHDIFFEQ
+
+    assert set(SOLVERS) == set(solver_names()) == {*TORCHDIFFEQ, "rk4"}
 
 
 def test_null_network_is_physics_to_the_last_bit():

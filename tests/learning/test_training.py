@@ -4,14 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from learning.small_flight import small_flight, small_kite, small_segments
+from learning.small_flight import declaration, small_flight, small_kite, small_segments
 
 from awescli.learning.correction import Correction
 from awescli.learning.ensemble import spread, train_ensemble
 from awescli.learning.explain import along, distil
-from awescli.learning.training import State, TrainingConfig, train
+from awescli.learning.training import State, TrainingConfig, gate, train
 from awescli.notation.errors import BadInput
+from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import OUTPUTS
+from awescli.physics.kite import Kite
 
 CONFIG = TrainingConfig(hidden=(8,), horizons=(0.8, 2.5), warmup=0.6, rounds=3, adam_iterations=25, lbfgs_iterations=15)
 
@@ -55,6 +57,31 @@ def test_clean_flight_teaches_nothing():
     assert trained.kite(kite) is kite
 
 
+def test_gate_asks_for_a_gain_that_is_certain_under_both_questions():
+    random = np.random.default_rng(0)
+    physics = 1 + 0.1 * random.random(12)
+    clearly, barely, chance = 0.5 * physics, 0.99 * physics, physics - 0.05 * random.normal(size=12) - 0.02
+    for predicted, smoothed, passes in (
+        (clearly, clearly, True), (clearly, barely, False), (barely, clearly, False), (clearly, chance, False), (chance, clearly, False),
+    ):  # fmt: skip
+        passed, numbers = gate((physics, predicted), (physics, smoothed), 0.03)
+        assert passed == passes
+        assert passed == all(n["physics"] - n["hybrid"] > n["needed_gain"] for n in numbers.values())
+
+
+def test_penalised_correction_leaves_to_parameters_what_they_can_do(draggy):
+    """The missing drag IS a parameter of the model, when it is free: asked to keep off it, the network may not learn it."""
+    log, ranges = draggy
+    plain = declaration()
+    rows = (replace(p, free=p.name == "CD0", std=0.02 if p.name == "CD0" else None) for p in plain.table().rows)
+    kite = Kite(plain.with_parameters(ParameterTable(rows)), (10.0,))
+    short = replace(CONFIG, horizons=(0.8,), rounds=2)
+    free, held = (train(kite, log, ranges[:6], ranges[6:], replace(short, orthogonality=w)) for w in (0.0, 30.0))
+    assert free.metrics["parametric_share"] > 0.3
+    assert held.metrics["parametric_share"] < 0.3 * free.metrics["parametric_share"]
+    assert held.state.best_cost > free.state.best_cost
+
+
 def test_resumed_training_is_the_uninterrupted_one(learned, draggy):
     log, ranges = draggy
     whole, states = learned
@@ -77,7 +104,15 @@ def test_ensemble_agrees_where_it_was_trained(draggy):
     short = replace(CONFIG, rounds=1, compare=True)
     ensemble = train_ensemble(small_kite(), log, ranges[:6], ranges[6:], short, 2)
     assert len({c.fingerprint() for c in ensemble.corrections}) == 2 and any(m is ensemble.best for m in ensemble.members)
-    assert set(ensemble.members[0].metrics["comparison"]["training"]) == {"adam", "adam_lbfgs"}
+    first, second = ensemble.members
+    assert second.compared is None and set(first.compared) == {"adam_lbfgs", "adam", "adam_equal_time"}
+    numbers = first.metrics["comparison"]
+    # Adam alone went on for at least as many gradients, or seconds, as L-BFGS, and for no more than a round longer
+    assert numbers["gradients"] <= numbers["spent"]["adam"]["gradients"] <= numbers["gradients"] + CONFIG.adam_iterations
+    assert numbers["seconds"] <= numbers["spent"]["adam_equal_time"]["seconds"]
+    assert np.array_equal(first.compared["adam_lbfgs"].weights, first.state.best)
+    # of one start, by one rule: nobody is worse on validation than where both began
+    assert all(numbers["validation"][name] <= numbers["validation"]["switch"] for name in first.compared)
     mean, deviation = spread(small_kite(), ensemble.corrections, small_segments(small_kite(), 3, 50))
     speed = OUTPUTS.index("V_a")
     assert 0 < np.nanmean(deviation[..., speed]) < 0.05 * np.nanmean(mean[..., speed])
