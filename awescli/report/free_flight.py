@@ -33,7 +33,7 @@ def sentence(evidence: Evidence) -> str:
     text = [
         f"{state} {esc(evidence.label(f['model'])).capitalize()}: it set out from the measured state at {number(f['start_s'])} s and flew "
         f"{number(f['survived_s'])} s of {number(f['asked_s'])} s; {SURFACES[f['surfaces']]}. "
-        "Of the flight it sees nothing more than winch and wind."
+        "Besides, it sees only winch and wind of the flight."
     ]
     if f["effects"]:
         text.append(f"Effects switched on: {esc(listed(list(f['effects'])))}.")

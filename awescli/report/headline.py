@@ -99,7 +99,7 @@ def _error(evidence: Evidence) -> str:
         middle = evidence.nrmse("identified")["mean"]
         text += f"; identification alone reaches {link('fig-attitude', percent(middle))}"
     floor = evidence.floor["mean"]
-    left = "what is left is sensor noise" if after < 1.15 * floor else f"noise alone would leave {percent(floor)}"
+    left = f"{'little more is left than' if after < 1.15 * floor else 'there remains more than'} sensor noise ({percent(floor)})"
     return f"{text}; {left}. {link('fig-3d-prediction', 'See the paths')}."
 
 
