@@ -18,7 +18,7 @@ import importlib.util
 import json
 import math
 import os
-import pickle
+import re
 import shutil
 import subprocess
 import sys
@@ -31,23 +31,28 @@ from pathlib import Path
 
 import numpy as np
 
+from awescli.artifacts import read_arrays, read_json, write_arrays, write_json, write_text
 from awescli.control.features import evaluate
 from awescli.control.gaussian_law import LOWEST_EXPONENT, GaussianLaw, design
 from awescli.control.law import state_mapping
 from awescli.engine.record import record
 from awescli.notation.quantities import STATES
-from awescli.physics.declaration import KiteDeclaration, read_kite
+from awescli.physics.declaration import KiteDeclaration, kite_text, read_kite
 from awescli.physics.kite import Kite
 from awescli.simulation.closed_loop import loop
 from awescli.simulation.rollout import Columns, Segments, Simulator, inputs_of, setpoints_of
+from awescli.stages.controller_artifact import read_controller, write_controller
 
 HERE = Path(__file__).parent
 RESULT = HERE / "results" / "engine_speed.md"
+README = HERE.parent / "README.md"
+BEGIN, END = "<!-- made by benchmarks/engine_speed.py -->", "<!-- end -->"
 SEGMENTS, STEPS, PARAMETERS, GAUSSIANS = 36, 250, 20, 50
 FEATURES = ("radius_error", "sin_course_error", "r", "p", "speed", "wing_along_line")
 COMPARED = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 SAME = tuple(n for n in COMPARED if n in STATES)
 """Rows in which Jacobians are compared: velocities are simulated in body axes and reported in NED."""
+SAVED = ("first", "starts", "setpoints", "inputs", "dt")
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
 
 
@@ -78,6 +83,20 @@ class Problem:
     def simulator(self, parameters: int = PARAMETERS) -> tuple[Simulator, Columns]:
         free = tuple(self.kite.parameters.free)[:parameters]
         return Simulator(self.kite, free, law=loop(self.law, self.kite, 0.0)), Columns(parameters=free)
+
+
+    def write(self, folder: Path) -> None:
+        """For another process."""
+        write_text(folder / "kite.yaml", kite_text(self.declaration))
+        write_json(folder / "heights.json", list(self.heights))
+        write_controller(folder, self.law)
+        write_arrays(folder / "base.npz", {n: getattr(self.base, n) for n in SAVED})
+
+    @classmethod
+    def read(cls, folder: Path) -> "Problem":
+        arrays = read_arrays(folder / "base.npz")
+        base = Segments(**{n: arrays[n] for n in SAVED[:-1]}, dt=float(arrays["dt"]))
+        return cls(read_kite(folder / "kite.yaml"), tuple(read_json(folder / "heights.json")), read_controller(folder), base)
 
 
 def make_problem() -> Problem:
@@ -417,7 +436,7 @@ def best_threads(run: Callable) -> None:
 
 def first_call(folder: Path) -> dict:
     """Run in a fresh process: seconds of imports, and of everything from a kite to its first rollout and Jacobian."""
-    problem = Problem(*pickle.loads((folder / "problem").read_bytes()))
+    problem = Problem.read(folder)
     segments = problem.segments(SEGMENTS)
     begun = time.perf_counter()
     simulator, columns = problem.simulator()
@@ -432,7 +451,7 @@ def measure_first_calls(problem: Problem, rounds: int) -> dict:
     found = {"cold": [], "cached": []}
     for _ in range(rounds):
         with tempfile.TemporaryDirectory() as folder:
-            (Path(folder) / "problem").write_bytes(pickle.dumps((problem.declaration, problem.heights, problem.law, problem.base)))
+            problem.write(Path(folder))
             environment = {**os.environ, "AWES_CACHE": f"{folder}/awes", "NUMBA_CACHE_DIR": f"{folder}/numba"}
             for kind in found:
                 command = [sys.executable, __file__, "--first-call", folder]
@@ -441,12 +460,46 @@ def measure_first_calls(problem: Problem, rounds: int) -> dict:
     return {kind: {k: float(np.median([f[k] for f in all_])) for k in all_[0]} for kind, all_ in found.items()}
 
 
+def identification(rounds: int) -> tuple[float, int, int]:
+    """(median seconds, segments, parameters) of a whole identification of a 150 s flight, from the declared guess: three horizons."""
+    from awescli.estimation.question import ask, simulator_of
+    from awescli.estimation.staged_fit import Flown, fit_flights
+    from awescli.flightlog.loops import find_loops
+    from awescli.flightlog.split import split
+    from awescli.simulation.campaign_flights import dev_like
+
+    flight = dev_like(read_kite(HERE.parent / "data" / "kites" / "development.yaml"), 2)
+    parts = split(find_loops(flight.log))
+    seconds = []
+    for _ in range(rounds):
+        begun = time.perf_counter()
+        question = ask(simulator_of(flight.declared, flight.log), flight.log, parts, 5.0, tuple(flight.log.measured))
+        fit_flights([Flown(question, flight.log, parts)], (1.0, 2.5))
+        seconds.append(time.perf_counter() - begun)
+    return float(np.median(seconds)), len(question.fitted.segments), len(question.kite.parameters.free)
+
+
 # --- the report ---
 
 
 class Report:
+    """Lines of the result, and the few figures that the README shows."""
+
     def __init__(self):
         self.lines: list[str] = []
+        self.summary: list[tuple[str, str, str]] = []
+
+    def note(self, what: str, reached: str, asked: str) -> None:
+        """A row of the README's table."""
+        self.summary.append((what, reached, asked))
+
+    def write(self) -> None:
+        """The result file, and the README's table between its two marks."""
+        write_text(RESULT, "\n".join(self.lines) + "\n")
+        rows = "\n".join(f"| {what} | {reached} | {asked} |" for what, reached, asked in self.summary)
+        table = f"{BEGIN}\n| on {machine()} | reached | asked: floor / aim |\n|---|---|---|\n{rows}\n{END}"
+        text = README.read_text()
+        write_text(README, re.sub(f"{re.escape(BEGIN)}.*{re.escape(END)}", lambda _: table, text, flags=re.DOTALL))
 
     def add(self, *lines: str) -> None:
         for line in lines:
@@ -491,6 +544,8 @@ def rollouts(report: Report, problem: Problem, rounds: int, counts) -> None:
         t = interleaved({"awes": partial(simulator.rollout, s), "torch": peer}, rounds)
         t["torch"] *= cut
         report.row(count, _ms(t["awes"]), _ms(t["torch"]), f"**{t['torch'] / t['awes']:.0f}**", asked.get(count, "-"))
+        if count in asked:
+            report.note(f"rollout of {count} segments, times torchdiffeq rk4", f"**{t['torch'] / t['awes']:.0f}**", asked[count])
     s = problem.segments(SEGMENTS)
     ours = simulator.rollout(s).states[:, :, :12]
     same = _difference(ours, TorchPeer(problem, s, "rk4_classical")())
@@ -549,6 +604,8 @@ def jacobians(report: Report, problem: Problem, rounds: int, folder: Path) -> No
         seconds = t[name] * scale.get(name, 1.0)
         asked, difference, before = extra[name]
         ratio = "1" if name == "awes" else f"**{seconds / t['awes']:.3g}**"
+        if asked != "-":
+            report.note(f"Jacobian, times {name.partition(',')[0]}", ratio, asked)
         report.row(name, _ms(seconds), ratio, asked, difference if isinstance(difference, str) else f"{difference:.0e}", before)
     report.add(*(f"\n{m}" for m in missing))
     report.add(
@@ -616,9 +673,15 @@ def main(arguments=None) -> int:
     report.table("caches", "rollout", "rollout and Jacobian", "asked: floor / aim")
     for kind, asked in (("cold", "10 s / 5 s"), ("cached", "1 s / 0.5 s")):
         report.row(kind, f"{first[kind]['rollout']:.2f} s", f"**{first[kind]['both']:.2f} s**", asked)
+        report.note(f"first rollout and Jacobian, {kind} caches", f"**{first[kind]['both']:.2f} s**", asked)
     report.add("", "From a declared kite: recording, differentiating, compiling, running; in a fresh process, after imports.")
-    RESULT.parent.mkdir(parents=True, exist_ok=True)
-    RESULT.write_text("\n".join(report.lines) + "\n")
+    seconds, segments, parameters = identification(min(options.rounds, 3))
+    text = f"a 150 s flight, {segments} segments of 5 s, {parameters} parameters, horizons 1, 2.5 and 5 s"
+    report.add("", "## A whole identification", "", f"{text}: **{seconds:.1f} s** (asked: under 60 s).")
+    report.note(f"whole identification of {text}", f"**{seconds:.1f} s**", "60 s")
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+    report.add("", f"One-minute load of the machine at the end: {load:.1f} on {CORES} cores.")
+    report.write()
     return 0
 
 

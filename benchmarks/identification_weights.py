@@ -79,8 +79,8 @@ def table(results: dict[str, dict]) -> str:
         coverage = {w: f"{100 * np.mean(covered[w]):.1f} %" for w in WEIGHTS}
         lines += [
             "", f"Median over parameters: **{np.median(ratios):.2g} times** more accurate with `noise` ({min(ratios):.2g} to "
-            f"{max(ratios):.2g}). Coverage of 95 % intervals: noise {coverage['noise']}, seed {coverage['seed']}. Test NRMSE at 5 s, median: "
-            f"initial {np.median([r['initial'] for r in here]):.4f}, noise {test['noise']:.5f}, seed {test['seed']:.5f}; noise is "
+            f"{max(ratios):.2g}). Coverage of 95 % intervals: noise {coverage['noise']}, seed {coverage['seed']}. Test NRMSE at 5 s, "
+            f"median: initial {np.median([r['initial'] for r in here]):.4f}, noise {test['noise']:.5f}, seed {test['seed']:.5f}; noise is "
             f"worse on {worse} of {len(here)} flights.", "",
         ]  # fmt: skip
     return "\n".join(lines)

@@ -225,9 +225,14 @@ def _compiled(tangent: bool) -> Callable:
     return ctypes.CFUNCTYPE(None, *(_C_TYPES[a.split()[0]] for a in declared))(address)
 
 
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def _each_group(work: Callable[[int], None], groups: int) -> None:
     """work(0), ..., work(groups - 1) on all cores. Threads live for one call: a pool that is kept would not survive a fork."""
-    threads = min(groups, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+    threads = min(groups, cores())
     with ThreadPoolExecutor(threads) if threads > 1 else nullcontext() as pool:
         for _ in (pool.map if pool else map)(work, range(groups)):
             pass

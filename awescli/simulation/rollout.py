@@ -10,6 +10,8 @@ from awescli.engine.machine import LANES, Program, compile_program
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.physics.kite import Kite
 
+GROUPS_AT_A_TIME = 8
+"""Groups of lanes per core that are simulated in one go."""
 _INDEX = {name: i for i, name in enumerate(OUTPUTS)}
 
 
@@ -126,33 +128,37 @@ class Simulator:
             c[:, place[name]] = value
         return c
 
-    def _prepared(self, segments: Segments, values):
-        X0, SP, U = (self._grouped(a) for a in (segments.starts, segments.setpoints, segments.inputs))
-        C = self._grouped(self._parameters(segments, values))
-        samples = segments.steps + 1
-        G = X0.shape[0]
-        X = np.zeros((G, samples, len(self.kite.x_names), LANES))
-        Y = np.zeros((G, samples, len(OUTPUTS), LANES))
-        alive = np.full((G, LANES), samples)
-        return X0, SP, U, C, X, Y, alive
+    def _blocks(self, segments: Segments, values):
+        """(place, X0, SP, U, C, X, Y, alive) of some segments at a time, in lanes: few enough for their arrays to stay in the cache."""
+        from awescli.simulation.kernels import cores
 
-    def _trajectories(self, K, X, Y, alive) -> Trajectories:
-        def flat(a):
-            a = np.moveaxis(a, -1, 1)
-            return a.reshape(-1, *a.shape[2:])[:K]
+        samples, block = segments.steps + 1, GROUPS_AT_A_TIME * cores() * LANES
+        for begin in range(0, len(segments), block):
+            place = slice(begin, min(begin + block, len(segments)))
+            part = segments.pick(place)
+            X0, SP, U = (self._grouped(a) for a in (part.starts, part.setpoints, part.inputs))
+            C = self._grouped(self._parameters(part, values))
+            X = np.zeros((len(X0), samples, len(self.kite.x_names), LANES))
+            Y = np.zeros((len(X0), samples, len(OUTPUTS), LANES))
+            yield place, X0, SP, U, C, X, Y, np.full((len(X0), LANES), samples)
 
-        return Trajectories(flat(X), flat(Y), alive.reshape(-1)[:K])
+    def _empty(self, segments: Segments) -> Trajectories:
+        """Room for the trajectories of all segments."""
+        K, samples = len(segments), segments.steps + 1
+        states, outputs = (np.empty((K, samples, n)) for n in (len(self.kite.x_names), len(OUTPUTS)))
+        return Trajectories(states, outputs, np.empty(K, dtype=int))
 
     def rollout(self, segments: Segments, values: Mapping[str, float] | None = None) -> Trajectories:
         """Simulate all segments; values: parameters that differ from the kite's."""
         from awescli.simulation import kernels
 
-        X0, SP, U, C, X, Y, alive = self._prepared(segments, values)
-        law = self.law.value if self.law else 0
-        kernels.rollout(
-            self.f.value, self.g.value, self.initial.value, law, self.n_s, X0, SP, U, C, segments.dt, self.substeps, X, Y, alive
-        )
-        return self._trajectories(len(segments), X, Y, alive)
+        found, law = self._empty(segments), self.law.value if self.law else 0
+        for place, X0, SP, U, C, X, Y, alive in self._blocks(segments, values):
+            kernels.rollout(
+                self.f.value, self.g.value, self.initial.value, law, self.n_s, X0, SP, U, C, segments.dt, self.substeps, X, Y, alive
+            )
+            _out_of_lanes(found, place, X, Y, alive)
+        return found
 
     def sensitivities(
         self, segments: Segments, columns: Columns, outputs: Sequence[str] = MEASURED, values: Mapping[str, float] | None = None
@@ -160,7 +166,6 @@ class Simulator:
         """Simulate, and differentiate exactly: J (K, N+1, len(outputs), len(columns))."""
         from awescli.simulation import kernels
 
-        X0, SP, U, C, X, Y, alive = self._prepared(segments, values)
         state_columns = np.full(12, -1)
         for column, name in enumerate(columns.states):
             state_columns[self.kite.x_names.index(name)] = column
@@ -172,12 +177,24 @@ class Simulator:
         w = w.reshape(-1, 4).T.copy()
         rows = np.array([_INDEX[name] for name in outputs])
         J = np.zeros((len(segments), segments.steps + 1, len(rows), len(columns)))
-        law = self.law.tangent if self.law else 0
-        kernels.sensitivities(
-            self.f.tangent, self.g.tangent, self.initial.tangent, law, self.n_s, X0, SP, U, C, segments.dt, self.substeps,
-            state_columns, always, w[0], w[1], w[2], w[3], len(columns), rows, X, Y, J, alive,
-        )  # fmt: skip
-        return self._trajectories(len(segments), X, Y, alive), J
+        found, law = self._empty(segments), self.law.tangent if self.law else 0
+        for place, X0, SP, U, C, X, Y, alive in self._blocks(segments, values):
+            kernels.sensitivities(
+                self.f.tangent, self.g.tangent, self.initial.tangent, law, self.n_s, X0, SP, U, C, segments.dt, self.substeps,
+                state_columns, always, w[0], w[1], w[2], w[3], len(columns), rows, X, Y, J[place], alive,
+            )  # fmt: skip
+            _out_of_lanes(found, place, X, Y, alive)
+        return found, J
+
+
+def _out_of_lanes(found: Trajectories, place: slice, X: np.ndarray, Y: np.ndarray, alive: np.ndarray) -> None:
+    """Write groups of lanes (G, N+1, n, LANES) to their segments; lanes that repeat the last segment are left out."""
+    count = place.stop - place.start
+    for to, lanes in ((found.states, X), (found.outputs, Y)):
+        for group, first in enumerate(range(0, count, LANES)):
+            here = to[place.start + first : place.start + min(first + LANES, count)]
+            here[:] = np.moveaxis(lanes[group], -1, 0)[: len(here)]
+    found.alive[place] = alive.reshape(-1)[:count]
 
 
 def setpoints_of(log, which=SURFACES) -> np.ndarray:
