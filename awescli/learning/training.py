@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from awescli.learning.acceptance import gate, verdict
 from awescli.learning.comparison import adam_alone
 from awescli.learning.correction import Correction, HybridKite
 from awescli.learning.network_inputs import DEFAULT_INPUTS
@@ -19,13 +20,6 @@ from awescli.learning.orthogonality import parametric
 from awescli.learning.problem import Data, Problem
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.physics.kite import Kite
-
-OUTCOMES = {
-    "trained": "the correction lowers the error on flight it was not trained on",
-    "nothing_to_learn": "no correction that is better on validation than physics alone; the network stays null",
-    "budget_reached": "the time budget ended the training; the best weights so far are kept",
-    "diverged": "rollouts diverged with every correction that was tried; the network stays null",
-}
 
 
 @dataclass(frozen=True)
@@ -117,7 +111,8 @@ HISTORY = ("phase", "round", "horizon", "train", "validation", "validation_last_
 
 @dataclass(frozen=True)
 class Trained:
-    """What training gives back. correction: the network (null where nothing was learned); outcome: a name in OUTCOMES;
+    """What training gives back. correction: the network (null where nothing was learned); outcome: a name in
+    `acceptance.OUTCOMES`;
     history: rows of HISTORY; metrics: plain numbers for metrics.json; state: the last one, to go on from; compared: the
     best weights of L-BFGS ("adam_lbfgs") and of Adam alone at equal gradients ("adam") and at equal wall time ("adam_equal_time"),
     whether they were accepted or not."""
@@ -281,29 +276,6 @@ def _adam(problem: Problem, data: Data, weights, adam: Adam, config: TrainingCon
     return weights, adam, float(np.mean(costs[-max(1, groups // per_batch) :])), spent, diverged
 
 
-CERTAIN = 3.0
-"""Standard errors by which the gain on validation must exceed nothing. Two let through what clean flights gain by chance: the network is
-the best of many rounds, chosen on the same segments."""
-
-
-def gate(predicted: Sequence[np.ndarray], smoothed: Sequence[np.ndarray], material: float) -> tuple[bool, dict]:
-    """Is a correction better than physics on validation? Each argument: (physics, hybrid), (K,) costs per segment.
-
-    predicted: errors of predictions from estimated starts; smoothed: chi-square with starts AND a wind error fitted to whole segments. A
-    network could learn the mean error of the wind record, which is no effect of the kite and will be another one tomorrow: there must
-    still be a gain when the wind may explain it too. Either mean gain must exceed CERTAIN standard errors, and `material` of the cost.
-    Neighbouring segments overlap by half, so standard errors are taken with half as many.
-    """
-    numbers, passed = {}, True
-    for name, (physics, hybrid) in (("prediction", predicted), ("chi2", smoothed)):
-        gain, independent = physics - hybrid, max(len(physics) / 2, 1)
-        error = float(gain.std(ddof=1) / np.sqrt(independent)) if len(gain) > 1 else float(physics.mean())
-        need = max(material * float(physics.mean()), CERTAIN * error)
-        passed = passed and bool(gain.mean() > need)
-        numbers[name] = {"physics": float(physics.mean()), "hybrid": float(hybrid.mean()), "standard_error": error, "needed_gain": need}
-    return passed, numbers
-
-
 def _concluded(problem, sets, state, config, correction, dropped, out_of_time, ranges, clock) -> Trained:
     """The verdict on the best weights, and the numbers that go with it."""
     last = sets[-1]
@@ -312,14 +284,15 @@ def _concluded(problem, sets, state, config, correction, dropped, out_of_time, r
     chi2 = [problem.smoothed(last.validation_observed, w, last.sigma).chi2 for w in (null, state.best)]
     accepted, evidence = gate((last.baseline.mean(1), costs.mean(1)), chi2, config.material)
     trained = correction.with_weights(state.best if accepted else null)
-    outcome = "budget_reached" if out_of_time and accepted else "trained" if accepted else "nothing_to_learn"
-    if not accepted and state.history and min(row[HISTORY.index("validation_last_horizon")] for row in state.history) > 10:
-        outcome = "diverged"
+    rows = [dict(zip(HISTORY, row, strict=True)) for row in state.history]
+    diverging = bool(rows) and min(row["validation_last_horizon"] for row in rows) > 10
+    fitted = min((row["train"] for row in rows if row["horizon"] == last.seconds), default=None)
+    outcome, sentence = verdict(accepted, evidence, len(costs), fitted, diverging=diverging, out_of_time=out_of_time)
     if not np.isfinite(trained.weights).all():
         raise NumericalFailure("not_finite", "training gave weights that are no numbers", do="Lower train-hybrid.rate.")
     ratio = np.sqrt(costs.mean(0) / last.baseline.mean(0))
     metrics = {
-        "outcome": outcome, "sentence": OUTCOMES[outcome], "validation": evidence,
+        "outcome": outcome, "sentence": sentence, "validation": evidence, "training": fitted,
         "validation_rmse_ratio": {n: float(r) for n, r in zip(problem.outputs, ratio, strict=True)},
         "horizons": [s.seconds for s in sets], "train_segments": len(last.train_observed.segments.first),
         "validation_segments": len(last.validation_observed.segments.first), "weights": int(correction.weights.size),

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from learning.small_flight import declaration, small_flight, small_kite, small_segments
 
+from awescli.learning.acceptance import OUTCOMES, gate, verdict
 from awescli.learning.correction import Correction
 from awescli.learning.ensemble import spread, train_ensemble
 from awescli.learning.explain import along, distil
-from awescli.learning.training import State, TrainingConfig, gate, train
+from awescli.learning.training import State, TrainingConfig, train
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import OUTPUTS
@@ -67,6 +68,22 @@ def test_gate_asks_for_a_gain_that_is_certain_under_both_questions():
         passed, numbers = gate((physics, predicted), (physics, smoothed), 0.03)
         assert passed == passes
         assert passed == all(n["physics"] - n["hybrid"] > n["needed_gain"] for n in numbers.values())
+
+
+def test_verdict_says_whether_there_was_nothing_or_too_little_to_learn_from():
+    random = np.random.default_rng(1)
+    physics = np.array([3.0, 2.0])
+    told = {}
+    for left in (1.05, 30.0):
+        accepted, evidence = gate((physics, physics * [0.6, 1.1]), (left * np.ones(2), left * (0.9 + 0.1 * random.random(2))), 0.03)
+        assert not accepted
+        told[left] = verdict(accepted, evidence, 2, 0.06, diverging=False, out_of_time=False)
+    assert told[1.05] == ("nothing_to_learn", OUTCOMES["nothing_to_learn"])
+    outcome, sentence = told[30.0]
+    assert outcome == "too_short"
+    # (3.0 + 2.0) -> (1.8 + 2.2): 20 % lower, 0.5 on the mean; spread of the gains 1.2 and -0.2 is 0.99, of one independent segment
+    assert "on 2 validation segments" in sentence and "falls by 20%, 0.5 standard errors where 3 are asked" in sentence
+    assert "training segments it falls by 94%" in sentence
 
 
 def test_penalised_correction_leaves_to_parameters_what_they_can_do(draggy):

@@ -1,0 +1,60 @@
+"""Is a trained correction kept? Judged on validation, and told in words that name the evidence."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+OUTCOMES = {
+    "trained": "the correction lowers the error on flight it was not trained on",
+    "budget_reached": "the time budget ended the training; the best weights so far are kept",
+    "nothing_to_learn": "physics explains validation nearly to the sensors' noise; no correction is better for certain, the network stays null",
+    "too_short": "physics leaves something, but this flight is too short to prove a correction of it; the network stays null",
+    "diverged": "rollouts diverged with every correction that was tried; the network stays null",
+}
+LEFT = 1.2
+"""Chi-square per degree of freedom of physics on validation, starts and wind fitted, beyond which there is something to learn."""
+CERTAIN = 3.0
+"""Standard errors by which the gain on validation must exceed nothing. Two let through what clean flights gain by chance: the network is
+the best of many rounds, chosen on the same segments."""
+
+
+def gate(predicted: Sequence[np.ndarray], smoothed: Sequence[np.ndarray], material: float) -> tuple[bool, dict]:
+    """Is a correction better than physics on validation? Each argument: (physics, hybrid), (K,) costs per segment.
+
+    predicted: errors of predictions from estimated starts; smoothed: chi-square with starts AND a wind error fitted to whole segments. A
+    network could learn the mean error of the wind record, which is no effect of the kite and will be another one tomorrow: there must
+    still be a gain when the wind may explain it too. Either mean gain must exceed CERTAIN standard errors, and `material` of the cost.
+    Neighbouring segments overlap by half, so standard errors are taken with half as many.
+    """
+    numbers, passed = {}, True
+    for name, (physics, hybrid) in (("prediction", predicted), ("chi2", smoothed)):
+        gain, independent = physics - hybrid, max(len(physics) / 2, 1)
+        error = float(gain.std(ddof=1) / np.sqrt(independent)) if len(gain) > 1 else float(physics.mean())
+        need = max(material * float(physics.mean()), CERTAIN * error)
+        passed = passed and bool(gain.mean() > need)
+        numbers[name] = {"physics": float(physics.mean()), "hybrid": float(hybrid.mean()), "standard_error": error, "needed_gain": need}
+    return passed, numbers
+
+
+def verdict(
+    accepted: bool, evidence: Mapping, segments: int, training: float | None, *, diverging: bool, out_of_time: bool
+) -> tuple[str, str]:
+    """(name in OUTCOMES, sentence). evidence: `gate`'s numbers; segments: that it was judged on; training: squared error that the network
+    reached on the segments it was fitted to, over that of physics."""
+    if accepted:
+        outcome = "budget_reached" if out_of_time else "trained"
+    elif diverging:
+        outcome = "diverged"
+    else:
+        outcome = "too_short" if evidence["chi2"]["physics"] > LEFT else "nothing_to_learn"
+    sentence = OUTCOMES[outcome]
+    if outcome == "too_short":
+        p = evidence["prediction"]
+        gain = p["physics"] - p["hybrid"]
+        sentence += (
+            f": on {segments} validation segments the squared error falls by {gain / p['physics']:.0%}, "
+            f"{gain / max(p['standard_error'], 1e-12):.1f} standard errors where {CERTAIN:g} are asked"
+        )
+        if training is not None:
+            sentence += f", while on training segments it falls by {1 - training:.0%}"
+    return outcome, sentence
