@@ -59,6 +59,10 @@ class SurfaceDeclaration(_Frozen):
     upper: float = Field(0.6, description="[rad], in the log's sign")
 
 
+LOAD_RESOLUTION = 1e-3
+"""[N] noise of a load cell at zero load: not nothing, so that a weight stays finite."""
+
+
 class Noise(_Frozen):
     """White sensor noise, one standard deviation per sample, in SI and radians; load_relative is a share of the load."""
 
@@ -70,6 +74,16 @@ class Noise(_Frozen):
     flow_angles: float = Field(0.0087, gt=0)
     load_relative: float = Field(0.01, gt=0)
     acceleration: float = Field(0.2, gt=0)
+
+    def channels(self) -> dict[str, tuple[float, float]]:
+        """Measured channel (`quantities.MEASURED`) -> (standard deviation [SI], share of the signal that comes on top)."""
+        position = dict(zip(("p_n", "p_e", "p_d"), self.position, strict=True))
+        groups = {
+            ("v_n", "v_e", "v_d"): self.velocity, ("phi", "theta", "psi"): self.euler, ("p", "q", "r"): self.rates,
+            ("a_x", "a_y", "a_z"): self.acceleration, ("V_a",): self.airspeed, ("alpha", "beta"): self.flow_angles,
+        }  # fmt: skip
+        absolute = position | {name: std for names, std in groups.items() for name in names}
+        return {name: (std, 0.0) for name, std in absolute.items()} | {"tension": (LOAD_RESOLUTION, self.load_relative)}
 
 
 class KiteDeclaration(_Frozen):

@@ -55,26 +55,10 @@ def wrap(angle):
 
 def noise_std(noise: Noise, name: str, signal: np.ndarray) -> np.ndarray:
     """Standard deviation of the measurement noise of one channel, per sample [SI]."""
-    axis = {"n": 0, "e": 1, "d": 2}
-    if name in ("p_n", "p_e", "p_d"):
-        value = noise.position[axis[name[-1]]]
-    elif name in ("v_n", "v_e", "v_d"):
-        value = noise.velocity
-    elif name in ("phi", "theta", "psi"):
-        value = noise.euler
-    elif name in ("p", "q", "r"):
-        value = noise.rates
-    elif name in ("a_x", "a_y", "a_z"):
-        value = noise.acceleration
-    elif name in ("alpha", "beta"):
-        value = noise.flow_angles
-    elif name == "V_a":
-        value = noise.airspeed
-    elif name == "tension":
-        return np.maximum(noise.load_relative * np.abs(signal), 0.1 * noise.load_relative * np.abs(signal).mean() + 1e-3)
-    else:
-        value = np.ptp(signal) * 0.01 or 1.0
-    return np.full_like(signal, value)
+    std, share = noise.channels()[name]
+    size = share * np.abs(signal)
+    # noise that is a share of the signal does not vanish where the signal does
+    return np.maximum(size, 0.1 * size.mean() + std)
 
 
 def observe(log, kite: Kite, first: np.ndarray, steps: int, outputs, values=None) -> Observed:
