@@ -26,6 +26,12 @@ def sentence(evidence: Evidence) -> str:
     weak = [n for n, p in rows.items() if not p.get("excited", True)]
     if weak:
         text += f" {len(weak)} parameters were hardly seen by this flight and stay near their priors."
+    for factor in evidence.params.get("common_factors", []):
+        text += f" {esc(factor['says'][:1].upper() + factor['says'][1:])}; the prior sets the factor."
+    for row in evidence.params.get("constraints", []):
+        if row["active"]:
+            gain = number(row["cost_per_unit"])
+            text += f" The constraint {esc(row['constraint'])} is active: relaxed by one unit, the fit would gain {gain} of χ²."
     return text
 
 
@@ -90,6 +96,7 @@ def parameters(evidence: Evidence) -> str:
         unit, factor = unit_of(p["unit"])
         flags = [chip("at bound", "bad")] if p.get("at_bound") else []
         flags += [chip("hardly seen")] if not p.get("excited", True) else []
+        flags += [chip(f"flight {p['flight']}")] if "flight" in p else []
         flags += [chip(f"with {', '.join(p['partners'])}")] if p.get("partners") else []
         lines.append((
             Cell(f"<code>{esc(name)}</code>", name), Cell(with_std(p["value"] * factor, p["std"] * factor), p["value"]), unit,

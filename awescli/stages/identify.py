@@ -87,7 +87,20 @@ class Identify(Stage):
         return {
             "outcome": fitted.solution.outcome, "chi2": fitted.chi2,
             "test NRMSE before": metrics["initial"]["nrmse"]["test"]["mean"], "after": metrics["nrmse"]["test"]["mean"],
+            "parameters": {name: shown(row) for name, row in answer["parameters"].items()},
         }  # fmt: skip
+
+
+def shown(row: dict) -> dict:
+    """One parameter in the terminal's table."""
+    said = (
+        ("at its bound", row["at_bound"]), ("hardly seen", not row["excited"]), (f"with {', '.join(row['partners'])}", row["partners"]),
+        (row.get("flight", ""), "flight" in row),
+    )  # fmt: skip
+    return {
+        "value": row["value"], "std": row["std"], "unit": row["unit"], "prior": row["prior"], "prior std": row["prior_std"],
+        "": "; ".join(words for words, holds in said if holds),
+    }  # fmt: skip
 
 
 def flown(context, config, declared) -> list:
@@ -163,16 +176,10 @@ def scores(flight, fit, question, horizon: float) -> dict:
 
 def tell(progress, answer: dict, metrics: dict) -> None:
     """What the person should know of the answer."""
-    rows = answer["parameters"]
-    own = [f"{n} = {row['value']:.4g} +- {row['std']:.2g} ({row['flight']})" for n, row in rows.items() if "flight" in row]
-    for what, names in (
-        ("at their bounds", [n for n, row in rows.items() if row["at_bound"]]),
-        ("constraints that hold the fit back", [row["constraint"] for row in answer["constraints"] if row["active"]]),
-        ("hardly seen by this flight, kept near their priors", [n for n, row in rows.items() if not row["excited"]]),
-        ("of one flight each", own),
-    ):
-        if names:
-            progress.note(f"{what}: {', '.join(names)}")
+    if bounded := [name for name, row in answer["parameters"].items() if row["at_bound"]]:
+        progress.note(f"at their bounds: {', '.join(bounded)}")
+    if active := [row["constraint"] for row in answer["constraints"] if row["active"]]:
+        progress.note(f"constraints that hold the fit back: {'; '.join(active)}")
     for factor in answer["common_factors"]:
         progress.note(f"{factor['says']}; the prior sets the factor")
     if starts := metrics.get("starts"):
