@@ -48,8 +48,9 @@ def gust_level(log, kite: Kite) -> float:
 
 
 def within_window(level: float, window: float, memory: float) -> float:
-    """Standard deviation of what a gust of standard deviation `level` does inside one window, about its mean there [m/s].
+    """Standard deviation of what a gust of standard deviation `level` does between two nodes, about the line through them [m/s].
 
-    For the correlation exp(-t/memory) of Dryden's longitudinal gust and window << memory: level sqrt(window / (3 memory)).
+    For the correlation exp(-t/memory) of Dryden's longitudinal gust and window << memory: level sqrt(window / (3 memory)), the mean
+    variance of a Brownian bridge.
     """
     return level * float(np.sqrt(min(window / (3 * memory), 1.0)))

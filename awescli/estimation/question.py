@@ -11,17 +11,17 @@ from awescli.flightlog.split import Split, segments
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import GUSTS, Kite
+from awescli.physics.kite import GUSTS, ODD_GUSTS, Kite
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed, observe
 
 GUSTY = 0.15
 """[m/s] above this the pitot says that the air was not calm: gusts are estimated in windows."""
 CALM_WINDOW = 1.25
-"""[s] over which the recorded wind's own error is held in calm air: along a loop the kite passes heights at which stations erred
+"""[s] between the nodes of the recorded wind's own error in calm air: along a loop the kite passes heights at which stations erred
 differently, which one constant per segment cannot follow."""
 GUST_WINDOW = 0.5
-"""[s] over which a gust is held; 20 m of air at 40 m/s, short against Dryden's 60-150 m."""
+"""[s] between the nodes of a gust; 20 m of air at 40 m/s, short against Dryden's 60-150 m."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), l
     heights = log.wind.height if log.wind is not None else (10.0,)
     kite = Kite(declaration, heights, extra)
     own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
-    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in (*GUSTS, *kite.record)]
+    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in (*GUSTS, *ODD_GUSTS, *kite.record)]
     return Simulator(kite, wrt, law)
 
 

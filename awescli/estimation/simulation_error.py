@@ -20,43 +20,55 @@ DIVERGED_COST = 25.0
 class Gusts:
     """Nuisance wind: what the recorded wind leaves out, per axis with standard deviation `std` [m/s].
 
-    Constant over windows of `window` seconds; windows are correlated as exp(-|dt| / memory) (Dryden: memory = L / V_a).
-    window = inf: one constant error of the recorded wind per segment.
+    Linear in time between nodes some `window` seconds apart (a step at a node would make any lag look like an explanation); nodes are
+    correlated as exp(-|dt| / memory) (Dryden: memory = L / V_a). A window longer than the segment: one constant.
     """
 
     std: float
     window: float = np.inf
     memory: float = 3.0
 
-    def columns(self, steps: int, dt: float) -> tuple[tuple[str, int, int], ...]:
-        """(parameter, first step, last step) of every window and axis."""
+    def nodes(self, steps: int, dt: float) -> np.ndarray:
+        """Samples of the nodes: evenly spaced over a segment, ends included; the first alone for a constant."""
         if self.std <= 0:
-            return ()
-        length = max(1, int(round(min(self.window, steps * dt) / dt)))
-        # the last window holds the last sample too
-        last = lambda a: a + length if a + length < steps else steps + 1  # noqa: E731
-        return tuple((f"gust.{axis}", a, last(a)) for a in range(0, steps, length) for axis in "ned")
+            return np.zeros(0, int)
+        count = int(round(steps * dt / self.window)) if np.isfinite(self.window) else 0
+        return np.round(np.linspace(0, steps, count + 1)).astype(int) if count else np.zeros(1, int)
+
+    def columns(self, steps: int, dt: float) -> tuple[tuple[str, int, int], ...]:
+        """(parameter, first step, last step) of every node and axis: from the node before to the node behind. Even and odd nodes have
+        parameters of their own, because neighbours overlap."""
+        nodes = self.nodes(steps, dt)
+        edges = [0, *(int(n) for n in nodes), steps + 1]
+        names = ("gust", "gust_odd")
+        return tuple((f"{names[j % 2]}.{axis}", edges[j], edges[j + 2]) for j in range(len(nodes)) for axis in "ned")
+
+    def hats(self, steps: int, dt: float) -> np.ndarray:
+        """(N+1, n_nodes) weights of the nodes at every sample."""
+        nodes = self.nodes(steps, dt)
+        rows = [np.interp(np.arange(steps + 1), nodes, row) for row in np.eye(len(nodes))]
+        return np.stack(rows, axis=1) if rows else np.zeros((steps + 1, 0))
 
     def precision(self, steps: int, dt: float) -> np.ndarray:
-        """Prior precision of the windows, in the order of `columns`."""
-        columns = self.columns(steps, dt)
-        if not columns:
+        """Prior precision of the nodes, in the order of `columns`."""
+        time = self.nodes(steps, dt) * dt
+        if not len(time):
             return np.zeros((0, 0))
-        start = np.array([a for _, a, _ in columns[::3]]) * dt
-        correlation = np.exp(-np.abs(start[:, None] - start) / self.memory)
+        correlation = np.exp(-np.abs(time[:, None] - time) / self.memory)
         return np.kron(np.linalg.inv(correlation), np.eye(3)) / self.std**2
 
 
 def with_gust_noise(simulator: Simulator, observed: Observed, gusts: Gusts, values=None) -> Observed:
-    """The observations with the noise of what gusts do inside a window added to their own.
+    """The observations with the noise of what gusts do between nodes added to their own.
 
-    Inside a window the wind is not constant; what is left shows at once in tension, accelerations and airspeed, through the
-    direct dependence of each output on the wind, taken where a window begins.
+    Between nodes the wind is not linear; what is left shows at once in tension, accelerations and airspeed, through the
+    direct dependence of each output on the wind, taken at the nodes.
     """
     rest = within_window(gusts.std, gusts.window, gusts.memory)
-    windows = gusts.columns(observed.segments.steps, observed.segments.dt)
+    nodes = gusts.nodes(observed.segments.steps, observed.segments.dt)
+    windows = tuple((f"gust.{axis}", int(a), int(a) + 1) for a in nodes for axis in "ned")
     _, J = simulator.sensitivities(observed.segments, Columns((), (), windows), observed.outputs, values)
-    starts = np.array([first for _, first, _ in windows])
+    starts = np.repeat(nodes, 3)
     direct = J[:, starts, :, np.arange(len(windows))]
     variance = rest**2 * np.mean(direct**2, axis=(0, 1)) * 3
     return observed.with_sigma(np.sqrt(observed.sigma**2 + variance))
@@ -65,7 +77,7 @@ def with_gust_noise(simulator: Simulator, observed: Observed, gusts: Gusts, valu
 class SimulationError:
     """The misfit of one simulator to observed segments, as a function of parameters and of the segments' own unknowns.
 
-    own: (K, n_own) the segments' unknowns: start (12 states), then the nuisance wind in its windows.
+    own: (K, n_own) the segments' unknowns: start (12 states), then the nuisance wind at its nodes.
     """
 
     def __init__(self, simulator: Simulator, observed: Observed, names: Sequence[str], gusts: Gusts):
@@ -75,7 +87,8 @@ class SimulationError:
         self.own_prior = block_diag(np.zeros((12, 12)), gusts.precision(segments.steps, segments.dt))
         self.own = np.concatenate([segments.starts, np.zeros((len(segments), len(self.windows)))], axis=1)
         first = simulator.kite.input_names.index("gust_n")
-        self._gust_inputs = slice(first, first + 3)
+        self._gust_inputs = slice(first, first + 4)
+        self._hats = gusts.hats(segments.steps, segments.dt)
 
     @property
     def starts(self) -> np.ndarray:
@@ -89,10 +102,9 @@ class SimulationError:
         segments = self.observed.segments.starting_at(own[:, :12])
         if not self.windows:
             return segments
-        wind = np.zeros((len(own), segments.steps + 1, 3))
-        for i, (_, first, last) in enumerate(self.windows):
-            wind[:, first:last, i % 3] = own[:, None, 12 + i]
-        return segments.with_inputs(self._gust_inputs, wind)
+        wind = np.einsum("tj,kja->kta", self._hats, own[:, 12:].reshape(len(own), -1, 3))
+        phase = np.broadcast_to(self._hats[:, 1::2].sum(axis=1)[:, None], (*wind.shape[:2], 1))
+        return segments.with_inputs(self._gust_inputs, np.concatenate([wind, phase], axis=2))
 
     def information(self, x: np.ndarray, parameters: Sequence[str] | None = None, extra: np.ndarray | None = None, values=None):
         """(Information, Trajectories) on `parameters` (default: the free names) at parameter values x and the present own unknowns.

@@ -22,9 +22,13 @@ REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz", "d_t", "CtD", "rtx
 """Parameters that every kite file names: mass, gravity, geometry, inertia, tether (see effects/tether.py)."""
 GUSTS = ("gust.n", "gust.e", "gust.d")
 """Nuisance wind [m/s] that every kite carries at null: the error of the recorded wind, and gusts, are differentiated through it."""
+ODD_GUSTS = ("gust_odd.n", "gust_odd.e", "gust_odd.d")
+"""As GUSTS, with weight `gust_phase`, an input between 0 and 1, where GUSTS have the rest: two rows of hats make a wind that is linear in
+time between nodes. The phase is 0 unless somebody fills it."""
 _SIGNALS = (
     "tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate",
     "turbulence_n", "turbulence_e", "turbulence_d", "gust_n", "gust_e", "gust_d",
+    "gust_phase",
 )  # fmt: skip
 
 
@@ -131,7 +135,7 @@ class Kite:
         self.effects = [make_effect(k, declaration) for k in with_new(keys, extra)]
         table = declaration.table()
         own = [p for effect in self.effects for p in effect.rows() if p.name not in table]
-        gusts = [Parameter(n, 0.0, "m/s", std=max(declaration.wind.std, 1e-6), source="nuisance") for n in GUSTS]
+        gusts = [Parameter(n, 0.0, "m/s", std=max(declaration.wind.std, 1e-6), source="nuisance") for n in (*GUSTS, *ODD_GUSTS)]
         record = record_errors(declaration, len(self.heights))
         self.record = tuple(p.name for p in record)
         self.parameters: ParameterTable = table.with_rows([*own, *gusts, *record])
@@ -167,7 +171,9 @@ class Kite:
         }
         wind = wind_vector(*declared_wind(self.declaration.wind, self.heights, -z.p_d, stations), inputs["density"])
         # the estimated error of the recorded wind: a signal, and the parameters through which it is differentiated
-        wind = wind._replace(**{axis: getattr(wind, axis) + (inputs[f"gust_{axis}"] + values[f"gust.{axis}"]) for axis in "ned"})
+        odd = inputs["gust_phase"]
+        gust = {a: inputs[f"gust_{a}"] + ((1 - odd) * values[f"gust.{a}"] + odd * values[f"gust_odd.{a}"]) for a in "ned"}
+        wind = wind._replace(**{axis: getattr(wind, axis) + gust[axis] for axis in "ned"})
         for e in self._at("airflow"):
             wind = e.airflow(wind, at, e.own(at))
         at.wind = wind

@@ -8,7 +8,7 @@ import numpy as np
 
 from awescli.engine.machine import LANES, Program, compile_program
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
-from awescli.physics.kite import Kite
+from awescli.physics.kite import GUSTS, ODD_GUSTS, Kite
 
 GROUPS_AT_A_TIME = 8
 """Groups of lanes per core that are simulated in one go."""
@@ -96,7 +96,7 @@ class Simulator:
 
     def __init__(self, kite: Kite, wrt: Sequence[str] | None = None, law: Callable | None = None, substeps: int = 1):
         self.kite, self.substeps = kite, substeps
-        self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, "gust.n", "gust.e", "gust.d"])
+        self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *GUSTS, *ODD_GUSTS])
         index = [kite.parameter_names.index(name) for name in self.wrt]
         sizes = (len(kite.x_names), len(kite.input_names), len(kite.parameter_names))
         self.f, self.g, self.initial = (compile_program(fn, *sizes, index) for fn in (kite.derivative, kite.outputs, kite.initial))
@@ -217,6 +217,7 @@ def inputs_of(log, kite: Kite) -> np.ndarray:
         "tension": tension,
         "tension_rate": _smooth_rate(tension, log.dt),
         **{f"{kind}_{axis}": zero for kind in ("turbulence", "gust") for axis in "ned"},
+        "gust_phase": zero,
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
         **wind,
     }

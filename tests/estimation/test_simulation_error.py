@@ -108,34 +108,35 @@ def test_the_gradient_is_that_of_the_cost(simulator, observed):
         assert info.b.sum(0)[i] == pytest.approx(-slope / 2, rel=1e-4, abs=1e-5 * np.abs(info.b.sum(0)).max()), name
 
 
-def test_windows_of_wind_cover_the_segment_once():
-    """Guards the nuisance wind: windows follow each other without gap or overlap to the last sample (which once had no wind), three
-    axes each; its prior is a covariance."""
+def test_nodes_of_wind_share_every_sample():
+    """Guards the nuisance wind: hats sum to one up to the last sample, the columns of one parameter never overlap and reach just as far
+    as its hats, three axes each; its prior is a covariance."""
     gusts = Gusts(0.8, 0.5, 3.0)
-    columns = gusts.columns(120, 0.02)
-    for axis in "ned":
-        spans = [(a, b) for n, a, b in columns if n == f"gust.{axis}"]
-        covered = [k for a, b in spans for k in range(a, b)]
-        assert covered == list(range(121))
+    columns, hats = gusts.columns(120, 0.02), gusts.hats(120, 0.02)
+    assert len(columns) == 3 * hats.shape[1] == 18 and np.allclose(hats.sum(axis=1), 1.0, atol=1e-14)
+    for name in {n for n, _, _ in columns}:
+        spans = [(a, b) for n, a, b in columns if n == name]
+        assert all(b <= a for (_, b), (a, _) in zip(spans, spans[1:], strict=False))
+    for (_, a, b), hat in zip(columns[::3], hats.T, strict=True):
+        felt = np.flatnonzero(hat)
+        assert a <= felt[0] and felt[-1] < b and felt[0] - a <= 1 and b - felt[-1] <= 1
     P = np.linalg.inv(gusts.precision(120, 0.02))
     assert np.diag(P) == pytest.approx(0.64)
-    assert P[0, 3] == pytest.approx(0.64 * np.exp(-0.5 / 3.0)) and P[0, 1] == pytest.approx(0, abs=1e-12)
+    assert P[0, 3] == pytest.approx(0.64 * np.exp(-24 * 0.02 / 3.0)) and P[0, 1] == pytest.approx(0, abs=1e-12)
     assert Gusts(0.0).columns(120, 0.02) == ()
     assert Gusts(0.1).columns(120, 0.02) == tuple((f"gust.{axis}", 0, 121) for axis in "ned")
 
 
-def test_a_gust_in_the_truth_is_found_in_its_window(simulator, observed, kite):
-    """Guards own unknowns beyond the start: wind that the record does not know comes back, window by window, from noise-free data."""
-    first = kite.input_names.index("gust_n")
-    wind = np.zeros((len(observed.segments), observed.segments.steps + 1, 3))
-    wind[:, 50:100, 0], wind[:, :50, 2] = 0.6, -0.4
+def test_a_gust_in_the_truth_is_found_at_its_nodes(simulator, observed, kite):
+    """Guards own unknowns beyond the start: wind that the record does not know comes back, node by node, from noise-free data."""
+    gusts = Gusts(20.0, 1.0, 0.01)
+    first, steps, dt = kite.input_names.index("gust_n"), observed.segments.steps, observed.segments.dt
+    nodes = np.random.default_rng(3).uniform(-0.6, 0.6, (len(observed.segments), len(gusts.nodes(steps, dt)), 3))
+    wind = np.einsum("tj,kja->kta", gusts.hats(steps, dt), nodes)
     flown = truly(replace(observed, segments=observed.segments.with_inputs(slice(first, first + 3), wind)), simulator)
     asked = Observed(observed.segments, flown.outputs, flown.measured, flown.sigma)
-    found = fit(simulator, asked, kite.parameters, (), gusts=Gusts(20.0, 1.0, 0.01), prior=False, tolerance=1e-9)
-    columns = Gusts(20.0, 1.0).columns(observed.segments.steps, observed.segments.dt)
-    expected = np.array([0.6 if n == "gust.n" and a == 50 else -0.4 if n == "gust.d" and a == 0 else 0.0 for n, a, _ in columns])
-    # inputs run linearly over the last step of a window, the window's own wind too: 2 % of a window of one second
-    assert np.abs(found.own[:, 12:] - expected).max() < 0.02
+    found = fit(simulator, asked, kite.parameters, (), gusts=gusts, prior=False, tolerance=1e-9)
+    assert np.abs(found.own[:, 12:].reshape(nodes.shape) - nodes).max() < 1e-3
 
 
 def test_standard_deviations_are_those_of_the_estimates(simulator, observed):
