@@ -9,8 +9,10 @@ from awescli.estimation.record_error import mid_times, with_record_errors
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.race import Runner
 from awescli.tracing.residuals import residual_study
-from awescli.tracing.verdict import Finding
+from awescli.tracing.verdict import NEAR_FLOOR, Finding
 
+SPOKEN = 0.05
+"""A rest of the excess that is worth a sentence."""
 SENTENCES = {
     "none": "Nothing is missing that this flight could show at its noise; `detectable` says what would have been seen.",
     "found": "An effect of the library explains what the declared model lacks, on loops it was not fitted to.",
@@ -31,7 +33,7 @@ def account(finding: Finding, log, parts, horizon: float, before: Simulator, aft
     effects += [_suspect(key, bound, trial, log) for key, bound, trial in finding.suspects[:1]]
     return {
         "verdict": finding.verdict,
-        "sentence": SENTENCES[finding.verdict],
+        "sentence": SENTENCES[finding.verdict] + _rest(null, model),
         "effects": effects,
         "ranking": _ranking(finding),
         "unexplained": _unexplained(finding) if finding.verdict == "unexplained" else None,
@@ -41,6 +43,7 @@ def account(finding: Finding, log, parts, horizon: float, before: Simulator, aft
         },
         "chi2": {"train_before": null.fit.chi2, "train_after": model.fit.chi2,
                  "validation_before": null.choice_chi2, "validation_after": model.choice_chi2},
+        "left": _left(null, model),
         "gust_m_s": finding.gust,
         "detectable": finding.library.detectable,
         "not_testable": list(finding.library.rounds[0].untestable) if finding.library.rounds else [],
@@ -50,13 +53,25 @@ def account(finding: Finding, log, parts, horizon: float, before: Simulator, aft
     }  # fmt: skip
 
 
+def _rest(null: Runner, model: Runner) -> str:
+    """The sentence that keeps an answer from promising too much."""
+    left = _left(null, model)["share"]
+    return f" It is not the whole of it: {left:.0%} of the excess is left on unseen loops." if model.keys and left > SPOKEN else ""
+
+
+def _left(null: Runner, model: Runner) -> dict:
+    """What the final model still leaves on unseen loops: chi-square per degree of freedom (1: noise), and the share of what was there."""
+    before, after = (max(r.choice_chi2 - 1, 0.0) for r in (null, model))
+    return {"chi2": model.choice_chi2, "share": float(min(after / before, 1.0)) if before > NEAR_FLOOR else 0.0}
+
+
 def _null_run(finding: Finding) -> dict | None:
     """The same search on the model with what was accepted: it must find nothing more. None where nothing was accepted."""
     rounds = (finding.bank if finding.verdict == "unexplained" else finding.library).rounds
     if not any(r.accepted for r in rounds):
         return None
     last = rounds[-1]
-    return {"verdict": "found" if last.accepted else "none", "screened": len(last.entries), "chi2": last.chi2_after}
+    return {"verdict": "found" if last.accepted or last.dropped else "none", "screened": len(last.entries), "chi2": last.chi2_after}
 
 
 def _sizes(key: str, model: Runner, log) -> dict:

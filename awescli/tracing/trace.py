@@ -1,7 +1,7 @@
 """Trace a residual to the effect that is missing: gate, screen, race, accept, again; then the unknown, then the verdict."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,11 +12,16 @@ from awescli.tracing.screen import Score, Screening, holm, screen
 
 COMPETITORS = 5
 """How many of the best screened candidates are re-fitted in a round."""
+CLOSE = 3
+"""How many of a round's runners are tried again once a later effect is in the model."""
 ROUNDS = 3
 """At most so many effects are accepted one after the other."""
 MATERIAL = 0.002
 """Least relative fall of the choice cost that counts as a gain: 0.2 % is 50 units of chi-square on 30 s of flight, and below it no
 prediction error changes in its third digit."""
+SHARE_OF_GAP = 0.1
+"""Least share of what the choice cost still stands above its floor: far from the floor almost any term gains something, and an effect
+that explains a few per cent of what is missing is not what is missing."""
 FLOOR_ERROR = 0.02
 """Relative error of the noise floor itself: a chi-square per degree of freedom within 1 +- this is at the floor."""
 NO_EXCESS = 0.005
@@ -43,7 +48,8 @@ class Entry:
 
 @dataclass(frozen=True)
 class Round:
-    """One round: who was screened, who raced, who was accepted ("" for nobody), and its rivals."""
+    """One round: who was screened, who raced, who was accepted ("" for nobody), and its rivals; dropped: who was accepted but only mended
+    the form of an effect accepted before."""
 
     entries: tuple[Entry, ...]
     accepted: str
@@ -51,6 +57,7 @@ class Round:
     untestable: tuple[str, ...]
     chi2_before: float
     chi2_after: float
+    dropped: str = ""
 
 
 @dataclass(frozen=True)
@@ -73,23 +80,84 @@ def trace(
     progress: Callable[[str], None] = lambda text: None,
 ) -> Trace:
     """Search the effects `keys` of `kite` (which holds them at null) for what the fitted model `null` lacks."""
-    here, record = null, []
+    models, record, fields = [null], [], []
     remaining = list(keys)
     detectable: dict[str, float] = {}
     for number in range(rounds):
         progress(f"round {number + 1}: screening {len(remaining)} candidates")
+        here = models[-1]
         screening = _screened(contest, here, kite, remaining)
         if number == 0:
             detectable = {s.key: float(3.5 * s.std[0] * (s.variant.at[s.moving[0]] if s.variant.secant else 1)) for s in screening.scores}
-        entries, best, rivals = _race(contest, here, kite, screening, progress)
-        chi2 = here.choice_chi2
-        record.append(Round(entries, best.keys[-1] if best else "", rivals, screening.untestable, chi2, best.choice_chi2 if best else chi2))
+        entries, admissible = _race(contest, here, kite, screening, progress)
+        best, rivals = _decide([_refined(contest, kite, finish(contest, r)) for r in _unbeaten(admissible)])
+        accepted, chi2 = best.keys[-1] if best else "", here.choice_chi2
+        record.append(Round(entries, accepted, rivals, screening.untestable, chi2, best.choice_chi2 if best else chi2))
         if best is None:
             break
-        here = _refined(contest, kite, finish(contest, best))
+        models.append(best)
+        fields.append(_close(admissible, here))
         # what cannot be told from an accepted effect is its rival, not a further effect
-        remaining = [k for k in remaining if k != best.keys[-1] and k not in rivals]
-    return Trace(null, here, tuple(record), detectable)
+        remaining = [k for k in remaining if k != accepted and k not in rivals]
+    models, record = _credible(models, record)
+    progress("going back over what was accepted")
+    final, record = _revisited(contest, models[-1], record, fields)
+    return Trace(null, final, tuple(record), detectable)
+
+
+def _unbeaten(admissible: list[Runner]) -> list[Runner]:
+    """The likeliest first, then those that it does not lead for certain."""
+    return [r for i, r in enumerate(admissible) if i == 0 or not _ahead(admissible[0], r)]
+
+
+def _close(admissible: list[Runner], here: Runner) -> list[Runner]:
+    """The few best of a race that came at least half as far as its winner: with a further effect in the model they may do better."""
+    return [r for r in admissible if _whole(here) - _whole(r) > (_whole(here) - _whole(admissible[0])) / 2][:CLOSE]
+
+
+def _decide(finalists: list[Runner], place: int = -1) -> tuple[Runner | None, tuple[str, ...]]:
+    """(the likeliest, keys of those that it does not lead for certain); place: of the effect in which the finalists differ"""
+    if not finalists:
+        return None, ()
+    best = min(finalists, key=_whole)
+    return best, tuple(r.keys[place] for r in finalists if r is not best and not _ahead(best, r))
+
+
+def _credible(models: list[Runner], record: list[Round]) -> tuple[list[Runner], list[Round]]:
+    """Without the last effects where they explain little and the floor is not reached: there they mend the form of the first one."""
+    models, record = list(models), list(record)
+    while len(models) > 2 and _gap(models[-1]) > FLOOR_ERROR:
+        if _gap(models[-2]) - _gap(models[-1]) >= SHARE_OF_GAP * _gap(models[0]):
+            break
+        models.pop()
+        at = max(i for i, r in enumerate(record) if r.accepted)
+        record[at] = replace(record[at], accepted="", rivals=(), chi2_after=record[at].chi2_before, dropped=record[at].accepted)
+    return models, record
+
+
+def _revisited(contest: Contest, final: Runner, record: list[Round], fields: list[list[Runner]]) -> tuple[Runner, list[Round]]:
+    """One backward pass: in each earlier round the close ones may take the winner's place in the final model, which holds what the
+    later rounds found; who is not beaten there is a rival."""
+    record, accepted = list(record), [i for i, r in enumerate(record) if r.accepted]
+    for i, r in enumerate(record):
+        if not r.accepted or i == accepted[-1]:
+            continue
+        place = final.keys.index(r.accepted)
+        tried = [_swapped(contest, final, place, other) for other in fields[i] if other.keys[-1] not in final.keys]
+        final, rivals = _decide([final, *tried], place)
+        record[i] = replace(r, accepted=final.keys[place], rivals=rivals)
+    return final, record
+
+
+def _swapped(contest: Contest, final: Runner, place: int, other: Runner) -> Runner:
+    """The final model with the last effect of `other` instead of the effect that stands at `place`."""
+    out, new = final.keys[place], other.keys[-1]
+    null = {p.name: p.value for p in contest.simulator.kite.parameters.rows if p.name.startswith(f"{out}.")}
+    own = [n for n in other.names if n.startswith(f"{new}.")]
+    table = final.table.with_values({**null, **{n: other.table[n].value for n in own}})
+    table = table.with_rows([*(replace(table[n], free=False) for n in null), *(replace(table[n], free=True) for n in own)])
+    keys = tuple(new if k == out else k for k in final.keys)
+    return run(contest, table, keys, (*(n for n in final.names if n not in null), *own), own=final.fit.own)
 
 
 def _screened(contest: Contest, here: Runner, kite: Kite, keys: list[str]) -> Screening:
@@ -102,10 +170,10 @@ def _screened(contest: Contest, here: Runner, kite: Kite, keys: list[str]) -> Sc
 
 
 def _race(contest: Contest, here: Runner, kite: Kite, screening: Screening, progress):
-    """(entries, winner or None, rivals of the winner)"""
+    """(entries, the runners that may be what is missing, likeliest first)"""
     scores = screening.scores
     if not scores:
-        return (), None, ()
+        return (), []
     abrupt = {e.key for e in kite.effects if e.abrupt}
     significant = dict(zip((s.key for s in scores), holm([s.p_value for s in scores]), strict=True))
     # who is close to a leader in direction competes with it, whatever its rank
@@ -121,17 +189,10 @@ def _race(contest: Contest, here: Runner, kite: Kite, screening: Screening, prog
         progress(f"re-fitting with {s.key}")
         runners[s.key] = enter(contest, here, s)
     entries = tuple(_entry(here, s, runners.get(s.key)) for s in scores)
-    admissible = {
-        s.key: runners[s.key]
-        for s, e in zip(scores, entries, strict=True)
-        if s.key in runners and e.plausible and _material(here, runners[s.key])
-    }
-    if not admissible:
-        return entries, None, ()
-    best_key = min(admissible, key=lambda k: _whole(admissible[k]))
-    best = admissible[best_key]
-    rivals = tuple(k for k, r in admissible.items() if k != best_key and not _ahead(best, r, here))
-    return entries, best, rivals
+    admissible = [
+        runners[s.key] for s, e in zip(scores, entries, strict=True) if s.key in runners and e.plausible and _material(here, runners[s.key])
+    ]
+    return entries, sorted(admissible, key=_whole)
 
 
 def _gap(r: Runner) -> float:
@@ -187,7 +248,7 @@ def _plausible(s: Score, r: Runner) -> bool:
 
 
 def _material(here: Runner, r: Runner) -> bool:
-    """A gain on unseen loops that is certain (block-wise) and worth having."""
+    """A gain on unseen loops that is certain (block-wise), worth having, and a good part of what is missing."""
     before, after = here.choice_cost, r.choice_cost
     gain = before - after
     total = gain.sum()
@@ -195,10 +256,11 @@ def _material(here: Runner, r: Runner) -> bool:
     # a log ratio per block: a few loud blocks must not decide alone
     ratio = np.log(np.maximum(before, 1e-9) / np.maximum(after, 1e-9))
     certain = ratio.mean() > CERTAIN * ratio.std(ddof=1) / np.sqrt(K) if K > 2 else bool((ratio > 0).all())
-    return bool(certain and total > MATERIAL * before.sum() and total > DECISIVE)
+    gap = max(before.sum() - here.choice_dof, 0.0)
+    return bool(certain and total > max(MATERIAL * before.sum(), SHARE_OF_GAP * gap, DECISIVE))
 
 
-def _ahead(best: Runner, rival: Runner, here: Runner) -> bool:
+def _ahead(best: Runner, rival: Runner) -> bool:
     """Is the winner's lead more than chance, and more than a matter of form?"""
     d = np.concatenate([rival.train_cost - best.train_cost, rival.choice_cost - best.choice_cost])
     lead, chance = d.sum(), d.std(ddof=1) * np.sqrt(len(d))

@@ -73,7 +73,7 @@ def investigate(
         progress("weighing empirical terms against the library")
         most = rounds if _left(library.final) > NEAR_FLOOR else len(rivals) - 1
         bank, bank_simulator = _bank(question, null, log, split, horizon, most, progress)
-        unexplained = _better(bank, library, null)
+        unexplained = _better(bank, library)
     suspects = () if rivals or unexplained or question.gust > GUSTY else _suspects(contest, null, question.kite, keys)
     if unexplained:
         return Finding(
@@ -96,14 +96,20 @@ def investigate(
     return Finding(verdict, null, question.simulator, question.fitted, {}, library, bank, (), question.gust)
 
 
-def _better(bank: Trace, library: Trace, null: Runner) -> bool:
-    """Do empirical terms beat what the library found: as good with fewer terms, clearly better with as many, or where it found nothing?"""
-    terms, effects = (sum(bool(r.accepted) for r in t.rounds) for t in (bank, library))
-    gap = max(_left(null), 1e-9)
-    by_bank, by_library = 1 - _left(bank.final) / gap, 1 - _left(library.final) / gap
-    if not terms:
-        return False
-    return not effects or by_bank > by_library + (-AS_GOOD if terms < effects else BETTER_SHARE)
+def _better(bank: Trace, library: Trace) -> bool:
+    """Do empirical terms beat what the library found, on unseen loops: as good with fewer terms, clearly better with as many, or where it
+    found nothing?"""
+    terms, effects = (_explained(t) for t in (bank, library))
+    if not effects:
+        return bool(terms)
+    fewer, as_many = terms[: len(effects) - 1], terms[len(effects) - 1 : len(effects)]
+    return any(t > effects[-1] - AS_GOOD for t in fewer) or any(t > effects[-1] + BETTER_SHARE for t in as_many)
+
+
+def _explained(t: Trace) -> list[float]:
+    """After each accepted effect: the share explained of the choice chi-square's excess over 1."""
+    gap = max(t.null.choice_chi2 - 1, 1e-9)
+    return [1 - max(r.chi2_after - 1, 0.0) / gap for r in t.rounds if r.accepted]
 
 
 def _left(r: Runner) -> float:

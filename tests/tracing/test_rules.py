@@ -1,0 +1,82 @@
+"""What is accepted and what is not, on made-up costs: the rules that keep a wrong name away, without a flight."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from awescli.tracing.trace import Round, Trace, _credible, _decide, _material, _unbeaten
+from awescli.tracing.verdict import _better
+
+DOF, BLOCKS = 1000.0, 10
+
+
+def runner(chi2: float, key: str = "", keys: tuple[str, ...] = (), wobble: float = 0.0, extra: float = 0.0):
+    """A model whose blocks cost chi2 per degree of freedom in fit and choice alike, give or take `wobble`, plus `extra` in all."""
+    cost = np.full(BLOCKS, chi2 * DOF / BLOCKS + extra / (2 * BLOCKS)) + wobble * np.where(np.arange(BLOCKS) % 2, 1.0, -1.0)
+    fit = SimpleNamespace(information=SimpleNamespace(dof=np.full(BLOCKS, DOF / BLOCKS)))
+    return SimpleNamespace(
+        keys=(*keys, key), train_cost=cost, choice_cost=cost.copy(), choice_dof=DOF, choice_chi2=float(cost.sum() / DOF), fit=fit
+    )
+
+
+def rounds(*steps: tuple[str, float, float]) -> list[Round]:
+    return [Round((), key, (), (), before, after) for key, before, after in steps]
+
+
+def test_far_from_the_floor_a_gain_must_be_a_good_part_of_what_is_missing():
+    """Guards against naming an effect that explains 5 % of a large residual, and for one of 5 % that reaches the noise."""
+    assert not _material(runner(3.0), runner(2.9))
+    assert _material(runner(3.0), runner(2.7))
+    assert _material(runner(1.05), runner(1.0))
+
+
+def test_a_gain_that_two_blocks_carry_alone_is_none():
+    """Guards the block-wise certainty: most blocks lose a little, two win much."""
+    after = runner(3.0)
+    after.choice_cost = np.where(np.arange(BLOCKS) < 8, after.choice_cost * 1.05, after.choice_cost * 0.02)
+    assert after.choice_cost.sum() < 0.9 * runner(3.0).choice_cost.sum() and not _material(runner(3.0), after)
+
+
+@pytest.mark.parametrize("last, kept", [(1.005, 3), (1.3, 2)])
+def test_what_only_mends_the_form_of_an_effect_is_dropped(last, kept):
+    """Guards a second name for the rest of a form that is not the library's: kept where the floor is reached, dropped where not."""
+    models = [runner(9.0), runner(1.8, "a"), runner(last, "b", ("a",))]
+    left, record = _credible(models, rounds(("a", 9.0, 1.8), ("b", 1.8, last)))
+    assert len(left) == kept and [r.accepted for r in record] == ["a", "b" if kept == 3 else ""]
+    assert record[1].dropped == ("" if kept == 3 else "b")
+
+
+def test_a_second_effect_of_its_own_size_stays_although_something_is_left():
+    """Guards pairs: the second effect explains a third of all that was missing."""
+    models = [runner(9.0), runner(4.0, "a"), runner(1.3, "b", ("a",))]
+    assert len(_credible(models, rounds(("a", 9.0, 4.0), ("b", 4.0, 1.3)))[0]) == 3
+
+
+def test_rivals_are_those_whom_the_winner_does_not_lead_for_certain():
+    """Guards `cannot_tell`: a lead of less than 10 in cost, or of less than one standard error of the blocks, is none."""
+    best, close, noisy, far = (runner(1.0, "best"), runner(1.0, "close", extra=8.0), runner(1.0, "noisy", extra=30.0, wobble=20.0),
+                               runner(1.0, "far", extra=40.0))  # fmt: skip
+    assert _decide([far, close, best, noisy]) == (best, ("close", "noisy"))
+    assert _unbeaten([best, close, far]) == [best, close]
+    assert _decide([]) == (None, ())
+
+
+def traced(*after: float) -> Trace:
+    steps = zip((9.0, *after), after, strict=False)
+    return Trace(runner(9.0), runner(after[-1] if after else 9.0), tuple(rounds(*((f"e{i}", *s) for i, s in enumerate(steps)))))
+
+
+@pytest.mark.parametrize(
+    "bank, library, better",
+    [
+        ((), (), False), ((2.0,), (), True),
+        # one effect that explains most is not beaten by three empirical terms together, only by the first alone
+        ((5.0, 2.0, 1.0), (1.8,), False), ((1.1,), (1.8,), True), ((1.7,), (1.8,), False),
+        # several effects are beaten by fewer terms that do as well
+        ((1.2,), (3.0, 1.2), True), ((4.0, 1.3), (3.0, 1.2), False),
+    ],
+)  # fmt: skip
+def test_empirical_terms_are_weighed_at_equal_numbers(bank, library, better):
+    """Guards both errors: a wrong name where terms do better, and `unexplained` where a named effect has not quite the library's form."""
+    assert _better(traced(*bank), traced(*library)) is better
