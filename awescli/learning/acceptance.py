@@ -7,7 +7,7 @@ import numpy as np
 OUTCOMES = {
     "trained": "the correction lowers the error on flight it was not trained on",
     "budget_reached": "the time budget ended the training; the best weights so far are kept",
-    "nothing_to_learn": "physics explains validation nearly to the sensors' noise; no correction is better for certain, the network stays null",
+    "nothing_to_learn": "physics explains validation nearly to the noise; no correction is better for certain, the network stays null",
     "too_short": "physics leaves something, but this flight is too short to prove a correction of it; the network stays null",
     "diverged": "rollouts diverged with every correction that was tried; the network stays null",
 }

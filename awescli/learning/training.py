@@ -45,7 +45,7 @@ class TrainingConfig:
     rounds: int = 5
     patience: int = 2
     material: float = 0.03
-    budget: float = 60.0
+    budget: float = 120.0
     solver: str = "rk4"
     seed: int = 0
     compare: bool = False

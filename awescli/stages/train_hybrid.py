@@ -33,7 +33,7 @@ class TrainHybridConfig(StageConfig):
     rounds: int = Field(5, ge=1, le=100, description="most rounds per horizon, and of L-BFGS")
     patience: int = Field(2, ge=1, description="rounds without progress that make a plateau")
     material: float = Field(0.03, ge=0, lt=1, description="least relative gain on validation for a correction to be kept")
-    budget: float = Field(60.0, gt=0, description="seconds of training, all networks together [s]")
+    budget: float = Field(120.0, gt=0, description="seconds of training, all networks together [s]")
     members: int = Field(1, ge=1, le=20, description="networks from different seeds; their spread is the model's uncertainty")
     compare: bool = Field(False, description="also let Adam go on alone for as many gradients, and seconds, as L-BFGS (seed figure 3)")
 
