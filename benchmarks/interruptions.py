@@ -1,28 +1,32 @@
 """Kill awes at random moments and look at what it leaves: python benchmarks/interruptions.py [--kills 120] [--seed 0]
 
-A small run of all stages (small_run.py) goes to and fro between two plans whose settings, and so all numbers, differ. Every start is
-ended by SIGINT, SIGTERM or SIGKILL after a random CPU time; after each, every stage's folder must hold exactly the artifacts of the one
-plan or of the other, as undisturbed runs left them. The next start goes on where the last one was killed, until a plan is whole: then
-all artifacts must be byte-identical to the undisturbed run's. Then the disk fills, the folder is read-only, and two runs want one folder.
-Writes results/interruptions.md.
+Two plans of a small run of all stages (small_run.py) whose settings, and so all numbers, differ are run undisturbed. Then, for every
+kill, the stages before one are laid out as the one plan left them, that stage and those after it as the other did, and `awes run` of the
+first plan is ended by SIGINT, SIGTERM or SIGKILL at a random moment of that stage. Every folder must then hold exactly what the one or the
+other plan left. The stage is run again, goes on where it was killed, and must end with the bytes of the undisturbed run; every tenth
+time the whole plan. Then the disk fills, the folder is read-only, and two runs want one folder. Writes results/interruptions.md.
 """
 
 import argparse
 import ctypes
+import importlib
 import os
 import random
 import resource
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from small_run import make_small_run
 
+import awescli
 from awescli.artifacts import PROVENANCE, artifact_hashes, read_json, write_text
 from awescli.stages import STAGES
 
@@ -56,7 +60,62 @@ def awes(folder: Path, *arguments: str, **options) -> subprocess.Popen:
     return subprocess.Popen([*AWES, *arguments], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
 
 
-def ended(process: subprocess.Popen, seconds: float = 600.0) -> tuple[int, str, str]:
+class Forked:
+    """The command line in a fork of this process, which has imported all that awes imports: only that start-up is saved."""
+
+    def __init__(self, folder: Path, *arguments: str):
+        self.said = [tempfile.TemporaryFile("w+"), tempfile.TemporaryFile("w+")]
+        self.pid, self.code = os.fork(), None
+        if self.pid == 0:
+            os.chdir(folder)
+            for stream, file in zip((1, 2), self.said, strict=True):
+                os.dup2(file.fileno(), stream)
+            sys.argv = ["awes", *arguments]
+            code = 70
+            try:
+                sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1), os.fdopen(2, "w", buffering=1)
+                from awescli.cli import main
+
+                main()
+            except SystemExit as e:
+                code = e.code or 0
+            except BaseException:
+                traceback.print_exc()
+            finally:
+                sys.stdout.flush()
+                sys.stderr.flush()
+                os._exit(code)
+
+    def poll(self) -> int | None:
+        if self.code is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self.code = os.waitstatus_to_exitcode(status) if pid else None
+        return self.code
+
+    def send_signal(self, number: int) -> None:
+        os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+    def communicate(self, timeout: float | None = None) -> tuple[str, str]:
+        began = time.monotonic()
+        while self.poll() is None:
+            if timeout is not None and time.monotonic() - began > timeout:
+                raise subprocess.TimeoutExpired("awes", timeout)
+            time.sleep(0.01)
+        texts = []
+        for file in self.said:
+            file.seek(0)
+            texts.append(file.read())
+        return texts[0], texts[1]
+
+    @property
+    def returncode(self) -> int | None:
+        return self.code
+
+
+def ended(process: subprocess.Popen | Forked, seconds: float = 600.0) -> tuple[int, str, str]:
     """(exit code, stdout, stderr); a process that hangs is killed and told by its exit code."""
     try:
         out, err = process.communicate(timeout=seconds)
@@ -77,17 +136,31 @@ def artifacts(out: Path) -> Artifacts:
 
 
 def undisturbed(folder: Path) -> dict[str, Artifacts]:
-    """Plan -> the artifacts of a run that nobody kills; and leaves the second plan's in `folder`/out."""
+    """Plan -> the artifacts of a run that nobody kills, kept in `folder`/PLAN; out holds the second plan's."""
     made = {}
     for plan, settings in PLANS.items():
         code, _, err = ended(awes(folder, "run", "--quiet", *settings))
         if code:
             raise SystemExit(f"the undisturbed run failed: {err}")
         made[plan] = artifacts(folder / "out")
+        shutil.copytree(folder / "out", folder / plan)
     alike = [name for name in NAMES if made["first"][name] == made["second"][name]]
     if alike:
         raise SystemExit(f"the two plans must differ in all stages, they do not in {', '.join(alike)}")
     return made
+
+
+def cpu_of_stages(folder: Path) -> dict[str, float]:
+    """Stage -> CPU seconds that it takes, from a run of one stage after the other."""
+    took = {}
+    for name in NAMES:
+        process = Forked(folder, name, "--force", "--quiet")
+        used = 0.0
+        while process.poll() is None:
+            used = max(used, cpu_seconds(process.pid))
+            time.sleep(0.01)
+        took[name] = used
+    return took
 
 
 def wrong_with(out: Path, references: dict[str, Artifacts]) -> list[str]:
@@ -118,42 +191,56 @@ class Tally:
         return sum(self.kills.values())
 
 
-def campaign(folder: Path, references: dict[str, Artifacts], kills: int, seed: int, longest: float = 7.0, say=lambda text: None) -> Tally:
-    """Kill runs in `folder` until `kills` have been killed, then let the last plan end."""
+def campaign(folder: Path, references: dict[str, Artifacts], kills: int, seed: int, say=lambda tally: None) -> Tally:
+    """Kill runs in `folder`, which `undisturbed` has prepared, until `kills` have been killed."""
     rng, tally, began = random.Random(seed), Tally(), time.monotonic()
-    out, goal = folder / "out", "first"
+    out, took = folder / "out", cpu_of_stages(folder)
     while tally.killed < kills:
-        number = SIGNALS[tally.killed % len(SIGNALS)]
-        process = awes(folder, "run", *PLANS[goal])
-        moment = rng.uniform(0.0, longest)
+        number, stage = SIGNALS[tally.killed % len(SIGNALS)], NAMES[tally.killed // len(SIGNALS) % len(NAMES)]
+        goal, other = rng.sample(list(PLANS), 2)
+        _lay_out(folder, stage, goal, other)
+        fresh = tally.killed % 10 == 0  # every tenth in a process of its own, from its first instant on
+        process = (awes if fresh else Forked)(folder, "run", *PLANS[goal])
+        moment = rng.uniform(0.0, took[stage] + (2.0 if fresh else 0.0))
         while process.poll() is None and cpu_seconds(process.pid) < moment:
-            time.sleep(0.01)
+            time.sleep(0.005)
         if process.poll() is None:
             process.send_signal(number)
         code, said, err = ended(process)
-        tally.wrong += [f"{goal}, {number.name}, after {tally.killed} kills: {what}" for what in _complaints(out, references, code, err)]
         if code == 0:
-            tally.whole += 1
-            if artifacts(out) != references[goal]:
-                tally.wrong.append(f"{goal} ended with other numbers")
-            goal = "second" if goal == "first" else "first"
-        else:
-            tally.kills[number.name] += 1
-            tally.codes[f"{number.name} -> {code}"] += 1
-            running = [line.partition(":")[0] for line in said.splitlines() if ": runs (" in line]
-            done = [line.partition(":")[0] for line in said.splitlines() if ": done in" in line]
-            tally.moments["before the first stage" if not running else "between stages" if running[-1:] == done[-1:] else running[-1]] += 1
-            say(f"{tally.killed}/{kills} {number.name} {running[-1:] or ''}")
-    code, _, err = ended(awes(folder, "run", "--quiet", *PLANS[goal]))
-    tally.whole += 1
-    if code or artifacts(out) != references[goal]:
-        tally.wrong.append(f"the last run of {goal} ended with code {code} or other numbers: {err}")
-    left = sorted(p.name for p in out.iterdir() if p.name not in (*NAMES, ".lock"))
-    tally.wrong += [f"left over: {name}" for name in left]
-    code, said, err = ended(awes(folder, "verify"))
-    tally.wrong += [f"awes verify: {err}"] if code else []
-    tally.seconds = time.monotonic() - began
+            continue  # the run was faster than the signal
+        tally.kills[number.name] += 1
+        tally.codes[f"{number.name} -> {code}"] += 1
+        tally.moments[_moment(said)] += 1
+        wrong = _complaints(out, references, code, err)
+        again = ("run", "--quiet") if tally.killed % 10 == 0 else (stage, "--quiet")
+        code, _, err = ended(Forked(folder, *again, *PLANS[goal]))
+        now, expected = artifacts(out), references[goal]
+        wrong += [f"going on ended with code {code}: {err}"] if code else []
+        checked = NAMES if again[0] == "run" else (stage,)
+        wrong += [f"{name} ended with other numbers" for name in checked if now.get(name) != expected[name]]
+        tally.whole += again[0] == "run"
+        left = {p.name for p in out.iterdir()} - {*NAMES, ".lock", f".{_moment(said)}.scratch"}
+        wrong += [f"left over: {name}" for name in sorted(left)]
+        tally.wrong += [f"kill {tally.killed} ({number.name}, {stage}): {what}" for what in wrong]
+        tally.seconds = time.monotonic() - began
+        say(tally)
     return tally
+
+
+def _lay_out(folder: Path, stage: str, goal: str, other: str) -> None:
+    """out: the stages before `stage` as `goal` left them, the rest as `other` did."""
+    shutil.rmtree(folder / "out", ignore_errors=True)
+    before = NAMES[: NAMES.index(stage)]
+    for name in NAMES:
+        shutil.copytree(folder / (goal if name in before else other) / name, folder / "out" / name)
+
+
+def _moment(said: str) -> str:
+    """The stage that was running when the output ended."""
+    running = [line.partition(":")[0] for line in said.splitlines() if ": runs (" in line]
+    done = [line.partition(":")[0] for line in said.splitlines() if ": done in" in line]
+    return "before the first stage" if not running else "between stages" if running[-1:] == done[-1:] else running[-1]
 
 
 def _complaints(out: Path, references: dict[str, Artifacts], code: int, err: str) -> list[str]:
@@ -161,7 +248,8 @@ def _complaints(out: Path, references: dict[str, Artifacts], code: int, err: str
     found = wrong_with(out, references)
     if "Traceback" in err:
         found.append(f"a traceback: {err.strip().splitlines()[-1]}")
-    if code not in (0, 130, -signal.SIGKILL):
+    # SIGTERM before awes listens ends the process as it ends any other
+    if code not in (0, 130, -signal.SIGKILL, -signal.SIGTERM):
         found.append(f"exit code {code}: {err.strip()[-200:]}")
     return found
 
@@ -213,33 +301,53 @@ def _refused(folder: Path, references: dict[str, Artifacts], code: int, err: str
     return found + wrong_with(folder / "out", references)
 
 
+def page(tally: Tally, command: str, places: dict[str, list[str]]) -> str:
+    """The results as text."""
+    lines = [
+        "# Interruptions", "", f"`{command}`", "",
+        f"{tally.killed} runs killed ({', '.join(f'{n} {k}' for k, n in sorted(tally.kills.items()))}); went on and ended with the bytes of "
+        f"the undisturbed run: {'all' if not tally.wrong else 'not all'}, {tally.whole} of them to the end of the plan; "
+        f"{tally.seconds:.0f} s.", "",
+        "| killed in | times |", "|---|---|",
+        *(f"| {name} | {tally.moments[name]} |" for name in ("before the first stage", *NAMES, "between stages")),
+        "", "| signal -> exit code | times |", "|---|---|", *(f"| {key} | {n} |" for key, n in sorted(tally.codes.items())), "",
+        f"Wrong: {'; '.join(tally.wrong) or 'nothing'}.", "",
+        *(f"{name}: {'; '.join(wrong) or 'one clear error, exit code 2, nothing lost'}.\n" for name, wrong in places.items()),
+    ]  # fmt: skip
+    return "\n".join(lines)
+
+
 def main(arguments=None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=120)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--longest", type=float, default=7.0, help="CPU seconds until a run is killed, at most")
     options = parser.parse_args(arguments)
+    command = f"python benchmarks/interruptions.py --kills {options.kills} --seed {options.seed}"
+    result = HERE / "results" / "interruptions.md"
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        folder.chmod(0o755)
         make_small_run(folder)
         references = undisturbed(folder)
-        tally = campaign(folder, references, options.kills, options.seed, options.longest, lambda text: print(text, flush=True))
-        places = {"disk full": full_disk, "folder read-only": read_only, "two runs at once": two_at_once}
-        found = {name: test(folder, references) for name, test in places.items()}
-    lines = [
-        "# Interruptions", "", f"`python benchmarks/interruptions.py --kills {options.kills} --seed {options.seed}`", "",
-        f"{tally.killed} runs killed ({', '.join(f'{n} {k}' for k, n in sorted(tally.kills.items()))}), {tally.whole} plans brought to "
-        f"their end in between, byte-identical to undisturbed ones; {tally.seconds:.0f} s.", "",
-        "| killed | times |", "|---|---|",
-        *(f"| {name} | {tally.moments[name]} |" for name in ("before the first stage", *NAMES, "between stages")),
-        "", "| signal -> exit code | times |", "|---|---|", *(f"| {key} | {n} |" for key, n in sorted(tally.codes.items())), "",
-        f"Wrong: {'; '.join(tally.wrong) or 'nothing'}.", "",
-        *(f"{name.capitalize()}: {'; '.join(wrong) or 'one clear error, exit code 2, nothing lost'}." for name, wrong in found.items()), "",
-    ]  # fmt: skip
-    write_text(HERE / "results" / "interruptions.md", "\n".join(lines))
-    print("\n".join(lines))
-    return 1 if tally.wrong or any(found.values()) else 0
+        _import_all()
+        tests = {"The disk is full": full_disk, "The folder is read-only": read_only, "Two runs at once": two_at_once}
+        places = {name: test(folder, references) for name, test in tests.items()}
+        print(places, flush=True)
+
+        def say(tally: Tally) -> None:
+            print(f"{tally.killed} {dict(tally.moments)} {tally.wrong[-3:]}", flush=True)
+            write_text(result, page(tally, command, places))
+
+        tally = campaign(folder, references, options.kills, options.seed, say)
+    print(page(tally, command, places))
+    return 1 if tally.wrong or any(places.values()) else 0
+
+
+def _import_all() -> None:
+    """What the stages import, once for all forks; nothing of it runs threads yet."""
+    for module in sorted(Path(awescli.__file__).parent.rglob("*.py")):
+        name = ".".join(module.relative_to(Path(awescli.__file__).parent.parent).with_suffix("").parts)
+        if not name.endswith("__main__"):
+            importlib.import_module(name.removesuffix(".__init__"))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import numpy as np
 from awescli.flightlog.clocks import clock_offset
 from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.flightlog.mat5 import read_mat
-from awescli.flightlog.resample import RawFlight, uniform_log
+from awescli.flightlog.resample import RawFlight, uniform_log, usable_stamps
 from awescli.flightlog.table import ABSURD
 from awescli.notation.errors import BadInput, did_you_mean
 
@@ -50,7 +50,14 @@ def read_ampyx(path: Path, max_gap: float = 0.2, late: Mapping[str, float] | Non
     signals |= {s: _field(path, controls, "controls", s, (count,)) for s in ("aileron", "elevator", "rudder")}
     air = _field(path, controls, "controls", "wind", (3, count))
     start = float(_field(path, top, STRUCT, "times")[0])
-    notes = [
+    rows, notes = usable_stamps(seconds)[0], []
+    if rows.size < max(count, 3):
+        if rows.size < 3 or not np.isfinite(start):
+            raise BadInput("controls.times is no clock that runs forward", str(path), "Is the file complete?")
+        notes.append(f"{count - rows.size} samples whose time stamps are missing or do not run forward were removed.")
+        seconds, air, signals = seconds[rows], air[:, rows], {name: signal[rows] for name, signal in signals.items()}
+        vectors = {name: vector[:, rows] for name, vector in vectors.items()}
+    notes += [
         "tension is measured at the winch, not at the kite.",
         "alpha, beta and V_a come from the air data boom.",
         f"The wind is the aircraft's own estimate; its height is taken to be the mean height of flight, {-signals['p_d'].mean():.0f} m.",

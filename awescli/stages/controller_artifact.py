@@ -14,11 +14,17 @@ def write_controller(folder: Path, law) -> None:
 
 
 def read_controller(folder: Path):
-    """The law that `write_controller` wrote. Raises BadInput for a folder that is not whole."""
+    """The law that `write_controller` wrote. Raises BadInput for a folder that is not whole, or holds something else."""
     from awescli.artifacts import read_json, read_tensors
     from awescli.control.laws import from_artifact
+    from awescli.notation.errors import BadInput
 
-    return from_artifact(read_json(folder / "controller.json"), read_tensors(folder / "controller.safetensors"))
+    document, arrays = read_json(folder / "controller.json"), read_tensors(folder / "controller.safetensors")
+    try:
+        return from_artifact(document, arrays)
+    except (KeyError, TypeError, ValueError, AttributeError) as e:
+        what = f"not a controller that awes wrote ({type(e).__name__}: {e})"
+        raise BadInput(what, str(folder / "controller.json"), "Make it again: awes fit-controller --force.") from None
 
 
 def wind_direction(log) -> float:
