@@ -147,7 +147,7 @@ def run_case(name: str, case: dict) -> dict:
         "effects": told["effects"], "chi2": told["chi2"], "gust": told["gust_m_s"],
         "before": told["error"]["before"]["mean"], "after": told["error"]["after"]["mean"],
         "floor": told["error"]["noise_floor"]["mean"], "unexplained": told["unexplained"],
-        "top": [r["name"] for r in told["ranking"][:3]],
+        "top": [r["name"] for r in told["ranking"][:3]], "detectable": {k: v for k, v in told["detectable"].items() if k in effects},
     }  # fmt: skip
 
 
@@ -170,6 +170,19 @@ def _anchored(truth, case: dict) -> dict:
         # the declared exponent depends on the seed only
         effects["wind_shear"]["a"] += dev_like(truth, case["seed"], {}, air="power", duration=12.0).declared.wind.exponent
     return effects
+
+
+def seen(result: dict) -> bool:
+    """Is the effect flown at least as large as what the tracer says this flight would have shown?"""
+    from awescli.physics.effects import EFFECTS
+
+    for key, least in result.get("detectable", {}).items():
+        effect = EFFECTS[key.partition(":")[0]]
+        null = {p.name: p.value for p in effect.parameters if p.name not in effect.shapes}
+        strength = next(iter(null))
+        if abs(result["flown"][key].get(strength, null[strength]) - null[strength]) >= least:
+            return True
+    return False
 
 
 def right(result: dict) -> str:
@@ -213,14 +226,15 @@ def table(results: list[dict], family: int) -> str:
         "# Tracing campaign", "",
         f"`python benchmarks/tracing_campaign.py --seeds {family}`: {len(results)} flights of the development kite, whole library;",
         f"processor time of a trace: median {cpu[len(cpu) // 2]:.0f} s, longest {cpu[-1]:.0f} s.", "",
-        "| set | flights | right | truth among rivals | missed | wrong | sizes inside their 95 % interval |",
+        "| set | flights | right | truth among rivals | missed (of them too small to be seen) | wrong | sizes inside their 95 % interval |",
         "|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     for name, group in by_set.items():
         counts, sizes = Counter(map(right, group)), [x for r in group for x in inside(r)]
         held = f"{sum(sizes)} of {len(sizes)}" if sizes else ""
-        answers = " | ".join(str(counts[a]) for a in ("right", "contained", "missed", "wrong"))
-        lines.append(f"| {name} | {len(group)} | {answers} | {held} |")
+        small = sum(right(r) == "missed" and not seen(r) for r in group)
+        missed = f"{counts['missed']} ({small})" if counts["missed"] else "0"
+        lines.append(f"| {name} | {len(group)} | {counts['right']} | {counts['contained']} | {missed} | {counts['wrong']} | {held} |")
     lines += [
         "", "## Every flight", "",
         "| flight | answer | verdict | named | chi2 before -> after | test error before -> after (floor) |", "|---|---|---|---|---|---|",

@@ -48,6 +48,7 @@ def account(finding: Finding, log, parts, horizon: float, before: Simulator, aft
         "detectable": finding.library.detectable,
         "not_testable": list(finding.library.rounds[0].untestable) if finding.library.rounds else [],
         "parameter_shifts": _shifts(finding, null, model),
+        "dropped": [r.dropped for r in finding.library.rounds if r.dropped],
         "separate": _separate(effects),
         "null_run": _null_run(finding),
     }  # fmt: skip

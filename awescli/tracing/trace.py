@@ -22,6 +22,9 @@ prediction error changes in its third digit."""
 SHARE_OF_GAP = 0.1
 """Least share of what the choice cost still stands above its floor: far from the floor almost any term gains something, and an effect
 that explains a few per cent of what is missing is not what is missing."""
+EXPLAINS = 0.5
+"""Where the residual is far above the floor (FAR), effects that leave more than half of the excess on unseen loops are no answer."""
+FAR = 0.2
 FLOOR_ERROR = 0.02
 """Relative error of the noise floor itself: a chi-square per degree of freedom within 1 +- this is at the floor."""
 NO_EXCESS = 0.005
@@ -48,8 +51,8 @@ class Entry:
 
 @dataclass(frozen=True)
 class Round:
-    """One round: who was screened, who raced, who was accepted ("" for nobody), and its rivals; dropped: who was accepted but only mended
-    the form of an effect accepted before."""
+    """One round: who was screened, who raced, who was accepted ("" for nobody), and its rivals; dropped: who was accepted at first but
+    explains too little of the whole."""
 
     entries: tuple[Entry, ...]
     accepted: str
@@ -124,13 +127,17 @@ def _decide(finalists: list[Runner], place: int = -1) -> tuple[Runner | None, tu
 
 
 def _credible(models: list[Runner], record: list[Round]) -> tuple[list[Runner], list[Round]]:
-    """Without the last effects where they explain little and the floor is not reached: there they mend the form of the first one."""
+    """Without the last effects where they explain little and the floor is not reached: there they mend the form of the first one; and
+    without any where all together leave more than half of a large residual."""
     models, record = list(models), list(record)
     while len(models) > 2 and _gap(models[-1]) > FLOOR_ERROR:
         if _gap(models[-2]) - _gap(models[-1]) >= SHARE_OF_GAP * _gap(models[0]):
             break
         models.pop()
-        at = max(i for i, r in enumerate(record) if r.accepted)
+    excess, left = (max(m.choice_chi2 - 1, 0.0) for m in (models[0], models[-1]))
+    if excess > FAR and left > (1 - EXPLAINS) * excess:
+        models = models[:1]
+    for at in [i for i, r in enumerate(record) if r.accepted][len(models) - 1 :]:
         record[at] = replace(record[at], accepted="", rivals=(), chi2_after=record[at].chi2_before, dropped=record[at].accepted)
     return models, record
 

@@ -53,6 +53,14 @@ def test_a_second_effect_of_its_own_size_stays_although_something_is_left():
     assert len(_credible(models, rounds(("a", 9.0, 4.0), ("b", 4.0, 1.3)))[0]) == 3
 
 
+def test_what_leaves_most_of_a_large_residual_is_no_answer():
+    """Guards a real flight: gains on unseen loops that leave 60 % of the excess drop out, whatever their number."""
+    models = [runner(9.0), runner(7.0, "a"), runner(5.8, "b", ("a",))]
+    left, record = _credible(models, rounds(("a", 9.0, 7.0), ("b", 7.0, 5.8)))
+    assert left == models[:1] and [r.dropped for r in record] == ["a", "b"] and not any(r.accepted for r in record)
+    assert len(_credible([runner(1.15), runner(1.1, "a")], rounds(("a", 1.15, 1.1)))[0]) == 2
+
+
 def test_rivals_are_those_whom_the_winner_does_not_lead_for_certain():
     """Guards `cannot_tell`: a lead of less than 10 in cost, or of less than one standard error of the blocks, is none."""
     best, close, noisy, far = (runner(1.0, "best"), runner(1.0, "close", extra=8.0), runner(1.0, "noisy", extra=30.0, wobble=20.0),
