@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import awescli  # noqa: F401  (thread settings before numpy)
-from awescli.artifacts import read_json, write_json, write_text
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -162,7 +161,7 @@ def _read_mat(folder: Path, data: bytes) -> None:
 def _array_seeds(folder: Path) -> list[bytes]:
     import numpy as np
 
-    from awescli.artifacts import write_arrays, write_tensors
+    from awescli.artifacts import write_arrays, write_json, write_tensors
 
     arrays = {"weights": np.arange(6.0), "x": np.ones((2, 3), dtype=np.float32)}
     write_arrays(folder / "a.npz", arrays)
@@ -173,7 +172,7 @@ def _array_seeds(folder: Path) -> list[bytes]:
 
 def _read_arrays(folder: Path, data: bytes) -> None:
     """The three containers; the first byte says which."""
-    from awescli.artifacts import read_arrays, read_tensors
+    from awescli.artifacts import read_arrays, read_json, read_tensors
 
     read = (read_arrays, read_tensors, read_json)[data[0] % 3 if data else 0]
     (folder / "file").write_bytes(data[1:])
@@ -183,7 +182,7 @@ def _read_arrays(folder: Path, data: bytes) -> None:
 def _network_seeds(folder: Path) -> list[bytes]:
     import numpy as np
 
-    from awescli.artifacts import write_tensors
+    from awescli.artifacts import write_json, write_tensors
     from awescli.learning.correction import Correction, initial_weights
 
     (folder / "kite.yaml").write_bytes((ROOT / "data" / "kites" / "development.yaml").read_bytes())
@@ -207,7 +206,7 @@ def _parted(folder: Path, data: bytes, text: str, weights: str) -> None:
 
 
 def _read_network(folder: Path, data: bytes) -> None:
-    from awescli.artifacts import read_tensors
+    from awescli.artifacts import read_json, read_tensors
     from awescli.learning.correction import Correction
 
     _parted(folder, data, "network.json", "network.safetensors")
@@ -370,9 +369,12 @@ def _why(text: str) -> str:
 
 def main(arguments=None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    # here and below, not on top: what is imported before a target is not watched by libFuzzer
     if arguments[:1] == ["--inside"]:
         fuzz_one(arguments[1], Path(arguments[2]), arguments[3:])
         return 0
+    from awescli.artifacts import write_json, write_text
+
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, help="inputs for each target (default: as in TARGETS)")
     parser.add_argument("--only", default="", choices=["", *TARGETS], help="only this target")
@@ -392,6 +394,8 @@ def main(arguments=None) -> int:
 
 def table() -> str:
     """The newest result of every target."""
+    from awescli.artifacts import read_json
+
     results = [read_json(file) for name in TARGETS if (file := RESULTS / f"{name}.json").is_file()]
     lines = [
         "# Fuzzing", "", f"`python benchmarks/fuzz.py`: {sum(r['inputs'] for r in results)} inputs.", "",
