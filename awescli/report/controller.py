@@ -100,7 +100,8 @@ def survival(evidence: Evidence) -> Body:
         ),
     ]
     layout = {
-        "xaxis": axis("start in the flight [s]"), "yaxis": axis("flown [s]", range=[0, 1.1 * asked]),
+        "xaxis": axis("start in the flight [s]", range=[-1.0, float(evidence.log.time[-1])]),
+        "yaxis": axis("flown [s]", range=[0, 1.1 * asked]),
         "shapes": [dict(type="line", xref="paper", x0=0, x1=1, y0=asked, y1=asked, line={"color": "@grey", "dash": "dot"})],
         "annotations": [dict(xref="paper", x=1, y=asked, text="asked", showarrow=False, yanchor="top", xanchor="right")],
     }  # fmt: skip

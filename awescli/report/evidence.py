@@ -62,6 +62,10 @@ class Evidence:
         twins |= {"hybrid"} if (self.hybrid or {}).get("outcome") in EMPTY else set()
         return tuple(m for m in LADDER if m in self.scores and m not in twins)
 
+    def same_as(self, model: str) -> str:
+        """The model itself, or the one before it on the ladder where it adds nothing to that."""
+        return model if model in self.models else next(m for m in reversed(self.models) if LADDER.index(m) < LADDER.index(model))
+
     @property
     def best(self) -> str:
         """The last model of the ladder."""

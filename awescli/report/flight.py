@@ -91,7 +91,7 @@ def wind(evidence: Evidence) -> Body:
     panels = []
     for id, title, unit, values in (
         ("fig-wind-speed", "Wind speed", "m/s", record.speed),
-        ("fig-wind-direction", "Wind direction, where it comes from", "°", np.degrees(record.direction)),
+        ("fig-wind-direction", "Wind direction, where it comes from", "°", turns(np.degrees(record.direction))),
     ):
         data = [
             line(t, values[inside, k][::step], f"{record.height[k]:.0f} m", shades[i % 5], mode="lines+markers", marker={"size": 3})
@@ -101,6 +101,11 @@ def wind(evidence: Evidence) -> Body:
         panels.append(Figure(id, title, data, layout, split="whole flight", height=230, part=True))
     mean = f"Mean wind {number(float(record.speed[inside].mean()))} m/s at the recorded heights."
     return grid(panels), paragraph(mean)
+
+
+def turns(degrees: np.ndarray) -> np.ndarray:
+    """The same directions, by whole turns moved to where their mean is a compass bearing (0 to 360)."""
+    return degrees - 360 * np.floor(degrees.mean() / 360)
 
 
 def checks(evidence: Evidence) -> str:

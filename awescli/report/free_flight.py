@@ -31,8 +31,8 @@ def sentence(evidence: Evidence) -> str:
     f = evidence.flown
     state = chip("flew on", "good") if f["outcome"] == "flew_on" else chip("departed", "bad")
     text = [
-        f"{state} {esc(evidence.label(f['model'])).capitalize()}: it set out from the measured state at {number(f['start_s'])} s and flew "
-        f"{number(f['survived_s'])} s of {number(f['asked_s'])} s; {SURFACES[f['surfaces']]}. "
+        f"{state} {esc(evidence.label(flying(evidence))).capitalize()}: it set out from the measured state at {number(f['start_s'])} s "
+        f"and flew {number(f['survived_s'])} s of {number(f['asked_s'])} s; {SURFACES[f['surfaces']]}. "
         "Besides, it sees only winch and wind of the flight."
     ]
     if f["effects"]:
@@ -42,6 +42,11 @@ def sentence(evidence: Evidence) -> str:
         wind = ", ".join(f"{k} {number(f['wind'][k])} {unit}" for k, unit in asked.items() if f["wind"][k] is not None)
         text.append(f"It flew in another wind than the measured flight ({wind}), so the two need not agree.")
     return " ".join(text)
+
+
+def flying(evidence: Evidence) -> str:
+    """The model that flew; a network that stayed at zero is the physics."""
+    return evidence.same_as(evidence.flown["model"])
 
 
 def made_wind(evidence: Evidence) -> bool:
@@ -62,7 +67,7 @@ def split_of(evidence: Evidence) -> str:
 def path(evidence: Evidence) -> Figure:
     """Figure 5 of the seed."""
     arrays, data = evidence.trajectory, []
-    for which, name, colour in (("measured", "measured", "@ink"), ("simulated", evidence.label(evidence.flown["model"]), tone(evidence))):
+    for which, name, colour in (("measured", "measured", "@ink"), ("simulated", evidence.label(flying(evidence)), tone(evidence))):
         n, e, d = (arrays[f"{which}_{c}"][:: stride(len(arrays[f"{which}_{c}"]), 4000)] for c in ("p_n", "p_e", "p_d"))
         data.append({
             "type": "scatter3d", "mode": "lines", "x": e, "y": n, "z": -d, "name": esc(name), "line": {"color": colour, "width": 4},
@@ -80,7 +85,7 @@ def path(evidence: Evidence) -> Figure:
 
 
 def tone(evidence: Evidence) -> str:
-    return COLOURS[evidence.flown["model"]]
+    return COLOURS[flying(evidence)]
 
 
 def apart(evidence: Evidence) -> Figure:
@@ -89,7 +94,7 @@ def apart(evidence: Evidence) -> Figure:
     reach = len(arrays["measured_p_n"])
     away = np.sqrt(sum((arrays[f"measured_{c}"] - arrays[f"simulated_{c}"][:reach]) ** 2 for c in ("p_n", "p_e", "p_d")))
     step = stride(reach)
-    data = [line(arrays["time"][:reach][::step], away[::step], evidence.label(evidence.flown["model"]), tone(evidence), showlegend=False)]
+    data = [line(arrays["time"][:reach][::step], away[::step], evidence.label(flying(evidence)), tone(evidence), showlegend=False)]
     return Figure(
         "fig-apart", "How far the two come apart", data, {"xaxis": axis("time [s]"), "yaxis": axis("distance [m]", rangemode="tozero")},
         split=split_of(evidence), note="Distance between the two at the same moment.", height=240,
@@ -99,7 +104,7 @@ def apart(evidence: Evidence) -> Figure:
 
 def over_time(evidence: Evidence) -> Body:
     """Some channels of both."""
-    arrays, label, panels = evidence.trajectory, evidence.label(evidence.flown["model"]), []
+    arrays, label, panels = evidence.trajectory, evidence.label(flying(evidence)), []
     step = stride(len(arrays["time"]), PANEL_POINTS)
     for name in (n for n in CHANNELS if f"measured_{n}" in arrays):
         simulated = arrays[f"simulated_{name}"]

@@ -7,11 +7,12 @@ from awescli.report.words import COLOURS, channel, effect_words, listed, number,
 
 ODDS = {
     "none": "Nothing is missing that this flight could show",
-    "not_deterministic": "What is left is gusts: it does not repeat from loop to loop",
+    "not_deterministic": "What is left is gusts: it does not repeat",
 }
 LEADS = {
     "cannot_tell": "Several explanations do equally well on this flight; {next}.",
     "none": "Nothing is missing that this flight could show at its noise; {detectable}.",
+    "not_deterministic": "The air was gusty: the residual does not repeat from {one} to {one}, and no effect helps on unseen {of}.",
 }
 """Where effects.json points to another of its keys, the page points to a place on the page."""
 SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
@@ -26,7 +27,13 @@ def headline(evidence: Evidence) -> Section:
 
 def lead(evidence: Evidence) -> str:
     """The verdict in a sentence."""
-    places = {"next": link("next", "what would tell them apart"), "detectable": link("detectable", "what would have been seen")}
+    of = evidence.parts.of
+    places = {
+        "of": of,
+        "one": of.removesuffix("s"),
+        "next": link("next", "what would tell them apart"),
+        "detectable": link("detectable", "what would have been seen"),
+    }
     known = LEADS.get(evidence.effects["verdict"])
     return known.format(**places) if known else esc(evidence.effects["sentence"])
 
@@ -67,7 +74,7 @@ def tiles(evidence: Evidence) -> str:
         for label, value, colour in rows
     )
     what = (
-        f"Prediction error {evidence.horizon:g} s ahead on the test loops: mean NRMSE of the 12 states, in percent of each state's range."
+        f"Prediction error {evidence.horizon:g} s ahead on the test {esc(evidence.parts.of)}: mean NRMSE of the 12 states, in percent of each state's range."
     )
     return f'<div class="tiles">{cells}</div>' + paragraph(f'<span class="soft">{what}</span>')
 
@@ -168,7 +175,7 @@ def _bounds(evidence: Evidence) -> list[str]:
 
 def _hybrid(evidence: Evidence) -> str:
     if evidence.hybrid is not None and "hybrid" not in evidence.models:
-        return f"A network on top of physics {link('hybrid', 'found nothing')} that helps on unseen loops; it stays at zero."
+        return f"A network on top of physics {link('hybrid', 'found nothing')} that helps on unseen {esc(evidence.parts.of)}; it stays at zero."
     if "hybrid" not in evidence.models:
         return ""
     base = evidence.models[-2] if len(evidence.models) > 1 else "hybrid"
@@ -186,7 +193,7 @@ def _flown(evidence: Evidence) -> str:
     far = list((f.get("path_error_m") or {}).items())
     near = f", {number(far[-1][1])} m (RMS) from the measured path over {far[-1][0]} s" if far else ""
     held = f"{link('fig-3d-flown', number(f['survived_s']) + ' s')} of {number(f['asked_s'])} s"
-    return f"Flown on its own {who}, the model ({esc(evidence.label(f['model']))}) holds for {held}{near}."
+    return f"Flown on its own {who}, the model ({esc(evidence.label(evidence.same_as(f['model'])))}) holds for {held}{near}."
 
 
 def _controller(evidence: Evidence) -> str:
@@ -199,9 +206,8 @@ def _controller(evidence: Evidence) -> str:
         for s, v in test.items()
     ]
     loop = (evidence.controller.get("closed_loop") or {}).get("outcome")
-    flown = {"flies": "and flies the declared model in closed loop", "departs": "but does not hold the declared model in closed loop"}.get(
-        loop, ""
-    )
+    flown = {"flies": "and flies the declared model in closed loop", "departs": "but does not hold the declared model in closed loop",
+             "does_not_fly": "but does not fly the declared model in closed loop"}.get(loop, "")  # fmt: skip
     return (
         f"The fitted controller repeats {listed(pieces)} of its range on the test {esc(evidence.parts.of)}{f', {flown}' if flown else ''}."
     )

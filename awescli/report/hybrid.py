@@ -132,7 +132,7 @@ def history(evidence: Evidence) -> Body:
     kept = ((training(evidence).get("validation") or {}).get("prediction") or {}).get("hybrid")
     judged = [r.get("validation_last_horizon") for r in rows]
     chosen = [k for k, v in enumerate(judged) if kept and v and math.isclose(v, kept, rel_tol=1e-9)]
-    if chosen:
+    if chosen and "hybrid" in evidence.models:
         data.append(dots([along[chosen[0]]], [kept], "kept: best on validation", COLOURS["hybrid"], size=13, symbol="diamond"))
     layout = {"xaxis": axis("gradient evaluations"), "yaxis": log_axis("squared error / physics alone", *(t["y"] for t in data))}
     return Figure(

@@ -146,6 +146,7 @@ def scene(east, north, up, *, winch: bool = False) -> dict:
     low, high = (np.array([f(p) for p in points]) for f in (np.nanmin, np.nanmax))
     room = 0.04 * max(float((high - low).max()), 1e-6)
     ratio = (high - low + 2 * room) / float((high - low + 2 * room).max())
+    away = max(1.27 * float(np.linalg.norm(ratio)), 1.4)  # a flat scene is seen from nearer
     axes = {
         f"{k}axis": {"title": {"text": f"{w} [m]"}, "range": [low[i] - room, high[i] + room], "nticks": 6}
         for i, (k, w) in enumerate(zip("xyz", ("east", "north", "up"), strict=True))
@@ -156,5 +157,5 @@ def scene(east, north, up, *, winch: bool = False) -> dict:
     x, y = (-0.75 * n + 0.65 * e) / length, (0.75 * e + 0.65 * n) / length
     return {
         **axes, "aspectmode": "manual", "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
-        "camera": {"eye": {"x": 1.9 * x, "y": 1.9 * y, "z": 0.45}, "center": {"x": 0, "y": 0, "z": -0.14}},
+        "camera": {"eye": {"x": away * x, "y": away * y, "z": 0.24 * away}, "center": {"x": 0, "y": 0, "z": -0.14}},
     }  # fmt: skip

@@ -182,8 +182,9 @@ def ranking(evidence: Evidence) -> str:
         return ""
     head = ("", "candidate", "share of the gap it explains", "χ² gain on validation", "score", "p value", "plausible size", "race")
     note = (
-        "Every effect of the library, tried on the residual of the declared model. Score: by how much it lowers χ² on train, to first "
-        "order; the best were fitted in full and raced on validation loops."
+        "Every effect of the library, tried on the residual of the declared model, fitted without it. Score: by how much it lowers χ² on "
+        "train, to first order; the best were fitted in full and raced on validation loops. The gap is by how much χ² per degree of "
+        "freedom lies above 1 on train: what noise does not explain."
     )
     seen = effects.get("detectable") or {}
     small = [(effect_words(*_key(k)), Cell(number(v), v)) for k, v in seen.items()]

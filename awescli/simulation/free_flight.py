@@ -38,13 +38,12 @@ def side_by_side(log: FlightLog, first: int, flown: Flown) -> dict[str, np.ndarr
 
 def compared(log: FlightLog, first: int, flown: Flown, horizons: Sequence[float]) -> dict[str, Mapping]:
     """nrmse: horizon [s, as text] -> channel -> NRMSE of the true (noise-free) simulated flight against the log, mean of the 12 states;
-    path_error_m: horizon -> root mean square distance [m]. Only horizons that both reach."""
+    path_error_m: horizon -> root mean square distance [m]. Horizons that both reach, and all that both reach."""
     reach = min(len(flown.time), len(log) - first)
+    longest = (reach - 1) * log.dt
     nrmse, path = {}, {}
-    for horizon in horizons:
+    for horizon in [*(h for h in horizons if h < longest), longest]:
         count = int(round(horizon / log.dt)) + 1
-        if count > reach:
-            break
         errors = {n: scores.error(log[n][first : first + count], flown.outputs[n][:count], n) for n in _names(log)}
         block = {n: scores.nrmse(e, scores.span(log[n], n)) for n, e in errors.items()}
         nrmse[f"{horizon:g}"] = block | {"mean": float(np.mean([block[n] for n in STATES]))}

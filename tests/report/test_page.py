@@ -158,6 +158,13 @@ def test_flights_that_do_not_loop_and_have_no_wind():
     assert "does not loop" in text and "no wind record" in text
 
 
+def test_a_network_that_stayed_at_zero_flies_as_the_physics():
+    whole = evidence()
+    text = own(page(replace(whole, hybrid={"outcome": "nothing_to_learn"})))
+    flown = text[text.index('<section id="flown">') :]
+    assert whole.flown["model"] == "hybrid" and "With actuator lag" in flown[:600] and "kept: best on validation" not in text
+
+
 def test_the_page_stays_small_for_long_flights():
     long = evidence(samples=80 * 700)  # an hour and a half
     assert len(page(long).encode()) < LARGEST

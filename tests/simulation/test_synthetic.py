@@ -236,6 +236,7 @@ def test_simulate_replays_the_truth_to_the_noise(tmp_path):
     _, metrics, folder = simulate(tmp_path, surfaces="recorded", effects="{actuator_lag:rudder: {tau: 0.2}}")
     assert metrics["outcome"] == "flew_on" and metrics["survived_s"] == pytest.approx(12.0)
     assert metrics["nrmse"]["5"]["mean"] < 0.02
+    assert list(metrics["path_error_m"])[-1] == "12"  # all that both reach, not only what looks well
     again = read_flight(folder)
     assert len(again) == 601 and set(STATES[:3]) < set(again.measured)
 
