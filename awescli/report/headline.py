@@ -73,9 +73,8 @@ def tiles(evidence: Evidence) -> str:
         f'<a class="tile" href="#fig-ladder" style="--tone:var(--{colour[1:]})"><b>{percent(value)}</b><span>{esc(label)}</span></a>'
         for label, value, colour in rows
     )
-    what = (
-        f"Prediction error {evidence.horizon:g} s ahead on the test {esc(evidence.parts.of)}: mean NRMSE of the 12 states, in percent of each state's range."
-    )
+    ahead = f"Prediction error {evidence.horizon:g} s ahead on the test {esc(evidence.parts.of)}"
+    what = f"{ahead}: mean NRMSE of the 12 states, in percent of each state's range."
     return f'<div class="tiles">{cells}</div>' + paragraph(f'<span class="soft">{what}</span>')
 
 
@@ -175,7 +174,8 @@ def _bounds(evidence: Evidence) -> list[str]:
 
 def _hybrid(evidence: Evidence) -> str:
     if evidence.hybrid is not None and "hybrid" not in evidence.models:
-        return f"A network on top of physics {link('hybrid', 'found nothing')} that helps on unseen {esc(evidence.parts.of)}; it stays at zero."
+        nothing = link("hybrid", "found nothing")
+        return f"A network on top of physics {nothing} that helps on unseen {esc(evidence.parts.of)}; it stays at zero."
     if "hybrid" not in evidence.models:
         return ""
     base = evidence.models[-2] if len(evidence.models) > 1 else "hybrid"
