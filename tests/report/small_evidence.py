@@ -93,7 +93,8 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
     trained = {
         "outcome": "trained", "sentence": f"better{evil}", "validation_rmse_ratio": {"u": 0.5},
         "share_of_acceleration": {"u": 0.1}, "distilled": [f"du/dt += u{evil}"], "outside_box_test": 0.01,
-        "comparison": {"test": {"adam": error, "adam_equal_time": error, "adam_lbfgs": error}}, "validation": {"prediction": {"physics": 1.0, "hybrid": 0.5}},
+        "comparison": {"test": {"adam": error, "adam_equal_time": error, "adam_lbfgs": error}},
+        "validation": {"prediction": {"physics": 1.0, "hybrid": 0.5}},
         "ensemble": {"members": 3, "learned": 2, "spread": {"p_n": 0.1, "phi": 0.01}},
         "history": {"columns": ["train", "validation_last_horizon", "evaluations"],
                     "rows": [[1.0, 1.0, 10], [0.5, 0.6, 20], [0.4, 0.5, 5]]},
