@@ -2,9 +2,10 @@
 
 Two plans of a small run of all stages (small_run.py) whose settings, and so all numbers, differ are run undisturbed. Then, for every
 kill, the stages before one are laid out as the one plan left them, that stage and those after it as the other did, and `awes run` of the
-first plan is ended by SIGINT, SIGTERM or SIGKILL at a random moment of that stage. Every folder must then hold exactly what the one or the
-other plan left. The stage is run again, goes on where it was killed, and must end with the bytes of the undisturbed run; every tenth
-time the whole plan. Then the disk fills, the folder is read-only, and two runs want one folder. Writes results/interruptions.md.
+first plan is ended by SIGINT, SIGTERM or SIGKILL at a random moment of that stage. Every folder must then hold exactly what the one or
+the other plan left. Every fourth time the stage is run again, goes on where it was killed, and must end with the bytes of the
+undisturbed run; every twentieth time the whole plan. Then the disk fills, the folder is read-only, and two runs want one folder. Writes
+results/interruptions.md.
 """
 
 import argparse
@@ -27,7 +28,7 @@ from pathlib import Path
 from small_run import make_small_run
 
 import awescli
-from awescli.artifacts import PROVENANCE, artifact_hashes, read_json, write_text
+from awescli.artifacts import PROVENANCE, artifact_hashes, read_json, write_json, write_text
 from awescli.stages import STAGES
 
 HERE = Path(__file__).parent
@@ -136,9 +137,12 @@ def artifacts(out: Path) -> Artifacts:
 
 
 def undisturbed(folder: Path) -> dict[str, Artifacts]:
-    """Plan -> the artifacts of a run that nobody kills, kept in `folder`/PLAN; out holds the second plan's."""
+    """Plan -> the artifacts of a run that nobody kills, kept in `folder`/PLAN, where they may be from before."""
     made = {}
     for plan, settings in PLANS.items():
+        if (folder / plan).is_dir():
+            made[plan] = artifacts(folder / plan)
+            continue
         code, _, err = ended(awes(folder, "run", "--quiet", *settings))
         if code:
             raise SystemExit(f"the undisturbed run failed: {err}")
@@ -151,8 +155,11 @@ def undisturbed(folder: Path) -> dict[str, Artifacts]:
 
 
 def cpu_of_stages(folder: Path) -> dict[str, float]:
-    """Stage -> CPU seconds that it takes, from a run of one stage after the other."""
+    """Stage -> CPU seconds that it takes, from a run of one stage after the other (or from before)."""
+    if (kept := folder / "took.json").is_file():
+        return read_json(kept)
     took = {}
+    shutil.copytree(folder / "second", folder / "out", dirs_exist_ok=True)
     for name in NAMES:
         process = Forked(folder, name, "--force", "--quiet")
         used = 0.0
@@ -160,6 +167,7 @@ def cpu_of_stages(folder: Path) -> dict[str, float]:
             used = max(used, cpu_seconds(process.pid))
             time.sleep(0.01)
         took[name] = used
+    write_json(kept, took)
     return took
 
 
@@ -183,6 +191,7 @@ class Tally:
     moments: Counter = field(default_factory=Counter)
     codes: Counter = field(default_factory=Counter)
     whole: int = 0
+    stages: int = 0
     wrong: list[str] = field(default_factory=list)
     seconds: float = 0.0
 
@@ -213,19 +222,27 @@ def campaign(folder: Path, references: dict[str, Artifacts], kills: int, seed: i
         tally.codes[f"{number.name} -> {code}"] += 1
         tally.moments[_moment(said)] += 1
         wrong = _complaints(out, references, code, err)
-        again = ("run", "--quiet") if tally.killed % 10 == 0 else (stage, "--quiet")
-        code, _, err = ended(Forked(folder, *again, *PLANS[goal]))
-        now, expected = artifacts(out), references[goal]
-        wrong += [f"going on ended with code {code}: {err}"] if code else []
-        checked = NAMES if again[0] == "run" else (stage,)
-        wrong += [f"{name} ended with other numbers" for name in checked if now.get(name) != expected[name]]
-        tally.whole += again[0] == "run"
-        left = {p.name for p in out.iterdir()} - {*NAMES, ".lock", f".{_moment(said)}.scratch"}
-        wrong += [f"left over: {name}" for name in sorted(left)]
+        if tally.killed % 4 == 0:
+            whole = tally.killed % 20 == 0
+            wrong += _gone_on(folder, references[goal], "run" if whole else stage, *PLANS[goal])
+            tally.whole, tally.stages = tally.whole + whole, tally.stages + (not whole)
         tally.wrong += [f"kill {tally.killed} ({number.name}, {stage}): {what}" for what in wrong]
         tally.seconds = time.monotonic() - began
         say(tally)
     return tally
+
+
+def _gone_on(folder: Path, reference: Artifacts, command: str, *settings: str) -> list[str]:
+    """What is wrong after a killed stage, or the whole plan, is run to its end."""
+    out = folder / "out"
+    code, _, err = ended(Forked(folder, command, "--quiet", *settings))
+    checked, now = NAMES if command == "run" else (command,), artifacts(out)
+    left = {p.name for p in out.iterdir()} - {*NAMES, ".lock"}
+    return [
+        *([f"going on ended with code {code}: {err}"] if code else []),
+        *(f"{name} ended with other numbers" for name in checked if now.get(name) != reference[name]),
+        *(f"left over: {name}" for name in sorted(left)),
+    ]
 
 
 def _lay_out(folder: Path, stage: str, goal: str, other: str) -> None:
@@ -305,9 +322,8 @@ def page(tally: Tally, command: str, places: dict[str, list[str]]) -> str:
     """The results as text."""
     lines = [
         "# Interruptions", "", f"`{command}`", "",
-        f"{tally.killed} runs killed ({', '.join(f'{n} {k}' for k, n in sorted(tally.kills.items()))}); went on and ended with the bytes of "
-        f"the undisturbed run: {'all' if not tally.wrong else 'not all'}, {tally.whole} of them to the end of the plan; "
-        f"{tally.seconds:.0f} s.", "",
+        f"{tally.killed} runs killed ({', '.join(f'{n} {k}' for k, n in sorted(tally.kills.items()))}); after {tally.stages} the stage, "
+        f"after {tally.whole} the whole plan was run to its end and compared with the undisturbed run; {tally.seconds:.0f} s.", "",
         "| killed in | times |", "|---|---|",
         *(f"| {name} | {tally.moments[name]} |" for name in ("before the first stage", *NAMES, "between stages")),
         "", "| signal -> exit code | times |", "|---|---|", *(f"| {key} | {n} |" for key, n in sorted(tally.codes.items())), "",
@@ -321,23 +337,30 @@ def main(arguments=None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=120)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--folder", type=Path, help="where to work and to find what an earlier campaign has prepared")
     options = parser.parse_args(arguments)
     command = f"python benchmarks/interruptions.py --kills {options.kills} --seed {options.seed}"
     result = HERE / "results" / "interruptions.md"
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        make_small_run(folder)
+        folder = Path(temporary) if options.folder is None else options.folder
+        if not (folder / "stages.yaml").is_file():
+            make_small_run(folder)
         references = undisturbed(folder)
+        shutil.copytree(folder / "second", folder / "out", dirs_exist_ok=True)
         _import_all()
-        tests = {"The disk is full": full_disk, "The folder is read-only": read_only, "Two runs at once": two_at_once}
-        places = {name: test(folder, references) for name, test in tests.items()}
-        print(places, flush=True)
+        places: dict[str, list[str]] = {}
 
         def say(tally: Tally) -> None:
             print(f"{tally.killed} {dict(tally.moments)} {tally.wrong[-3:]}", flush=True)
             write_text(result, page(tally, command, places))
 
         tally = campaign(folder, references, options.kills, options.seed, say)
+        shutil.rmtree(folder / "out")
+        shutil.copytree(folder / "second", folder / "out")
+        tests = {"The disk is full": full_disk, "The folder is read-only": read_only, "Two runs at once": two_at_once}
+        for name, test in tests.items():
+            places[name] = test(folder, references)
+        write_text(result, page(tally, command, places))
     print(page(tally, command, places))
     return 1 if tally.wrong or any(places.values()) else 0
 

@@ -68,7 +68,8 @@ class Reader:
     def words(self, command: list[str]) -> list[str]:
         real = {
             "LOG_FOLDER": self.folder / "flight", "KITE.yaml": self.folder / "kite.yaml", "FOLDER_WITH_THE_MAT": AP2,
-            "OUT": self.folder / "OUT", "FLIGHT/nominal.yaml": DEV / "nominal.yaml", "FLIGHT": DEV, "RUN_A": self.folder / "out", "RUN_B": self.folder / "out",
+            "OUT": self.folder / "OUT",
+            "FLIGHT/nominal.yaml": DEV / "nominal.yaml", "FLIGHT": DEV, "RUN_A": self.folder / "out", "RUN_B": self.folder / "out",
             "DIR": self.folder / "figures", "RUN": self.folder / "out",
         }  # fmt: skip
         return [re.sub(r"(^|=)([A-Z_]+(?:/nominal\.yaml|\.yaml)?)$", lambda m: m[1] + str(real.get(m[2], m[2])), w) for w in command]

@@ -1,0 +1,87 @@
+"""Damaged input of every kind gives a good answer or one clear error; the campaign with many more inputs is benchmarks/fuzz.py."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from fuzz import TARGETS, guard
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from awescli.notation.errors import AwesError
+
+DAMAGE = st.lists(st.tuples(st.integers(0, 2**20), st.integers(0, 12), st.binary(max_size=12)), min_size=1, max_size=5)
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    """name -> (folder, seeds), each laid out once."""
+    made = {}
+
+    def of(name):
+        if name not in made:
+            folder = tmp_path_factory.mktemp("target")
+            made[name] = folder, TARGETS[name].prepare(folder)
+        return made[name]
+
+    return of
+
+
+@pytest.mark.parametrize("name", TARGETS)
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_damaged_input_is_read_or_refused(prepared, name, data):
+    """Bytes replaced, removed, put in; words of the format put in; ends cut off."""
+    folder, seeds = prepared(name)
+    raw = bytearray(data.draw(st.sampled_from(seeds)))
+    words = st.sampled_from([w.encode() for w in TARGETS[name].words])
+    for at, gone, new in data.draw(DAMAGE):
+        at %= len(raw) + 1
+        raw[at : at + gone] = data.draw(st.one_of(st.just(new), words))
+    try:
+        TARGETS[name].read(folder, bytes(raw[: data.draw(st.integers(len(raw) // 2, len(raw)))]))
+    except AwesError as e:
+        assert str(e).strip()
+
+
+@pytest.mark.parametrize(
+    "deed, seen",
+    [
+        ("open(sys.argv[1] + '/../outside', 'w')", True),
+        ("open(sys.argv[1] + '/inside', 'w')", False),
+        ("__import__('os').system('true')", True),
+        ("__import__('pickle').loads(b'cos\\nsystem\\n.')", True),
+        ("__import__('socket').socket().connect(('127.0.0.1', 9))", True),
+    ],
+)
+def test_the_guard_of_the_campaign_sees_what_must_not_happen(tmp_path, deed, seen):
+    """In a process of its own: an audit hook cannot be taken off again."""
+    assert callable(guard)
+    (tmp_path / "in").mkdir()
+    program = f"import sys; from pathlib import Path; from fuzz import guard; guard(Path(sys.argv[1])); {deed}"
+    benchmarks = str(Path(__file__).parents[2] / "benchmarks")
+    path = [benchmarks, *sys.path]
+    done = subprocess.run([sys.executable, "-c", f"import sys; sys.path[:0] = {path!r}; {program}", str(tmp_path / "in")],
+                          capture_output=True, text=True)  # fmt: skip
+    assert ("forbidden: " in done.stderr) == seen and (done.returncode != 0) == seen
+
+
+def test_paths_of_a_plan_cannot_make_a_stage_write_elsewhere(tmp_path):
+    """Results go to `out` and nowhere else: not over the flight, not over a file, and a stage's name is never a path."""
+    folder, seeds = tmp_path, TARGETS["plan"].prepare(tmp_path)
+    for setting in (b"out: flight\n", b"out: kite.yaml\n"):
+        with pytest.raises(AwesError):
+            TARGETS["plan"].read(folder, seeds[0].replace(b"out: out\n", setting))
+    with pytest.raises(AwesError, match="unknown key"):
+        TARGETS["plan"].read(folder, seeds[0] + b"  ../../elsewhere: {}\n")
+
+
+def test_alias_bombs_and_deep_nesting_are_refused(tmp_path):
+    """Work that would grow without bound is refused before it is begun: unfolded, the first would be 9^10 words."""
+    TARGETS["plan"].prepare(tmp_path)
+    levels = [b"%c: &%c [%s]\n" % (98 + i, 98 + i, b", ".join([b"*%c" % (97 + i)] * 9)) for i in range(9)]
+    bomb = b"a: &a [x, x, x, x, x, x, x, x, x]\n" + b"".join(levels)
+    for data in (bomb, b"[" * 100_000, b"{a: " * 20_000, b"- " * 50_000):
+        with pytest.raises(AwesError):
+            TARGETS["plan"].read(tmp_path, data)
