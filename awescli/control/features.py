@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from awescli.control.pattern import Pattern, arc, distance, place, position, tangent_velocity, velocity_ned
 from awescli.notation.errors import BadInput, did_you_mean
-from awescli.notation.frames import dot, rotation_body_to_ned
+from awescli.notation.frames import dot, rotate, rotation_body_to_ned
 from awescli.notation.quantities import STATES, UNITS
 from awescli.notation.scalars import atan2, cos, sin, sqrt
 
@@ -52,6 +52,12 @@ def _line(z, axis: int):
     return dot(tuple(row[axis] for row in R), position(z)) / distance(z)
 
 
+def turn_rate(z):
+    """Rotation of the kite about the line, positive outward [rad/s]: what a rudder makes, wherever the kite is and however it is banked."""
+    R = rotation_body_to_ned(z["phi"], z["theta"], z["psi"])
+    return dot(rotate(R, (z["p"], z["q"], z["r"])), position(z)) / distance(z)
+
+
 def _downwind(z):
     """Azimuth of the kite from the downwind direction, (-pi, pi]; z['wind_direction'] is where the wind comes FROM."""
     s, c = -sin(z["wind_direction"]), -cos(z["wind_direction"])
@@ -89,6 +95,8 @@ FEATURES: dict[str, Feature] = {
     "downwind_azimuth": Feature(lambda z, _: _downwind(z), "rad", "azimuth of the line from downwind", needs=("wind_direction",)),
     "sin_course": Feature(lambda z, _: _course(z)[0] / _course(z)[2], "-", "sine of the course in the tangent plane, 0 = up"),
     "cos_course": Feature(lambda z, _: _course(z)[1] / _course(z)[2], "-", "cosine of the course in the tangent plane"),
+    "turn_rate": Feature(lambda z, _: turn_rate(z), "rad/s", "rotation about the line"),
+    "curvature": Feature(lambda z, _: turn_rate(z) / _speed(z), "1/m", "rotation about the line per distance flown"),
     "nose_along_line": Feature(lambda z, _: _line(z, 0), "-", "body x along the line"),
     "wing_along_line": Feature(lambda z, _: _line(z, 1), "-", "body y along the line: bank against the line"),
     "belly_along_line": Feature(lambda z, _: _line(z, 2), "-", "body z along the line"),
@@ -105,9 +113,11 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "state": ("p_n", "p_e", "p_d", "u", "v", "w", "sin_phi", "cos_phi", "sin_theta", "sin_psi", "cos_psi", "p", "q", "r"),
     "state_ned": ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "sin_phi", "cos_phi", "sin_theta", "sin_psi", "cos_psi", "p", "q", "r"),
     "invariant": ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "radial_speed", "p", "q", "r"),
+    "curvature": ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "radial_speed", "curvature", "p", "q", "r"),
 }
 """`state`: the seed's z, its wrapping angles as sine and cosine (theta stays within +-90 deg: the sine alone tells it);
-`state_ned`: the same with the cleaner velocity; `invariant`: the same wherever the circle stands and however far it is."""
+`state_ned`: the same with the cleaner velocity; `invariant`: the same wherever the circle stands and however far it is;
+`curvature`: the same, and how tightly the kite turns. (How it is held against the line fits as well between known loops and worse beyond.)"""
 
 
 def check_features(names) -> None:

@@ -29,7 +29,8 @@ class Law(ABC):
 
     surfaces: those the law drives; features: names in FEATURES; centre, scale: of each feature, for standardisation;
     limits: surface -> (lower, upper) [rad]; constants: surface -> [rad], surfaces that never moved; pattern: the circle, or None;
-    rate_limit [rad/s, may be inf] and delay_s [s]: properties of the set-point, applied by whoever simulates over time;
+    rate_limits: surface -> [rad/s], those that show a limiter, and delay_s [s]: properties of the set-point, applied by whoever
+    simulates over time (simulation.closed_loop);
     metrics: what the fit reports about itself, plain numbers.
     """
 
@@ -42,7 +43,7 @@ class Law(ABC):
     limits: Mapping[str, tuple[float, float]]
     constants: Mapping[str, float] = field(default_factory=dict)
     pattern: Pattern | None = None
-    rate_limit: float = float("inf")
+    rate_limits: Mapping[str, float] = field(default_factory=dict)
     delay_s: float = 0.0
     metrics: Mapping = field(default_factory=dict)
 

@@ -1,7 +1,5 @@
 """LAWS: every kind of control law, and how one is written to an artifact and read back."""
 
-import math
-
 import numpy as np
 
 from awescli.control.gaussian_law import GaussianLaw
@@ -15,7 +13,7 @@ LAWS: dict[str, type[Law]] = {"gaussian": GaussianLaw, "network": NetworkLaw, "l
 
 
 def to_artifact(law: Law) -> tuple[dict, dict[str, np.ndarray]]:
-    """(controller.json as a plain dict, arrays by name). JSON has no infinity: an unlimited rate is null."""
+    """(controller.json as a plain dict, arrays by name)."""
     document = {
         "kind": law.kind,
         "surfaces": list(law.surfaces),
@@ -25,7 +23,7 @@ def to_artifact(law: Law) -> tuple[dict, dict[str, np.ndarray]]:
         "limits": {name: list(pair) for name, pair in law.limits.items()},
         "constants": dict(law.constants),
         "pattern": None if law.pattern is None else law.pattern.to_dict(),
-        "rate_limit": law.rate_limit if math.isfinite(law.rate_limit) else None,
+        "rate_limits": dict(law.rate_limits),
         "delay_s": law.delay_s,
         "unit": "rad",
         "metrics": dict(law.metrics),
@@ -47,7 +45,7 @@ def from_artifact(document: dict, arrays: dict[str, np.ndarray]) -> Law:
         limits={name: tuple(pair) for name, pair in document["limits"].items()},
         constants=dict(document["constants"]),
         pattern=None if document["pattern"] is None else Pattern(**document["pattern"]),
-        rate_limit=float("inf") if document["rate_limit"] is None else document["rate_limit"],
+        rate_limits=dict(document["rate_limits"]),
         delay_s=document["delay_s"],
         metrics=document.get("metrics", {}),
         **arrays,

@@ -1,7 +1,11 @@
 """Noise bound, Lipschitz constants and the small-gain condition, from neighbouring samples.
 
-After Fagiano & Novara, "Learning a nonlinear controller from data", IEEE TAC 61(7), 2016 (preprint arXiv:1309.1574). Two differences, with
-reasons: quantiles stand where the paper takes a maximum (one outlier in 270,000 samples would set the bound), and neighbours come
+After Fagiano & Novara, "Learning a nonlinear controller from data", IEEE TAC 61(7), 2016 (preprint "Identification of nonlinear
+controllers from data: theory and computation", arXiv:1309.1574). What was checked against the preprint's text: its setting (one
+unknown static law u = k(y) of measured feedback variables, Lipschitz continuous on a compact set, with bounded disturbances and a Lipschitz
+closed loop). What was NOT: its constants (radius of the neighbourhoods, alpha, the order of its algorithms), which could not be read; the
+convex step's form is the issue's, of the combined l1-relaxed-greedy algorithm only the abstract (Novara, ACC 2011) was seen. Two
+differences are meant: quantiles stand where a maximum would (one outlier in 270,000 samples would set the bound), and neighbours come
 from OTHER loops (consecutive samples share their smoothing and differ by one step: they say nothing about noise).
 """
 
@@ -49,19 +53,12 @@ def estimate_bounds(u: np.ndarray, pairs: Pairs, quantile: float = 0.95) -> tupl
     return eps, float(np.quantile(slope, quantile))
 
 
-def lipschitz_of_error(error: np.ndarray, pairs: Pairs, eps: float, quantile: float = 0.95) -> float:
-    """Slope of the error (N,) of a fitted law between neighbours, beyond what noise eps explains [rad per standard deviation]."""
-    if pairs.a.size == 0:
-        return 0.0
-    slope = np.maximum(np.abs(error[pairs.a] - error[pairs.b]) - 2 * eps, 0.0) / np.maximum(pairs.distance, 1e-9)
-    return float(np.quantile(slope, quantile))
-
-
 def small_gain(gamma_error: float, plant_gain: float | None) -> dict:
     """The fitted law keeps the loop stable if gamma_error * plant_gain < 1.
 
-    plant_gain: how far the closed loop WITH THE TRUE controller moves the standardised features per rad of disturbance at the surface.
-    It belongs to the plant and cannot be told from the controller's data alone: without it, the largest admissible one is reported.
+    plant_gain: how far the closed loop moves the standardised features per rad of disturbance at the surface, None where it is unknown. The
+    condition asks for the loop with the TRUE controller; what can be flown is the declared kite with the fitted one
+    (simulation.survival.loop_gain), a lower bound at that: `holds` is evidence, no proof. The largest admissible gain stands beside it.
     """
     admissible = float("inf") if gamma_error <= 0 else 1.0 / gamma_error
     holds = None if plant_gain is None else bool(plant_gain < admissible)

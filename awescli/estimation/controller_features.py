@@ -1,20 +1,26 @@
 """Which features a controller looks at: compared as sets, then each one on trial: what does the fit lose without it?"""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from awescli.control.features import FEATURE_SETS, check_features
 from awescli.control.gaussian_law import design
 from awescli.estimation.controller_centres import farthest_points, thin
 from awescli.estimation.controller_problem import Score, pose, score_linear
-from awescli.estimation.controller_samples import Samples, available
+from awescli.estimation.controller_samples import Samples, available, thinned
 from awescli.notation.errors import BadInput, did_you_mean
-
-POSITION = ("radius_error", "course_error", "p_n", "p_e", "p_d")
-"""Never left out by `auto`. Along an undisturbed flight these are nearly functions of the others, so a fit may not miss them; but a
-law that is blind to where the circle is fits every log and holds no circle."""
 
 TRIAL_ROWS, TRIAL_CENTRES, TRIAL_WIDTH, TRIAL_RIDGE = 1500, 60, 1.4, 1e-5
 """The quick stand-in for a fit that features are judged by: a fixed Gaussian basis, 0.1 s a trial."""
+
+
+WORTH, MOST_CHOICES = 1.5, 2
+"""Sets whose stand-in scores within this share of the best are worth a whole fit; at most so many."""
+
+ADDED = 0.8
+"""A feature is added to a set where that lowers the score to this share: what a law sees beyond its set is one more thing that may leave the
+flown range. None is left out of a set: between known loops a set that is cut down scores as well, and beyond them it is worse."""
 
 
 def trial_regressors(problem):
@@ -31,8 +37,21 @@ def trial_score(samples: Samples, features: tuple[str, ...], folds: int) -> Scor
     return score_linear(problem, *trial_regressors(problem), [TRIAL_RIDGE])[TRIAL_RIDGE]
 
 
-def choose_features(samples: Samples, wanted, folds: int, additions: tuple[str, ...]) -> tuple[tuple[str, ...], dict]:
-    """(features, report). wanted: the name of a set, 'auto', or a sequence of feature names."""
+@dataclass(frozen=True)
+class Choice:
+    """features: names; score: of the stand-in; how: what was done, in a sentence; steps: additions."""
+
+    features: tuple[str, ...]
+    score: Score
+    how: str
+    steps: list
+
+
+def rank_features(samples: Samples, wanted, folds: int, additions: tuple[str, ...]) -> tuple[list[Choice], dict]:
+    """(choices worth a whole fit, best first, report). wanted: the name of a set, 'auto', or a sequence of feature names.
+
+    A choice within WORTH of the best may be the one that flies, or that the whole fit prefers: the stand-in is quick, not final.
+    """
     if isinstance(wanted, str) and wanted != "auto":
         if wanted not in FEATURE_SETS:
             raise BadInput(f"unknown feature set '{wanted}'", do=did_you_mean(wanted, [*FEATURE_SETS, "auto"]))
@@ -40,49 +59,41 @@ def choose_features(samples: Samples, wanted, folds: int, additions: tuple[str, 
     if wanted != "auto":
         check_features(wanted)
         kept, notes = available(samples, wanted)
-        return kept, {"chosen": list(kept), "how": "fixed by the user", "notes": notes, "reasons": _reasons(samples, kept, folds)}
+        return [Choice(kept, trial_score(thinned(samples, TRIAL_ROWS), kept, folds), "fixed by the user", [])], {"sets": {}, "notes": notes}
+    samples = thinned(samples, TRIAL_ROWS)
     sets, notes = {}, []
     for name, names in FEATURE_SETS.items():
         kept, said = available(samples, names)
         sets[name] = (kept, trial_score(samples, kept, folds))
         notes += said
-    start = min(sets, key=lambda name: sets[name][1].value)
-    kept, score = sets[start]
-    steps = []
-    kept, score = _add(samples, kept, score, folds, available(samples, additions)[0], steps)
-    kept, score = _drop(samples, kept, score, folds, steps)
-    report = {
-        "chosen": list(kept),
-        "how": f"set '{start}' had the lowest score; then features were tried for addition and omission",
-        "sets": {name: {"score": s.value, "cv_nrmse": s.cv, "ahead_nrmse": s.ahead} for name, (_, s) in sets.items()},
-        "steps": steps,
-        "notes": notes,
-        "reasons": _reasons(samples, kept, folds),
-    }
-    return kept, report
+    extra, best, choices = available(samples, additions)[0], min(score.value for _, score in sets.values()), []
+    for name in sorted(sets, key=lambda name: sets[name][1].value)[:MOST_CHOICES]:
+        kept, score = sets[name]
+        if score.value > WORTH * best:
+            break
+        steps: list = []
+        kept, score = _add(samples, kept, score, folds, extra, steps)
+        choices.append(Choice(kept, score, f"set '{name}', then features tried for addition", steps))
+    return sorted(choices, key=lambda c: c.score.value), {
+        "sets": {name: {"features": list(kept)} | s.row() for name, (kept, s) in sets.items()}, "notes": notes,
+    }  # fmt: skip
 
 
-def _add(samples, kept, score, folds, candidates, steps, least_gain: float = 0.97):
-    """Add the most helpful candidate while it lowers the score by 3 %."""
+def feature_report(samples: Samples, choice: Choice, folds: int) -> dict:
+    """Which features were kept, and why each."""
+    samples = thinned(samples, TRIAL_ROWS)
+    return {"chosen": list(choice.features), "how": choice.how, "steps": choice.steps, "reasons": _reasons(samples, choice.features, folds)}
+
+
+def _add(samples, kept, score, folds, candidates, steps):
+    """Add the most helpful candidate while it lowers the score to ADDED."""
     while rest := [c for c in candidates if c not in kept]:
         scores = {c: trial_score(samples, (*kept, c), folds) for c in rest}
         best = min(scores, key=lambda c: scores[c].value)
-        if scores[best].value > least_gain * score.value:
+        if scores[best].value > ADDED * score.value:
             break
         steps.append({"added": best, "score_before": score.value, "score_after": scores[best].value})
         kept, score = (*kept, best), scores[best]
-    return kept, score
-
-
-def _drop(samples, kept, score, folds, steps):
-    """Leave out the least useful feature while the score does not rise: a feature that does not help carries only noise."""
-    while len(kept) > 2 and (free := [f for f in kept if f not in POSITION]):
-        scores = {f: trial_score(samples, tuple(k for k in kept if k != f), folds) for f in free}
-        best = min(scores, key=lambda f: scores[f].value)
-        if scores[best].value > score.value:
-            break
-        steps.append({"dropped": best, "score_before": score.value, "score_after": scores[best].value})
-        kept, score = tuple(k for k in kept if k != best), scores[best]
     return kept, score
 
 

@@ -8,18 +8,19 @@ import numpy as np
 from awescli.control.law import Law, deflections_of_states
 from awescli.control.laws import LAWS
 from awescli.estimation.controller_centres import thin
-from awescli.estimation.controller_features import choose_features, estimate_delay, observed_limits, observed_rates
+from awescli.estimation.controller_features import Choice, estimate_delay, feature_report, observed_limits, observed_rates, rank_features
 from awescli.estimation.controller_gaussian import fit_gaussian
-from awescli.estimation.controller_hold import Hold, steering_hold
+from awescli.estimation.controller_hold import steering_hold
 from awescli.estimation.controller_linear import fit_linear
 from awescli.estimation.controller_network import fit_network
 from awescli.estimation.controller_noise import NOISE, noise_through_law
 from awescli.estimation.controller_problem import blocks, pose
-from awescli.estimation.controller_samples import Samples, gather
+from awescli.estimation.controller_samples import Samples, answered, gather, samples_at
+from awescli.estimation.controller_steering import Steering, find_steering
 from awescli.notation.errors import BadInput, did_you_mean
 
 FITS = {"gaussian": fit_gaussian, "network": fit_network, "linear": fit_linear}
-"""kind -> (problem, config, hold) -> (fields of the law, report). Only the Gaussian law can be held (linear in its numbers)."""
+"""kind -> (problem, config, holds) -> one (fields of the law, report) after the other."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,8 @@ class ControllerConfig:
     alphas: the convex step's tolerances in units of eps, the first that all but `outliers` of the samples meet; gamma_share: the error's
     Lipschitz bound, as a share of gamma; smooth_window_s: 0 fits to the states as measured; refit_with_validation: after
     all choices are made, use the validation part too; limits: surface -> (lower, upper) [rad]; limit_margin: share of the flown range
-    granted beyond it; noise: sensor standard deviations, SI; plant_gain: see controller_bounds.small_gain; hold: strength of the
-    slopes of controller_hold where nothing is flown, hold_strengths: those tried where it is; compare: fit all kinds.
+    granted beyond it; noise: sensor standard deviations, SI; hold: weight of what controller_hold asks where nobody flies the law,
+    hold_strengths: those tried, weakest first, where somebody does; compare: fit all kinds.
     """
 
     kind: str = "gaussian"
@@ -48,21 +49,19 @@ class ControllerConfig:
     alphas: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)
     outliers: float = 0.05
     gamma_share: float = 0.5
-    gain_quantile: float = 1.0
     convex_samples: int = 300
     convex_pairs: int = 200
     smooth_window_s: float = 0.34
-    selection_samples: int = 5000
+    selection_samples: int = 3000
     refit_with_validation: bool = True
     limits: dict = field(default_factory=dict)
     limit_margin: float = 0.5
     noise: dict = field(default_factory=lambda: dict(NOISE))
-    plant_gain: float | None = None
     network_width: int = 12
     network_iterations: int = 300
     seed: int = 0
-    hold_strengths: tuple[float, ...] = (0.03, 0.06, 0.12, 0.25)
-    hold: float = 0.03
+    hold_strengths: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)
+    hold: float = 0.01
     compare: bool = False
 
     def __post_init__(self):
@@ -74,10 +73,11 @@ class ControllerConfig:
 
 @dataclass(frozen=True)
 class ControllerFit:
-    """The fitted law and what is to be said about it: plain numbers, ready for JSON."""
+    """The fitted law, what is to be said about it (plain numbers, ready for JSON), and the laws of all kinds that were compared."""
 
     law: Law
     report: dict
+    laws: dict[str, Law]
 
 
 def fit_controller(
@@ -87,75 +87,116 @@ def fit_controller(
 
     train_ranges, validation_ranges: lists of (first, last) sample numbers, last excluded; every other valid sample is the test part, which
     no choice ever sees: it is scored once, here at the end. fly: law -> share (0..1) of the asked time that it keeps the declared model in
-    the air from states of the log, handed down by who can simulate; with it, the strength of the hold is the smallest that flies.
+    the air from states of the train and validation parts, handed down by who can simulate; with it, choices are made among laws that fly.
     """
     config = config or ControllerConfig()
     samples = gather(log, train_ranges, validation_ranges, config.surfaces, config.smooth_window_s)
-    features, feature_report = choose_features(samples, config.features, config.folds, config.additions)
-    problem = pose(samples, features, config.folds, config.selection_samples)
-    delay, rates = estimate_delay(samples, features, config.folds), observed_rates(samples)
+    loops = np.unique(samples.loop[samples.train]).size
+    if loops < config.folds:
+        few = f"{loops} loops in the training part, fewer than {config.folds} folds"
+        raise BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
     limits = observed_limits(samples, config.limits, config.limit_margin)
+    rates = observed_rates(samples)
+    limited = {surface: r["fastest"] for surface, r in rates.items() if r["limited"]}
+    samples = answered(samples, 0, limited)
+    samples, steering, choices, sets = _seen(samples, config)
+    delay = estimate_delay(samples, choices[0].features, config.folds)
+    if delay["delay_s"] > 0:
+        samples, steering, choices, sets = _seen(answered(samples, round(delay["delay_s"] / samples.dt), {}), config)
     common = {
         "surfaces": samples.surfaces,
-        "features": features,
-        "centre": problem.centre,
-        "scale": problem.scale,
         "limits": limits,
         "constants": samples.constants,
         "pattern": samples.pattern,
-        "rate_limit": _rate_limit(rates),
+        "rate_limits": limited,
         "delay_s": delay["delay_s"],
     }
-    kinds = (config.kind, *(k for k in FITS if k != config.kind)) if config.compare else (config.kind,)
-    laws, reports = {}, {}
-    for kind in kinds:
-        strengths = (config.hold,) if fly is None else config.hold_strengths if kind == "gaussian" else (0.0,)
-        laws[kind], report = _fit_until_it_flies(kind, problem, config, common, strengths, fly)
-        reports[kind] = report | _scores(laws[kind], samples, config)
+    attempts = [a for choice in choices for a in _attempts(config.kind, choice, samples, steering, config, common, fly)]
+    best = _best(attempts)
+    others = [k for k in FITS if k != config.kind] if config.compare else []
+    # the other kinds see what the chosen law sees, and are held as firmly: what differs is the class
+    alike = replace(config, hold=best.hold, hold_strengths=(best.hold,))
+    found = {config.kind: best} | {kind: _best(_attempts(kind, best.choice, samples, steering, alike, common, fly)) for kind in others}
+    reports = {kind: a.report | {"survival": a.survival} | _scores(a.law, samples, config) for kind, a in found.items()}
     report = {
         "kind": config.kind,
         **reports[config.kind],
-        "features": feature_report,
+        "gain": dict(zip(samples.surfaces, best.report.get("gain", []), strict=False)),
+        "features": feature_report(samples, best.choice, config.folds) | sets,
         "surfaces": list(samples.surfaces),
         "constants": samples.constants,
         "loops": int(samples.loop.max()) + 1,
         "delay": delay,
         "rates": rates,
         "pattern": samples.pattern.to_dict(),
+        "steering": steering.report,
+        "attempts": [a.row() for a in attempts],
         "comparison": {kind: _line(r) for kind, r in reports.items()},
     }
-    law = laws[config.kind]
     metrics = {key: report[key] for key in ("nrmse", "nrmse_smoothed", "noise_nrmse", "nonzeros", "condition")}
-    return ControllerFit(replace(law, metrics=metrics), report)
+    return ControllerFit(replace(best.law, metrics=metrics), report, {kind: a.law for kind, a in found.items()})
 
 
-def _fit_until_it_flies(kind: str, problem, config: ControllerConfig, common: dict, strengths, fly) -> tuple[Law, dict]:
-    """The law with the weakest hold that flies all the time it is asked to. Where none does, the declared model may be at fault as well as
-    the law, and is no judge: the law with the default hold is kept, and its survival says that it does not fly."""
-    tried = []
-    for strength in strengths:
-        fields, report = FITS[kind](
-            problem, config, steering_hold(problem, common["pattern"].radius, strength) if strength > 0 else Hold({}, 0.0)
-        )
-        law = LAWS[kind](**common, **fields)
-        survival = None if fly is None else float(fly(law))
-        tried.append((law, report | {"hold": strength, "survival": survival}))
-        if survival is None or survival >= 1.0:
+def _seen(samples: Samples, config: ControllerConfig) -> tuple[Samples, Steering, list[Choice], dict]:
+    """(samples with the circle that is steered for, how it is steered for, choices of features, what was compared)."""
+    steering = find_steering(samples)
+    samples = replace(samples, pattern=steering.pattern)
+    return samples, steering, *rank_features(samples, config.features, config.folds, config.additions)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One fitted law: features and strength of the hold it was fitted with, and how long it flew (None: nobody asked)."""
+
+    law: Law
+    report: dict
+    choice: Choice
+    hold: float
+    survival: float | None
+
+    @property
+    def flies(self) -> bool:
+        return self.survival is None or self.survival >= 1.0
+
+    @property
+    def score(self) -> float:
+        score = self.report["chosen_by"]["score"]
+        return float("inf") if score is None else score
+
+    def row(self) -> dict:
+        return {"features": list(self.choice.features), "hold": self.hold, "survival": self.survival, "nonzeros": self.report["nonzeros"],
+                **self.report["chosen_by"]}  # fmt: skip
+
+
+def _attempts(kind: str, choice: Choice, samples: Samples, steering: Steering, config, common: dict, fly) -> list[Attempt]:
+    """Attempts with a stronger and stronger hold, until one flies and a stronger hold fits unseen flight no better."""
+    problem, attempts = pose(samples, choice.features, config.folds, config.selection_samples), []
+    seen = {"features": choice.features, "centre": problem.centre, "scale": problem.scale}
+    strengths = (config.hold,) if fly is None else config.hold_strengths
+    holds = [steering_hold(samples, problem, steering, strength) for strength in strengths]
+    # where nothing is asked, there is nothing to ask more strongly
+    holds = holds if holds[0].strength else holds[:1]
+    for hold, (fields, report) in zip(holds, FITS[kind](problem, config, holds), strict=True):
+        law = LAWS[kind](**common, **seen, **fields)
+        attempt = Attempt(law, report | {"hold": hold.strength}, choice, hold.strength, None if fly is None else float(fly(law)))
+        worse = any(a.flies and a.score < attempt.score for a in attempts)
+        attempts.append(attempt)
+        if worse:
             break
-    flies = fly is None or tried[-1][1]["survival"] >= 1.0
-    law, report = tried[-1] if flies else min(tried, key=lambda t: abs(t[1]["hold"] - config.hold))
-    flown = [{"hold": r["hold"], "survival": r["survival"], "nonzeros": r["nonzeros"], **r["chosen_by"]} for _, r in tried]
-    return law, report | {"flown": flown}
+    return attempts
 
 
-def _rate_limit(rates: dict) -> float:
-    """The fastest limited rate [rad/s], inf where no surface shows a limiter."""
-    return max((r["fastest"] for r in rates.values() if r["limited"]), default=float("inf"))
+def _best(attempts: list[Attempt]) -> Attempt:
+    """Of those that fly, the one with the lowest score on held-out flight: a law that fits a little better and does not fly loses.
+    Where none flies, the declared model may be at fault as well as the law: the one that flies longest, and its survival says so."""
+    flying = [a for a in attempts if a.flies]
+    return min(flying, key=lambda a: a.score) if flying else min(attempts, key=lambda a: (-(a.survival or 0.0), a.score))
 
 
 def _line(report: dict) -> dict:
     """One row of the comparison."""
-    return {key: report[key] for key in ("nrmse", "nrmse_smoothed", "noise_nrmse", "nonzeros", "condition", "survival")}
+    names = ("nrmse", "nrmse_smoothed", "noise_nrmse", "nonzeros", "condition", "hold", "survival")
+    return {key: report[key] for key in names}
 
 
 def _scores(law: Law, samples: Samples, config: ControllerConfig) -> dict:
@@ -175,19 +216,14 @@ def _scores(law: Law, samples: Samples, config: ControllerConfig) -> dict:
             {s: e / span[s] for s, e in _rmse(law, z, rows, samples).items()} for z in (samples.measured, samples.smoothed)
         )
         few = thin(rows, 4000)
-        noise[part] = noise_through_law(law, _at(samples.smoothed, few), config.noise, span, config.seed)
+        noise[part] = noise_through_law(law, samples_at(samples.smoothed, few), config.noise, span, config.seed)
     return {"nrmse": nrmse, "nrmse_smoothed": clean, "noise_nrmse": noise}
-
-
-def _at(z: dict, rows: np.ndarray) -> dict:
-    """z at some samples; what is constant over the flight stays a number."""
-    return {name: signal[rows] if np.ndim(signal) else signal for name, signal in z.items()}
 
 
 def _rmse(law: Law, z: dict, rows: np.ndarray, samples: Samples) -> dict[str, float]:
     """surface -> RMSE [rad] over `rows`, block by block."""
     square = np.zeros(len(samples.surfaces))
     for part in blocks(rows):
-        predicted = deflections_of_states(law, _at(z, part))
+        predicted = deflections_of_states(law, samples_at(z, part))
         square += [((predicted[s] - samples.set_points[part, i]) ** 2).sum() for i, s in enumerate(samples.surfaces)]
     return dict(zip(samples.surfaces, (float(x) for x in np.sqrt(square / rows.size)), strict=True))

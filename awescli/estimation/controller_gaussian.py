@@ -4,10 +4,12 @@ Relaxed (l1) and greedy steps are combined after Novara, "Sparse identification 
 optimality analysis", ACC 2011. Widths, number of centres and ridge are chosen by score_linear (held-out loops and flight ahead).
 """
 
+from collections.abc import Callable, Iterable, Iterator
+
 import numpy as np
 
 from awescli.control.gaussian_law import design
-from awescli.estimation.controller_bounds import estimate_bounds, lipschitz_of_error, neighbour_pairs, small_gain
+from awescli.estimation.controller_bounds import estimate_bounds, neighbour_pairs
 from awescli.estimation.controller_centres import farthest_points, thin
 from awescli.estimation.controller_greedy import greedy_order
 from awescli.estimation.controller_hold import Hold
@@ -15,29 +17,72 @@ from awescli.estimation.controller_lp import sparse_coefficients
 from awescli.estimation.controller_problem import Problem, fit_on_everything, score_linear
 
 RIDGES = (1e-4, 3e-5, 1e-5, 3e-6)
-SELECTION_ROWS = 2500
+SELECTION_ROWS = 1500
+TIE = 1.03
+"""Scores within this share of the best can hardly be told from it."""
 
 
-def fit_gaussian(problem: Problem, config, hold: Hold) -> tuple[dict, dict]:
-    """(fields of the GaussianLaw, report). config: a ControllerConfig; hold: slopes asked for beside the samples."""
-    candidates = problem.X[problem.rows][farthest_points(problem.X[problem.rows], config.candidates)]
-    widths = [factor * np.sqrt(len(problem.features)) for factor in config.width_factors]
-    nothing = np.array([], dtype=int)
-    trials = [trial for w in widths for trial in _trials(problem, candidates, w, nothing, "greedy", config, hold)]
+def fit_gaussian(problem: Problem, config, holds: Iterable[Hold]) -> Iterator[tuple[dict, dict]]:
+    """(fields of the GaussianLaw, report) for each hold, which is what is asked beside the samples. config: a ControllerConfig."""
+    bases = _Bases(problem, config)
+    for hold in holds:
+        yield _fit_held(problem, bases, config, hold)
+
+
+class _Bases:
+    """What no hold changes: candidates, their regressors, the order they are taken in, and the convex step; each computed once."""
+
+    def __init__(self, problem: Problem, config):
+        self.problem, self.config = problem, config
+        self.candidates = problem.X[problem.rows][farthest_points(problem.X[problem.rows], config.candidates)]
+        self.widths = [factor * np.sqrt(len(problem.features)) for factor in config.width_factors]
+        self._kept: dict = {}
+
+    def _once(self, key, make: Callable):
+        if key not in self._kept:
+            self._kept[key] = make()
+        return self._kept[key]
+
+    def regressors(self, width: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(smoothed, measured, ahead)."""
+        p = self.problem
+        parts = (p.X[p.rows], p.M[p.rows], p.M[p.ahead])
+        return self._once(("regressors", width), lambda: tuple(design(x, self.candidates, width) for x in parts))
+
+    def convex(self, width: float) -> dict:
+        return self._once(("convex", width), lambda: _convex_step(self.problem, self.candidates, width, self.config))
+
+    def order(self, width: float, relaxed: bool) -> np.ndarray:
+        """Candidates, best first; relaxed: those of the convex step before the others."""
+        return self._once(("order", width, relaxed), lambda: self._order(width, relaxed))
+
+    def _order(self, width: float, relaxed: bool) -> np.ndarray:
+        p, m = self.problem, self.candidates.shape[0]
+        pick = thin(np.arange(p.rows.size), SELECTION_ROWS)
+        S = self.regressors(width)[0][pick]
+        preferred = self.convex(width)["support"] if relaxed else np.array([], dtype=int)
+        return greedy_order(S[:, :m], S[:, m:], p.U[p.rows[pick]], preferred, self.config.most_nonzeros, self.config.condition_limit)
+
+
+def _fit_held(problem: Problem, bases: _Bases, config, hold: Hold) -> tuple[dict, dict]:
+    """(fields of the GaussianLaw, report)."""
+    candidates = bases.candidates
+    trials = [trial for w in bases.widths for trial in _trials(problem, bases, w, False, config, hold)]
     width = min(trials, key=lambda t: t["score"].value)["width"]
-    convex = _convex_step(problem, candidates, width, config)
-    trials += _trials(problem, candidates, width, convex["support"], "convex, then greedy", config, hold)
+    convex = bases.convex(width)
+    trials += _trials(problem, bases, width, True, config, hold)
     best = min(t["score"].value for t in trials)
     # the sparsest of those that can hardly be told from the best, and of these the widest: it bends least between and beyond the data
-    chosen = min((t for t in trials if t["score"].value <= 1.05 * best), key=lambda t: (t["order"].size, -t["width"], t["score"].value))
+    chosen = min((t for t in trials if t["score"].value <= TIE * best), key=lambda t: (t["order"].size, -t["width"], t["score"].value))
     order, ridge, w = chosen["order"], chosen["ridge"], chosen["width"]
 
     rows = problem.everything if config.refit_with_validation else problem.train
 
     def solve(order):
-        return fit_on_everything(
-            problem, lambda X: design(X, candidates[order], w), ridge, rows, hold.rows(problem, candidates[order], w, rows.size)
-        )
+        def regressors(X):
+            return design(X, candidates[order], w)
+
+        return fit_on_everything(problem, regressors, ridge, rows, hold.rows(regressors, rows.size))
 
     coefficients, conditioning = solve(order)
     while conditioning["condition_raw"] > config.condition_limit and order.size > 1:
@@ -50,10 +95,10 @@ def fit_gaussian(problem: Problem, config, hold: Hold) -> tuple[dict, dict]:
         "width": float(w),
         **conditioning,
         "largest_coefficient_deg": float(np.degrees(np.abs(fields["coefficients"]).max())) if order.size else 0.0,
-        "chosen_by": {"basis": chosen["basis"], "cv_nrmse": chosen["score"].cv, "ahead_nrmse": chosen["score"].ahead},
+        "chosen_by": {"basis": chosen["basis"], **chosen["score"].row()},
         "convex": convex["report"],
         "trials": [_row(t) for t in trials],
-        "gain": _gains(problem, design(problem.X[convex["rows"]], centres, w) @ coefficients, convex, config),
+        "gain": _gains(problem, design(problem.X[convex["rows"]], centres, w) @ coefficients, convex),
     }
     return fields, report
 
@@ -61,30 +106,24 @@ def fit_gaussian(problem: Problem, config, hold: Hold) -> tuple[dict, dict]:
 def _row(t: dict) -> dict:
     """A trial as plain numbers for the report."""
     return {"basis": t["basis"], "width": float(t["width"]), "nonzeros": int(t["order"].size), "ridge": t["ridge"],
-            "cv_nrmse": t["score"].cv, "ahead_nrmse": t["score"].ahead}  # fmt: skip
+            **t["score"].row()}  # fmt: skip
 
 
-def _trials(problem: Problem, candidates, width: float, preferred, basis: str, config, hold: Hold) -> list[dict]:
+def _trials(problem: Problem, bases: _Bases, width: float, relaxed: bool, config, hold: Hold) -> list[dict]:
     """Every number of centres at one width, each with its best ridge."""
-    S, M, A = (design(x, candidates, width) for x in (problem.X[problem.rows], problem.M[problem.rows], problem.M[problem.ahead]))
-    m = candidates.shape[0]
+    (S, M, A), order = bases.regressors(width), bases.order(width, relaxed)
+    m = bases.candidates.shape[0]
     always = np.arange(m, S.shape[1])
-    pick = thin(np.arange(problem.rows.size), SELECTION_ROWS)
-    order = greedy_order(S[pick, :m], S[pick, m:], problem.U[problem.rows[pick]], preferred, config.most_nonzeros, config.condition_limit)
+    # the condition that may be had is also a bound on the ridge
+    ridges = [r for r in RIDGES if 1.0 / r < config.condition_limit]
+    asked = hold.rows(lambda X: design(X, bases.candidates, width), problem.rows.size)
     result = []
     for count in sorted({min(c, order.size) for c in (*config.counts, config.most_nonzeros) if c <= config.most_nonzeros}):
         take = np.concatenate([order[:count], always])
-        # the condition that may be had is also a bound on the ridge
-        ridges = [r for r in RIDGES if 1.0 / r < config.condition_limit]
-        scores = score_linear(
-            problem,
-            S[:, take],
-            M[:, take],
-            A[:, take],
-            ridges,
-            extra=hold.rows(problem, candidates[order[:count]], width, problem.rows.size),
-        )
+        extra = None if asked is None else (asked[0][:, take], asked[1])
+        scores = score_linear(problem, S[:, take], M[:, take], A[:, take], ridges, extra=extra)
         ridge = min(scores, key=lambda r: scores[r].value)
+        basis = "convex, then greedy" if relaxed else "greedy"
         result.append({"basis": basis, "width": width, "order": order[:count], "ridge": ridge, "score": scores[ridge]})
     return result
 
@@ -96,7 +135,6 @@ def _convex_step(problem: Problem, candidates, width: float, config) -> dict:
     D = design(problem.X[rows], candidates, width)
     m = candidates.shape[0]
     support, report = np.zeros(m, dtype=bool), []
-    bounds = []
     for s in range(problem.U.shape[1]):
         u = problem.U[rows, s]
         # neighbours differ by the law's own slope too: what the affine law explains of it is no noise
@@ -112,17 +150,15 @@ def _convex_step(problem: Problem, candidates, width: float, config) -> dict:
         a = np.abs(answer.coefficients)
         mine = a > 1e-6 * max(a.max(), 1e-300)
         support |= mine
-        bounds.append((eps, gamma))
         report.append({"eps": eps, "gamma": gamma, "alpha": alpha, "support": int(mine.sum()), "l1_norm": float(a.sum()),
                        "samples": int(rows.size), "pairs": int(few.a.size), "worst_slack": answer.worst_slack,
                        "share_beyond_bound": answer.exceeding, "solver": answer.status})  # fmt: skip
-    return {"support": np.flatnonzero(support), "report": report, "rows": rows, "pairs": pairs, "bounds": bounds}
+    return {"support": np.flatnonzero(support), "report": report, "rows": rows, "pairs": pairs}
 
 
-def _gains(problem: Problem, fitted: np.ndarray, convex: dict, config) -> list[dict]:
-    """The small-gain condition per surface; fitted: (n, S) at convex['rows']."""
+def _gains(problem: Problem, fitted: np.ndarray, convex: dict) -> list[dict]:
+    """What the small-gain condition needs of the fit, per surface: noise bound and slope of its error between neighbours, estimated like
+    those of the law; fitted: (n, S) at convex['rows']."""
     errors = problem.U[convex["rows"]] - fitted
-    return [
-        small_gain(lipschitz_of_error(errors[:, s], convex["pairs"], eps, config.gain_quantile), config.plant_gain)
-        for s, (eps, _) in enumerate(convex["bounds"])
-    ]
+    bounds = [estimate_bounds(errors[:, s], convex["pairs"]) for s in range(errors.shape[1])]
+    return [{"eps_error": eps, "gamma_error": gamma} for eps, gamma in bounds]

@@ -8,6 +8,7 @@ from scipy.signal import savgol_filter
 from awescli.control.features import FEATURES, evaluate
 from awescli.control.law import state_mapping
 from awescli.control.pattern import Pattern
+from awescli.estimation.controller_centres import thin
 from awescli.estimation.controller_pattern import fit_pattern, loop_numbers
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import SURFACES
@@ -24,7 +25,8 @@ class Samples:
     """One flight as a regression problem.
 
     measured, smoothed: z mappings, each value (N,); set_points: (N, S) [rad]; surfaces: the S that move; constants: the rest;
-    loop: (N,) int; train, validation, test: (N,) bool, disjoint, valid samples only; dt: [s]; pattern: from the train samples.
+    loop: (N,) int; train, validation, test: (N,) bool, disjoint, valid samples only; dt: [s]; pattern: from the train samples;
+    looping: whether loop numbers loops, or blocks of time of a flight that does not circle.
     """
 
     measured: dict
@@ -38,6 +40,7 @@ class Samples:
     test: np.ndarray
     dt: float
     pattern: Pattern
+    looping: bool
 
 
 def smooth_states(log, window_s: float):
@@ -99,16 +102,44 @@ def gather(log, train_ranges, validation_ranges, surfaces=None, smooth_window_s:
     measured = state_mapping(log)
     smoothed = state_mapping(smooth_states(log, smooth_window_s)) if smooth_window_s > 0 else measured
     pattern = fit_pattern(smoothed, train)
+    loops = loop_numbers(smoothed, pattern)
+    looping = bool(np.unique(loops[train]).size > 2)
     return Samples(
         measured, smoothed, np.stack([log.inputs[s] for s in moving], axis=1), moving, constants,
-        _blocks_of_flight(smoothed, pattern, log.dt), train, validation, log.valid & ~train & ~validation, log.dt, pattern,
+        loops if looping else (np.arange(loops.size) * log.dt // BLOCK).astype(int),
+        train, validation, log.valid & ~train & ~validation, log.dt, pattern, looping,
     )  # fmt: skip
 
 
-def _blocks_of_flight(z, pattern: Pattern, dt: float) -> np.ndarray:
-    """(N,) number of the loop a sample is in; of the block of `BLOCK` seconds where the flight does not circle (a single cycle)."""
-    loops = loop_numbers(z, pattern)
-    return loops if np.unique(loops).size > 2 else (np.arange(loops.size) * dt // BLOCK).astype(int)
+def answered(samples: Samples, delay_steps: int, fastest: dict[str, float]) -> Samples:
+    """The samples with each state beside the set-point that answers it, `delay_steps` later; without those where a set-point moved at its
+    limit `fastest` (surface -> rad/s), which do not show what the law asked for. Test samples stay: they are scored, limiter included."""
+    if not delay_steps and not fastest:
+        return samples
+    n, U = samples.loop.size, samples.set_points
+    later = np.minimum(np.arange(n) + delay_steps, n - 1)
+    rates = np.abs(np.diff(U, axis=0, prepend=U[:1])) / samples.dt
+    free = np.ones(n, dtype=bool)
+    for surface, limit in fastest.items():
+        free &= rates[:, samples.surfaces.index(surface)] < 0.999 * limit
+    own = np.arange(n) + delay_steps < n
+    masks = {name: getattr(samples, name) & getattr(samples, name)[later] & own for name in ("train", "validation", "test")}
+    masks |= {name: masks[name] & free[later] for name in ("train", "validation")}
+    return replace(samples, set_points=U[later], **masks)
+
+
+def thinned(samples: Samples, most: int) -> Samples:
+    """At most `most` train and `most` / 2 validation samples, evenly thinned, and nothing else: what a quick trial needs of a long flight."""
+    train, validation = (thin(np.flatnonzero(m), k) for m, k in ((samples.train, most), (samples.validation, most // 2)))
+    rows = np.sort(np.concatenate([train, validation]))
+    masks = {name: getattr(samples, name)[rows] for name in ("train", "validation", "test")}
+    z = {name: samples_at(getattr(samples, name), rows) for name in ("measured", "smoothed")}
+    return replace(samples, set_points=samples.set_points[rows], loop=samples.loop[rows], **masks, **z)
+
+
+def samples_at(z: dict, rows: np.ndarray) -> dict:
+    """z at some samples; what is constant over the flight stays a number."""
+    return {name: signal[rows] if np.ndim(signal) else signal for name, signal in z.items()}
 
 
 def available(samples: Samples, names) -> tuple[tuple[str, ...], list[str]]:

@@ -22,7 +22,7 @@ def controller(evidence: Evidence) -> Section:
             "controller", title, absent("awes fit-controller", "no control law was fitted; set-points are replayed from the log")
         )
     against = tuple(law_against_log(evidence, s) for s in evidence.commanded)
-    body = paragraph(sentence(evidence)), fit_table(evidence), against, survival(evidence), features(evidence)
+    body = paragraph(sentence(evidence)), fit_table(evidence), against, survival(evidence), steering(evidence), features(evidence)
     return Section("controller", title, body)
 
 
@@ -108,6 +108,28 @@ def survival(evidence: Evidence) -> Body:
     return Figure(
         "fig-survival", "Closed loop with the declared model", data, layout, split="starts over the whole flight", note=text, height=240
     )
+
+
+def steering(evidence: Evidence) -> str:
+    """What the law steers for, and whether the small-gain condition holds."""
+    report = evidence.controller
+    found, gains = report.get("steering") or {}, report.get("gain") or {}
+    said = []
+    if found.get("circle") == "commanded":
+        said.append(f"The circle that is steered for lies {number(found['moved_deg'])}° beside the one that was flown.")
+    if any(source != "does not steer" for source in (found.get("slopes") or {}).values()):
+        said.append(
+            "What a quiet flight cannot tell, the answer to a kite off its circle, is asked to be that of a kite that steers for it, "
+            f"with {number(report.get('hold', 0.0))} of the weight of the log."
+        )
+    for surface, gain in gains.items():
+        if gain.get("holds") is not None:
+            verb = "holds" if gain["holds"] else "does not hold"
+            said.append(
+                f"The small-gain condition {verb} for the {esc(surface)}: slope of the law's error {number(gain['gamma_error'])} rad, gain of "
+                f"the closed loop at least {number(gain['plant_gain'])} per rad."
+            )
+    return paragraph(" ".join(said)) if said else ""
 
 
 def features(evidence: Evidence) -> str:

@@ -4,20 +4,53 @@ from collections.abc import Callable
 
 from awescli.control.law import Law
 from awescli.notation.quantities import STATES, SURFACES
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
+from awescli.simulation.synthetic import with_effects
+
+LIMITER_LAG = 0.02
+"""[s] one sample: the lag that a rate limiter needs to be an effect; shorter than anything the kite does."""
 
 
-def loop(law: Law, kite: Kite, wind_direction: float) -> Callable:
+def loop(law: Law, kite: Kite, wind_direction: float, disturbed: bool = False) -> Callable:
     """Function (x, u, c) -> four set-points for `Simulator`; surfaces that the law does not drive keep the recorded set-point.
 
-    wind_direction: [rad, from], constant over the flight, for features that need it.
+    wind_direction: [rad, from], constant over the flight, for features that need it; disturbed: the recorded set-points of the surfaces
+    that the law drives are disturbances [rad], added to what it commands.
     """
     line = {name: kite.input_names.index(name) for name in ("tether_length", "reel_out_speed")}
     n_s = len(kite.state_names)
 
     def setpoints(x, u, c):
         z = dict(zip(STATES, x, strict=False)) | {name: u[i] for name, i in line.items()} | {"wind_direction": wind_direction}
-        commanded = law.deflections(z)
-        return [commanded.get(surface, x[n_s + i]) for i, surface in enumerate(SURFACES)]
+        commanded, recorded = law.deflections(z), dict(zip(SURFACES, x[n_s:], strict=False))
+        if disturbed:
+            commanded = {surface: value + recorded[surface] for surface, value in commanded.items()}
+        return [commanded.get(surface, recorded[surface]) for surface in SURFACES]
 
     return setpoints
+
+
+def with_setpoint_dynamics(declaration: KiteDeclaration, law) -> KiteDeclaration:
+    """The kite as such a law drives it: a law that was found delayed or limited in rate acts through a delay and a limiter on its surfaces.
+
+    A law is a static map; these belong to the way of its set-points. They are the effects actuator_delay and actuator_lag, so they are
+    stepped, differentiated and tested as any effect; where the kite declares one already, delays add up and the lower rate counts.
+    """
+    delay, rates = getattr(law, "delay_s", 0.0), getattr(law, "rate_limits", {})
+    new, values = {}, {}
+    for surface in getattr(law, "surfaces", ()):
+        if delay > 0:
+            key = f"actuator_delay:{surface}"
+            if key in declaration.effects:
+                values[f"{key}.tau"] = declaration.table()[f"{key}.tau"].value + delay
+            else:
+                new[key] = {"tau": delay}
+        if surface in rates:
+            key = f"actuator_lag:{surface}"
+            if key in declaration.effects:
+                values[f"{key}.rate"] = min(declaration.table()[f"{key}.rate"].value, rates[surface])
+            else:
+                new[key] = {"tau": LIMITER_LAG, "rate": rates[surface]}
+    declaration = with_effects(declaration, new)
+    return declaration.with_parameters(declaration.table().with_values(values)) if values else declaration

@@ -1,12 +1,19 @@
 """Does a control law fly? Closed loop on a declared kite, from several states of a log, until it departs or the time is over."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from awescli.control.law import Law, standardised_features
+from awescli.control.pattern import arc
+from awescli.flightlog.split import Range
+from awescli.notation.quantities import STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
-from awescli.simulation.closed_loop import loop
+from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
 from awescli.simulation.rollout import Simulator, Trajectories
-from awescli.simulation.segments import observe
+from awescli.simulation.segments import Observed, observe
+from awescli.simulation.synthetic import FARTHEST
 
 LOWEST = 5.0
 """[m] a kite below this height has crashed."""
@@ -14,22 +21,21 @@ STALLED = 6.0
 """[m/s] an airspeed below this is no flight any more."""
 STARTS = 8
 """From so many states, spread over the log."""
+STEP, HELD = np.radians(0.25), 1.0
+"""[rad] size and [s] length of the random steps that measure the loop's gain: small enough that the kite keeps flying."""
 
 
-def flies(declaration: KiteDeclaration, law, log, wind_direction: float, seconds: float) -> dict:
+def flies(declaration: KiteDeclaration, law, log, wind_direction: float, seconds: float, within: tuple[Range, ...] | None = None) -> dict:
     """Survival time from several states of the log, path error against the log, and a named outcome.
 
-    outcome: "flies" (the whole time from every state), "departs" (from some), "does_not_fly" (from none).
+    outcome: "flies" (the whole time from every state), "departs" (from some), "does_not_fly" (from none). A kite departs that diverges,
+    crashes, stalls, or leaves the circle of a law that has one by `FARTHEST` radii. within: sample ranges whose states may be
+    started from (default: the whole log). Wind and line are those of the log, so a start lies at least `seconds` before its end.
     """
-    heights = log.wind.height if log.wind is not None else (10.0,)
-    kite = Kite(declaration, heights)
-    simulator = Simulator(kite, (), law=loop(law, kite, wind_direction))
     steps = int(min(seconds / log.dt, len(log) - 2))
-    first = np.unique(np.linspace(0, len(log) - steps - 2, STARTS).astype(int))
-    first = first[log.valid[first]]
-    observed = observe(log, kite, first, steps, ("p_n", "p_e", "p_d"))
+    simulator, observed = _prepared(declaration, law, log, wind_direction, steps, within)
     trajectories = simulator.rollout(observed.segments)
-    alive = samples_flown(trajectories)
+    alive = samples_flown(trajectories, getattr(law, "pattern", None) if _circles(law, log) else None)
     survived = (alive - 1) * log.dt
     asked = steps * log.dt
     whole = alive > steps
@@ -39,12 +45,78 @@ def flies(declaration: KiteDeclaration, law, log, wind_direction: float, seconds
     return {
         "outcome": outcome, "asked_s": asked, "survival_s": survived.tolist(), "share": float(survived.mean() / asked),
         "path_error_5s_m": float(np.sqrt((distance[alive > short] ** 2).mean())) if (alive > short).any() else None,
-        "starts_s": log.time[first].tolist(),
+        "starts_s": log.time[observed.segments.first].tolist(),
     }  # fmt: skip
 
 
-def samples_flown(trajectories: Trajectories) -> np.ndarray:
-    """(K,) samples until a trajectory diverged, crashed or stalled."""
+def _prepared(declaration, law, log, wind_direction: float, steps: int, within, disturbed: bool = False) -> tuple[Simulator, Observed]:
+    """The compiled loop, and segments of `steps` samples from STARTS states of the log."""
+    heights = log.wind.height if log.wind is not None else (10.0,)
+    kite = Kite(with_setpoint_dynamics(declaration, law), heights)
+    simulator = Simulator(kite, (), law=loop(law, kite, wind_direction, disturbed))
+    may = log.valid.copy()
+    if within is not None:
+        may[:] = False
+        for first, last in within:
+            may[first:last] = log.valid[first:last]
+    may[len(log) - steps - 1 :] = False
+    may[0] |= not may.any()
+    rows = np.flatnonzero(may)
+    first = rows[np.unique(np.linspace(0, rows.size - 1, STARTS).astype(int))]
+    return simulator, observe(log, kite, first, steps, ("p_n", "p_e", "p_d"))
+
+
+def _circles(law, log) -> bool:
+    """Whether the log itself keeps to the law's circle: a figure of eight or a single cycle has none to leave."""
+    pattern = getattr(law, "pattern", None)
+    if pattern is None:
+        return False
+    away = arc({name: log[name][log.valid] for name in ("p_n", "p_e", "p_d")}, pattern) / pattern.radius
+    return bool(np.quantile(np.abs(away - 1.0), 0.95) < 0.5)
+
+
+def samples_flown(trajectories: Trajectories, pattern=None) -> np.ndarray:
+    """(K,) samples until a trajectory diverged, crashed, stalled, or left its circle (where a pattern is given)."""
     bad = (trajectories["p_d"] > -LOWEST) | (trajectories["V_a"] < STALLED)
+    if pattern is not None:
+        z = {name: trajectories.states[:, :, i] for i, name in enumerate(STATES[:3])}
+        bad |= ~(arc(z, pattern) < FARTHEST * pattern.radius)
     first_bad = np.where(bad.any(axis=1), bad.argmax(axis=1), trajectories.states.shape[1])
     return np.minimum(trajectories.alive, first_bad)
+
+
+def loop_gain(declaration: KiteDeclaration, law: Law, log, wind_direction: float, seconds: float = 20.0, seed: int = 0) -> dict:
+    """surface -> how far the closed loop moves the law's standardised features per rad of disturbance at that surface, or None.
+
+    The largest ratio sup_t |x(t) - x_0(t)| / sup_t |d(t)| over STARTS flights of `seconds`, d random steps of STEP held for HELD seconds:
+    a lower bound of the gain, as anything found by trying is. None where no undisturbed flight lasts so long.
+    """
+    steps = int(min(seconds / log.dt, len(log) - 2))
+    simulator, observed = _prepared(declaration, law, log, wind_direction, steps, None, disturbed=True)
+    segments, random = observed.segments, np.random.default_rng(seed)
+    calm = simulator.rollout(replace(segments, setpoints=_others(segments.setpoints, law, {})))
+    lasted = samples_flown(calm) > steps
+
+    def seen(trajectories: Trajectories, k: int) -> np.ndarray:
+        z = {name: trajectories.states[k, :, i] for i, name in enumerate(STATES)}
+        line = {name: segments.inputs[k, :, simulator.kite.input_names.index(name)] for name in ("tether_length", "reel_out_speed")}
+        return standardised_features(law, z | line | {"wind_direction": wind_direction})
+
+    gains: dict[str, float | None] = {}
+    for surface in law.surfaces:
+        held = max(1, int(HELD / log.dt))
+        signs = random.choice((-STEP, STEP), size=(len(segments), steps // held + 1))
+        moved = simulator.rollout(replace(segments, setpoints=_others(segments.setpoints, law, {surface: np.repeat(signs, held, axis=1)})))
+        both = np.flatnonzero(lasted & (samples_flown(moved) > steps))
+        apart = [np.linalg.norm(seen(moved, k) - seen(calm, k), axis=1).max() / STEP for k in both]
+        gains[surface] = float(max(apart)) if apart else None
+    return gains
+
+
+def _others(setpoints: np.ndarray, law: Law, disturbances: dict) -> np.ndarray:
+    """(K, N+1, 4) recorded set-points, with disturbances (K, >= N+1) in the place of the surfaces that the law drives."""
+    result = setpoints.copy()
+    for i, surface in enumerate(SURFACES):
+        if surface in law.surfaces or surface in law.constants:
+            result[:, :, i] = disturbances[surface][:, : result.shape[1]] if surface in disturbances else 0.0
+    return result

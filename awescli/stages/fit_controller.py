@@ -11,8 +11,8 @@ class FitControllerConfig(StageConfig):
     """Settings of fit-controller."""
 
     kind: Literal["gaussian", "network", "linear"] = Field("gaussian", description="class of approximator")
-    features: Literal["auto", "state", "invariant"] = Field(
-        "auto", description="what the law sees: the full state, pattern-relative quantities, or whichever cross-validates better"
+    features: str | tuple[str, ...] = Field(
+        "auto", description="what the law sees: a named set (state, state_ned, invariant, curvature), names of features, or auto"
     )
     surfaces: tuple[Literal["aileron", "elevator", "rudder", "flaps"], ...] | None = Field(
         None, description="surfaces the law drives; default all that move in the log"
@@ -34,23 +34,34 @@ class FitController(Stage):
 
     def run(self, context, config):
         from awescli.artifacts import write_json
+        from awescli.estimation.controller_bounds import small_gain
         from awescli.estimation.controller_fit import ControllerConfig, fit_controller
         from awescli.physics.declaration import read_kite
-        from awescli.simulation.survival import flies
+        from awescli.simulation.survival import flies, loop_gain
         from awescli.stages.controller_artifact import wind_direction, write_controller
         from awescli.stages.flight_parts import flight_parts
 
         log, parts = flight_parts(context)
         kite = read_kite(context.kite)
-        task = context.progress.task(f"fitting a {config.kind} law", total=2)
+        direction, known = wind_direction(log), (*parts.train, *parts.validation)
+        task = context.progress.task(f"fitting a {config.kind} law", total=3)
+
+        def fly(law) -> float:
+            """Choices are made by flights from states of the train and validation parts only."""
+            task.update(f"flying a {law.kind} law of {len(law.features)} features")
+            return flies(kite, law, log, direction, config.prove, known)["share"]
+
         settings = config.model_dump(exclude={"prove"}) | {"seed": context.seed}
-        fitted = fit_controller(log, parts.train, parts.validation, ControllerConfig(**settings))
+        fitted = fit_controller(log, parts.train, parts.validation, ControllerConfig(**settings), fly)
         task.advance()
         task.update("flying it in closed loop")
-        proof = flies(kite, fitted.law, log, wind_direction(log), config.prove)
+        proof = flies(kite, fitted.law, log, direction, config.prove)
+        task.advance()
+        gains = loop_gain(kite, fitted.law, log, direction)
+        gain = {s: g | small_gain(g["gamma_error"], gains[s]) for s, g in fitted.report.get("gain", {}).items()}
         task.advance()
         write_controller(context.folder, fitted.law)
-        write_json(context.folder / "metrics.json", fitted.report | {"outcome": "converged", "closed_loop": proof})
+        write_json(context.folder / "metrics.json", fitted.report | {"outcome": "converged", "closed_loop": proof, "gain": gain})
         for kind, line in fitted.report["comparison"].items():
             if not line["nonzeros"]:
                 context.progress.note(f"the {kind} law is zero everywhere")

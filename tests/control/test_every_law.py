@@ -83,9 +83,9 @@ def test_saturates(kind):
 
 @pytest.mark.parametrize("kind", LAWS)
 def test_there_and_back(kind):
-    law = a_law(kind)
+    law = a_law(kind, rate_limits={"rudder": 0.6}, delay_s=0.04)
     again = from_artifact(*to_artifact(law))
-    assert again.rate_limit == float("inf") and again.pattern == law.pattern
+    assert again.rate_limits == {"rudder": 0.6} and again.delay_s == 0.04 and again.pattern == law.pattern
     np.testing.assert_array_equal(deflections_of_states(law, states())["rudder"], deflections_of_states(again, states())["rudder"])
 
 

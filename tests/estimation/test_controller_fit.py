@@ -1,22 +1,27 @@
 """Controller fits against known laws, and on the clean development flights."""
 
+import runpy
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from awescli.control.features import evaluate
-from awescli.control.law import deflections_of_log, state_mapping
+from awescli.control.features import FEATURE_SETS, evaluate
+from awescli.control.law import deflections_of_log, deflections_of_states, state_mapping
 from awescli.control.laws import LAWS, from_artifact, to_artifact
+from awescli.control.pattern import Pattern
 from awescli.estimation.controller_bounds import Pairs, estimate_bounds, neighbour_pairs, small_gain
 from awescli.estimation.controller_centres import farthest_points
 from awescli.estimation.controller_fit import ControllerConfig, fit_controller
 from awescli.estimation.controller_greedy import greedy_order
+from awescli.estimation.controller_hold import displaced
 from awescli.estimation.controller_lp import sparse_coefficients
 from awescli.estimation.controller_noise import NOISE
 from awescli.estimation.controller_pattern import fit_pattern
 from awescli.estimation.controller_ridge import solve_ridge, triangle
+from awescli.estimation.controller_samples import answered, gather
+from awescli.estimation.controller_steering import TERMS, find_steering
 from awescli.flightlog.log import FlightLog
 from awescli.notation.errors import BadInput
 
@@ -60,7 +65,7 @@ FIXED = ("radius_error", "course_error", "speed", "r")
 
 @pytest.mark.parametrize("kind", LAWS)
 def test_recovers_a_known_law(kind):
-    fit = fit_controller(circling(), *PARTS, ControllerConfig(kind=kind, features=FIXED, smooth_window_s=0.0))
+    fit = fit_controller(circling(), *PARTS, ControllerConfig(kind=kind, features=FIXED, smooth_window_s=0.0, hold=0.0))
     assert fit.report["nrmse"]["test"]["rudder"] < {"gaussian": 0.002, "network": 0.004, "linear": 0.03}[kind]
     assert fit.law.pattern.radius == pytest.approx(50, abs=1.0) and fit.law.pattern.turn == 1.0
     assert fit.law.constants["aileron"] == pytest.approx(0.02)
@@ -77,7 +82,7 @@ def test_gaussian_is_sparse_and_well_conditioned_and_its_noise_is_told():
 
 def test_several_surfaces_at_once():
     log = circling(surfaces=("rudder", "elevator"))
-    fit = fit_controller(log, *PARTS, ControllerConfig(features=FIXED, smooth_window_s=0.0))
+    fit = fit_controller(log, *PARTS, ControllerConfig(features=FIXED, smooth_window_s=0.0, hold=0.0))
     assert fit.law.surfaces == ("elevator", "rudder")
     assert max(fit.report["nrmse"]["test"].values()) < 0.004
     found = deflections_of_log(from_artifact(*to_artifact(fit.law)), log)
@@ -89,7 +94,7 @@ def test_auto_keeps_what_the_law_uses_and_says_why():
     reasons = fit.report["features"]["reasons"]
     assert {"radius_error", "course_error", "r"} <= set(fit.law.features)
     assert reasons["r"]["cost_of_omission"] > 0.2
-    assert set(fit.report["features"]["sets"]) == {"state", "state_ned", "invariant"}
+    assert set(fit.report["features"]["sets"]) == set(FEATURE_SETS)
 
 
 def test_a_delayed_law_is_found_delayed():
@@ -208,48 +213,105 @@ def test_farthest_points_cover():
     assert np.linalg.norm(X[:, None] - chosen[None], axis=2).min(axis=1).max() < 0.12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flight", ["d01", "d02"])
-def test_development_flights(flight):
-    """Issue 4: rudder NRMSE <= 0.009 on the unseen last 30 %, measured noisy states, fewer than 80 centres, condition below 1e6."""
+def test_development_flights(flight, tmp_path):
+    """On the unseen last loops, with measured noisy states, NRMSE of the rudder <= 0.009, fewer than 80 centres, condition below 1e6;
+    and the law flies the declared kite, whose parameters are 5-30 % off, for 60 s from every tested state."""
     folder = SHARED / "flights" / "dev" / flight
     if not folder.exists():
         pytest.skip("the development flights are not here (../shared/flights/dev)")
+    from awescli.flightlog.loops import find_loops
     from awescli.flightlog.read import read_flight
+    from awescli.flightlog.split import split
+    from awescli.physics.declaration import read_kite
+    from awescli.simulation.survival import flies
 
-    log = read_flight(folder)
-    n = len(log)
-    fit = fit_controller(log, [(0, n // 2)], [(n // 2, 7 * n // 10)], ControllerConfig(compare=True))
+    declare = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "dev_kite" / "declare.py"))["main"]
+    assert declare([str(folder / "nominal.yaml"), str(tmp_path / "kite.yaml")]) == 0
+    log, kite = read_flight(folder), read_kite(tmp_path / "kite.yaml")
+    parts = split(find_loops(log))
+    known = (*parts.train, *parts.validation)
+
+    def fly(law):
+        return flies(kite, law, log, 0.0, 60.0, known)["share"]
+
+    fit = fit_controller(log, parts.train, parts.validation, ControllerConfig(), fly)
     report = fit.report
     assert report["nrmse"]["test"]["rudder"] <= 0.009
     assert report["nonzeros"] < 80 and report["condition_raw"] < 1e6
-    assert report["comparison"]["linear"]["nrmse"]["test"]["rudder"] > report["nrmse"]["test"]["rudder"]
     assert report["nrmse_smoothed"]["test"]["rudder"] < report["nrmse"]["test"]["rudder"]
+    assert flies(kite, fit.law, log, 0.0, 60.0)["outcome"] == "flies"
 
 
 def test_hold_asks_for_the_steering_slopes():
-    """With a strong hold the law answers a displaced kite by course slope / radius, whatever the flight shows."""
-    fit = fit_controller(circling(), *PARTS, ControllerConfig(features=FIXED, smooth_window_s=0.0, hold=30.0))
-    law, log = fit.law, circling()
-    z = state_mapping(log)
-    x0 = np.stack(evaluate(law.features, z, law.pattern), axis=1)[:3000:50]
-    slopes = []
-    for j in range(2):
-        step = np.zeros(len(law.features))
-        step[j] = 0.05 * law.scale[j]
-        up, down = (law.outputs_of_matrix((x0 + s * step - law.centre) / law.scale)[:, 0] for s in (1, -1))
-        slopes.append(((up - down) / (2 * step[j])).mean())
-    assert slopes[0] == pytest.approx(slopes[1] / law.pattern.radius, rel=0.2)
+    """With a strong hold the law answers a displaced kite by the slopes that the report names, whatever the flight shows."""
+    fit = fit_controller(circling(), *PARTS, ControllerConfig(features=FIXED, smooth_window_s=0.0, hold=30.0, limits={"rudder": (-9, 9)}))
+    law, log, asked = fit.law, circling(), fit.report["steering"]
+    z = {name: signal[:3000:50] for name, signal in state_mapping(log).items()}
+    flown = deflections_of_states(law, z)["rudder"]
+    for outward, course in ((7.5, 0.0), (0.0, 0.3)):
+        answer = (deflections_of_states(law, displaced(z, law.pattern, outward, course))["rudder"] - flown).mean()
+        wanted = asked["radius_rad_per_m"]["rudder"] * outward + asked["course_rad_per_rad"]["rudder"] * course
+        assert answer == pytest.approx(wanted, rel=0.25), (outward, course)
 
 
-def test_the_weakest_hold_that_flies_is_taken():
+def test_a_displaced_kite_is_where_it_should_be():
+    """Against the features' own geometry: one error changes by what was asked, all else that the kite sees of its circle stays."""
+    pattern = Pattern(0.6, 0.0, 50.0, 1.0)
+    z = {name: signal[:3000:50] for name, signal in state_mapping(circling()).items()}
+    names = ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "radial_speed", "turn_rate", "wing_along_line")
+    before = np.stack(evaluate(names, z, pattern))
+    for outward, course in ((7.0, 0.0), (0.0, -0.3)):
+        change = np.stack(evaluate(names, displaced(z, pattern, outward, course), pattern)) - before
+        np.testing.assert_allclose(change, np.outer([outward, course, 0, 0, 0, 0, 0, 0], np.ones(60)), atol=1e-6)
+
+
+def test_the_circle_that_is_steered_for_is_found():
+    """A kite that flies 2 deg beside the circle that its law names shows which circle that is, and by what slopes it steers."""
+    flown = circling(9000)
+    commanded = replace(fit_pattern(state_mapping(flown), np.arange(9000) < 4500), elevation=0.6 + 0.035)
+    radius, course, turn = evaluate(("radius_error", "course_error", "curvature"), state_mapping(flown), commanded)
+    log = replace(flown, inputs=dict(flown.inputs) | {"rudder": 0.004 * radius + 0.3 * course + 2.0 * turn})
+    samples = gather(log, [(0, 4500)], [(4500, 6300)], smooth_window_s=0.0)
+    found = find_steering(samples)
+    assert samples.pattern.elevation == pytest.approx(0.6, abs=0.005)
+    assert found.pattern.elevation == pytest.approx(0.635, abs=0.001) and found.report["circle"] == "commanded"
+    error = fit_controller(log, [(0, 4500)], [(4500, 6300)], ControllerConfig(kind="linear", features=TERMS, smooth_window_s=0.0, hold=0.0))
+    assert error.report["nrmse"]["test"]["rudder"] < 0.002
+
+
+def test_a_law_that_fits_but_does_not_fly_loses():
+    """Choices are made among laws that fly; where none does, the one that flies longest is kept, and says so."""
+    config = ControllerConfig(features=FIXED, hold_strengths=(0.01, 0.02, 0.05, 0.1), width_factors=(1.6,), candidates=80)
     calls = []
 
     def fly(law):
         calls.append(law)
         return 1.0 if len(calls) == 3 else 0.4
 
-    config = ControllerConfig(features=FIXED, hold_strengths=(0.01, 0.02, 0.05, 0.1), width_factors=(1.6,), candidates=80)
     fit = fit_controller(circling(), *PARTS, config, fly)
-    assert fit.report["hold"] == 0.05 and fit.report["survival"] == 1.0 and len(fit.report["flown"]) == 3
+    attempts = fit.report["attempts"]
+    assert fit.report["hold"] == 0.05 and fit.report["survival"] == 1.0 and [a["survival"] for a in attempts][:3] == [0.4, 0.4, 1.0]
+    assert attempts[0]["score"] < attempts[2]["score"]
     never = fit_controller(circling(), *PARTS, config, lambda law: 0.2)
-    assert never.report["survival"] == 0.2 and never.report["hold"] == 0.02
+    assert never.report["survival"] == 0.2 and len(never.report["attempts"]) == 4
+
+
+def test_answered_pairs_states_with_later_set_points_and_leaves_out_limited_ones():
+    log = circling()
+    u = log["rudder"].copy()
+    u[1000:1010] = u[999] + 0.01 * np.arange(1, 11)
+    samples = gather(replace(log, inputs=dict(log.inputs) | {"rudder": u}), *PARTS, smooth_window_s=0.0)
+    late = answered(samples, 4, {"rudder": 0.01 / 0.02})
+    np.testing.assert_array_equal(late.set_points[:-4, 0], u[4:])
+    assert not late.train[996:1006].any() and late.train[990] and not late.train[2996:3000].any()
+    assert late.test[-5] and not late.test[-4:].any()
+
+
+def test_slowest_surface_keeps_its_own_rate_limit():
+    log = circling(surfaces=("rudder", "elevator"))
+    steps = np.clip(np.diff(log["rudder"], prepend=log["rudder"][0]), -0.001, 0.001)
+    limited = replace(log, inputs=dict(log.inputs) | {"rudder": log["rudder"][0] + np.cumsum(steps)})
+    law = fit_controller(limited, *PARTS, ControllerConfig(kind="linear", features=FIXED, smooth_window_s=0.0)).law
+    assert set(law.rate_limits) == {"rudder"} and law.rate_limits["rudder"] == pytest.approx(0.05)
