@@ -2,9 +2,9 @@
 
     python benchmarks/controller_flights.py [--dev FOLDER] [--seeds 201 202 203 204] [--out benchmarks/results/controllers.md]
 
-Fitted on train, chosen on validation and by closed-loop flights from train and validation states of the declared kite, reported on test (the
-last 30 % of the loops). The declared kite is what a user would declare: its free parameters are 5-30 % off. The fresh flights are drawn from
-their seed; the method was developed on other ones (d03-d10, seeds 101-104). FOLDER holds d01, d02; without it they are left out.
+Fitted on train, chosen on validation and by closed-loop flights from train and validation states of the declared kite, reported on test
+(the last 30 % of the loops). The declared kite is what a user would declare: its free parameters are 5-30 % off. The fresh flights are
+drawn from their seed; the method was developed on other ones (d03-d10, seeds 101-104). FOLDER holds d01, d02; without it they are left out.
 """
 
 import awescli  # noqa: F401, I001  (before numpy: one BLAS thread)
@@ -68,7 +68,8 @@ def rows_of(name: str, log, kite) -> tuple[list[tuple], str]:
     steering = report["steering"]
     measured = "unknown" if gain["plant_gain"] is None else f"{gain['plant_gain']:.0f}"
     return rows, (
-        f"- {name}: {', '.join(report['features']['chosen'])}; circle {steering['circle']}, {steering['moved_deg']:.1f} deg beside the flown one, "
+        f"- {name}: {', '.join(report['features']['chosen'])}; circle {steering['circle']}, "
+        f"{steering['moved_deg']:.1f} deg beside the flown one, "
         f"slopes {steering['slopes']['rudder']}; hold {report['hold']:g}; gamma of the error {gain['gamma_error']:.1e} rad, "
         f"gain of the loop {measured} per rad, small-gain condition {gain['holds']}."
     )

@@ -117,7 +117,7 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
 }
 """`state`: the seed's z, its wrapping angles as sine and cosine (theta stays within +-90 deg: the sine alone tells it);
 `state_ned`: the same with the cleaner velocity; `invariant`: the same wherever the circle stands and however far it is;
-`curvature`: the same, and how tightly the kite turns. (How it is held against the line fits as well between known loops and worse beyond.)"""
+`curvature`: the same, and how tightly the kite turns. (How it is held against the line fits as well between known loops, worse beyond.)"""
 
 
 def check_features(names) -> None:

@@ -19,8 +19,8 @@ WORTH, MOST_CHOICES = 1.5, 2
 """Sets whose stand-in scores within this share of the best are worth a whole fit; at most so many."""
 
 ADDED = 0.8
-"""A feature is added to a set where that lowers the score to this share: what a law sees beyond its set is one more thing that may leave the
-flown range. None is left out of a set: between known loops a set that is cut down scores as well, and beyond them it is worse."""
+"""A feature is added to a set where that lowers the score to this share: what a law sees beyond its set is one more thing that may leave
+the flown range. None is left out of a set: between known loops a set that is cut down scores as well, and beyond them it is worse."""
 
 
 def trial_regressors(problem):

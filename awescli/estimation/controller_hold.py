@@ -1,8 +1,9 @@
 """What a quiet flight cannot tell: how the law answers a kite off its circle. Prior knowledge, as samples that were never flown.
 
 States of the flight are displaced as a whole: moved outward along the sphere, or turned about the line, with attitude, velocity and rates
-of the body. Asked there is the logged set-point plus what `controller_steering` found the controller to steer by. A small weight leaves the fit to the data where they speak; which weight is needed is decided by flying
-(controller_fit: fly). Every class of law takes these rows, since they are samples like any others.
+of the body. Asked there is the logged set-point plus what `controller_steering` found the controller to steer by. A
+small weight leaves the fit to the data where they speak; which weight is needed is decided by flying (controller_fit: fly). Every class of
+law takes these rows, since they are samples like any others.
 """
 
 from collections.abc import Callable

@@ -50,7 +50,8 @@ def pose(samples: Samples, features: tuple[str, ...], folds: int, most: int) -> 
     known = samples.train | samples.validation
     return Problem(
         features, centre, scale, X, M, samples.set_points, np.ptp(samples.set_points[known], axis=0), rows,
-        loop_folds(samples.loop[rows], folds), np.arange(rows.size) < EARLY * rows.size, thin(np.flatnonzero(samples.validation), most // 2), np.flatnonzero(samples.train),
+        loop_folds(samples.loop[rows], folds), np.arange(rows.size) < EARLY * rows.size,
+        thin(np.flatnonzero(samples.validation), most // 2), np.flatnonzero(samples.train),
         np.flatnonzero(known), samples.loop,
     )  # fmt: skip
 

@@ -129,7 +129,7 @@ def answered(samples: Samples, delay_steps: int, fastest: dict[str, float]) -> S
 
 
 def thinned(samples: Samples, most: int) -> Samples:
-    """At most `most` train and `most` / 2 validation samples, evenly thinned, and nothing else: what a quick trial needs of a long flight."""
+    """At most `most` train and `most` / 2 validation samples, evenly thinned: what a quick trial needs of a long flight."""
     train, validation = (thin(np.flatnonzero(m), k) for m, k in ((samples.train, most), (samples.validation, most // 2)))
     rows = np.sort(np.concatenate([train, validation]))
     masks = {name: getattr(samples, name)[rows] for name in ("train", "validation", "test")}

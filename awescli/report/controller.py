@@ -126,8 +126,8 @@ def steering(evidence: Evidence) -> str:
         if gain.get("holds") is not None:
             verb = "holds" if gain["holds"] else "does not hold"
             said.append(
-                f"The small-gain condition {verb} for the {esc(surface)}: slope of the law's error {number(gain['gamma_error'])} rad, gain of "
-                f"the closed loop at least {number(gain['plant_gain'])} per rad."
+                f"The small-gain condition {verb} for the {esc(surface)}: slope of the law's error {number(gain['gamma_error'])} rad, "
+                f"gain of the closed loop at least {number(gain['plant_gain'])} per rad."
             )
     return paragraph(" ".join(said)) if said else ""
 
