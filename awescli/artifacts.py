@@ -385,7 +385,7 @@ def table_hash(table: Mapping[str, str]) -> str:
 def versions() -> dict[str, str]:
     """Versions of what the numbers depend on. From the packages' metadata: importing torch for it would take seconds."""
     found = {"awes": __version__, "python": platform.python_version()}
-    for package in ("numpy", "scipy", "torch", "torchdiffeq", "numba", "llvmlite", "polars"):
+    for package in ("numpy", "scipy", "torch", "torchdiffeq", "llvmlite", "polars"):
         with suppress(PackageNotFoundError):
             found[package] = version(package)
     return found

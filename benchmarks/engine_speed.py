@@ -452,7 +452,7 @@ def measure_first_calls(problem: Problem, rounds: int) -> dict:
     for _ in range(rounds):
         with tempfile.TemporaryDirectory() as folder:
             problem.write(Path(folder))
-            environment = {**os.environ, "AWES_CACHE": f"{folder}/awes", "NUMBA_CACHE_DIR": f"{folder}/numba"}
+            environment = {**os.environ, "AWES_CACHE": f"{folder}/awes"}
             for kind in found:
                 command = [sys.executable, __file__, "--first-call", folder]
                 answer = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout

@@ -19,7 +19,7 @@ FLOORS = {
     "cli": 8,
 }  # fmt: skip
 
-HEAVY = {"numpy", "scipy", "torch", "torchdiffeq", "polars", "numba", "llvmlite", "plotly", "matplotlib", "safetensors"}
+HEAVY = {"numpy", "scipy", "torch", "torchdiffeq", "polars", "llvmlite", "plotly", "matplotlib", "safetensors"}
 
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py")
 

@@ -7,19 +7,16 @@ states: what a gradient of one scalar cost through many steps needs. `llvm_ir.ta
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from awescli.engine.call import _caller
 from awescli.engine.derive import _is_zero, _partials, _reachable_from
 from awescli.engine.llvm_ir import Printer, calls_of, print_functions, print_value
 from awescli.engine.machine import LANES, _compile
 from awescli.engine.record import Scalar, Tape, record
 
-call_adjoint = _caller(5)
-"""call_adjoint(address, (x, u, c, w, v)): addresses of x (n_x, L), u (n_u, L), c (n_c, L), w (n_y, L) and v (n_x, L), to be filled."""
-
 
 @dataclass(frozen=True)
 class Reversible:
-    """A compiled function y = f(x, u, c) and its reverse. value, adjoint: addresses for `call_value` and `call_adjoint`."""
+    """A compiled function y = f(x, u, c) and its reverse. value, adjoint: addresses of value(x, u, c, y) and
+    adjoint(x, u, c, w, v)."""
 
     n_x: int
     n_y: int

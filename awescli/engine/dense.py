@@ -9,22 +9,19 @@ lane they would fill the second). The network is `n` inputs -> tanh layers -> `m
 
     value(s, constants, weights, y, kept)            kept: z, activations of the hidden layers, outputs, fade (rows of lanes)
     backward(constants, weights, kept, ybar, delta, sbar)    delta: derivatives at the layers' sums, hidden ones first; sbar: at s
+    accumulate(kept, delta, rows, total)             total += delta x activations, all lanes: the derivative at the weights
 
 weights: per layer W (out, in) by rows, then b (out). constants: mean, 1/deviation, middle, 1/half (n each), scale (m), 1/width.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from awescli.engine.call import _caller
-from awescli.engine.llvm_ir import Printer, hexadecimal, print_functions
+import numpy as np
+
+from awescli.engine.llvm_ir import Body, Printer, hexadecimal, print_functions
 from awescli.engine.machine import LANES, _compile
 from awescli.engine.record import Tape
-
-call_network = _caller(5)
-"""call_network(address, (s, constants, weights, y, kept)): the `value` function; arguments are addresses of arrays."""
-call_network_backward = _caller(6)
-"""call_network_backward(address, (constants, weights, kept, ybar, delta, sbar)): the `backward` function."""
 
 TOGETHER = 8
 """Sums accumulated side by side: enough to hide the latency of a multiply-add, few enough for the registers."""
@@ -32,11 +29,16 @@ TOGETHER = 8
 
 @dataclass(frozen=True)
 class DenseProgram:
-    """A compiled network of layer widths `sizes`. value, backward: addresses; kept, deltas: rows that they store."""
+    """A compiled network of layer widths `sizes`. value, backward, accumulate: addresses; kept, deltas: rows that they store;
+    padded: numbers in `total`; where: (n,) of them the weights are; turned: numbers that `rows` must hold, all zero at first."""
 
     sizes: tuple[int, ...]
     value: int
     backward: int
+    accumulate: int
+    padded: int
+    turned: int
+    where: np.ndarray = field(repr=False, compare=False)
 
     @property
     def kept(self) -> int:
@@ -64,8 +66,12 @@ def layer_slices(sizes: Sequence[int]) -> list[tuple[slice, slice]]:
 def compile_network(sizes: Sequence[int]) -> DenseProgram:
     """Print and compile a network of these widths (inputs, hidden layers, outputs)."""
     sizes = tuple(int(n) for n in sizes)
-    engine = _compile(print_network(sizes, LANES) + print_backward(sizes, LANES) + print_functions({"exp"}, LANES))
-    return DenseProgram(sizes, engine.get_function_address("value"), engine.get_function_address("backward"))
+    text = print_network(sizes, LANES) + print_backward(sizes, LANES) + print_accumulate(sizes, LANES)
+    engine = _compile(text + print_functions({"exp"}, LANES))
+    value, backward, accumulate = (engine.get_function_address(name) for name in ("value", "backward", "accumulate"))
+    where, padded = _padded(sizes, LANES)
+    turned = LANES * max(_whole_rows(n, LANES) for n in sizes[:-1])
+    return DenseProgram(sizes, value, backward, accumulate, padded, turned, where)
 
 
 FARTHEST = 100.0
@@ -184,6 +190,69 @@ def print_backward(sizes: Sequence[int], lanes: int) -> str:
         total = w.op("fadd", zbar, w.op("fmul", steep, w.op("fmul", e, slope)))
         w.store(w.op("fmul", total, w.broadcast("constants", n + i)), "sbar", str(i))
     return _function("backward", ("constants", "weights", "kept", "ybar", "delta", "sbar"), w)
+
+
+def _whole_rows(n: int, lanes: int) -> int:
+    """n numbers, filled up to whole vectors."""
+    return -(-n // lanes) * lanes
+
+
+def _padded(sizes: Sequence[int], lanes: int) -> tuple[np.ndarray, int]:
+    """(where each weight stands in `total`, its length): rows of W are filled up to whole vectors, biases follow."""
+    where, at = [], 0
+    for n, m in zip(sizes, sizes[1:], strict=False):
+        wide = _whole_rows(n, lanes)
+        where += [at + i * wide + j for i in range(m) for j in range(n)]
+        where += [at + m * wide + i for i in range(m)]
+        at += m * wide + m
+    return np.array(where), at
+
+
+def print_accumulate(sizes: Sequence[int], lanes: int) -> str:
+    """The function `accumulate`.
+
+    Activations are turned first, so that a vector runs along a row of W: the rows stay in the nearest cache, where one product over a
+    whole rollout would fetch everything from memory again.
+    """
+    w, t = Body(lanes), f"<{lanes} x double>"
+
+    def number(block: str, index) -> str:
+        return w.line(f"getelementptr double, ptr %{block}, i64 {index}")
+
+    def vector(pointer: str) -> str:
+        return w.line(f"load {t}, ptr {pointer}, align 8")
+
+    def add_to(pointer: str, value: str, kind: str) -> None:
+        total = w.line(f"fadd contract {kind} {w.line(f'load {kind}, ptr {pointer}, align 8')}, {value}")
+        w.lines.append(f"  store {kind} {total}, ptr {pointer}, align 8")
+
+    place = first_a = first_d = 0
+    for n, m in zip(sizes, sizes[1:], strict=False):
+        wide = _whole_rows(n, lanes)
+        with w.loop(n) as i:
+            a = vector(w.row("%kept", w.whole("add", i, first_a)))
+            for lane in range(lanes):
+                one = w.line(f"extractelement {t} {a}, i64 {lane}")
+                w.lines.append(f"  store double {one}, ptr {number('rows', w.whole('add', i, lane * wide))}, align 8")
+        with w.loop(m) as i:
+            e = vector(w.row("%delta", w.whole("add", i, first_d)))
+            each = [
+                w.line(f"shufflevector {t} {e}, {t} poison, <{lanes} x i32> <{', '.join([f'i32 {lane}'] * lanes)}>")
+                for lane in range(lanes)
+            ]
+            row = w.whole("add", w.whole("mul", i, wide), place)
+            with w.loop(wide // lanes) as q:
+                j = w.whole("mul", q, lanes)
+                sums = ["zeroinitializer", "zeroinitializer"]
+                for lane, spread in enumerate(each):
+                    product = w.line(f"fmul contract {t} {spread}, {vector(number('rows', w.whole('add', j, lane * wide)))}")
+                    sums[lane % 2] = w.line(f"fadd contract {t} {sums[lane % 2]}, {product}")
+                add_to(number("total", w.whole("add", row, j)), w.line(f"fadd contract {t} {sums[0]}, {sums[1]}"), t)
+            over_lanes = w.line(f"call double @llvm.vector.reduce.fadd.v{lanes}f64(double -0.0, {t} {e})")
+            add_to(number("total", w.whole("add", i, place + m * wide)), over_lanes, "double")
+        place, first_a, first_d = place + m * wide + m, first_a + n, first_d + m
+    text = w.function("accumulate", [f"ptr noalias %{a}" for a in ("kept", "delta", "rows", "total")])
+    return text + f"declare double @llvm.vector.reduce.fadd.v{lanes}f64(double, {t})\n"
 
 
 def _function(name: str, arguments: Sequence[str], w: Printer) -> str:

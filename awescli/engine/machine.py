@@ -1,4 +1,4 @@
-"""Compile printed IR with LLVM (the one numba brings) and hand out addresses of the functions.
+"""Compile printed IR with LLVM and hand out addresses of the functions.
 
 A compiled object is cached on disk by the hash of what it was made from, the processor and LLVM's version. The cache may be deleted at
 any time.

@@ -139,8 +139,8 @@ class CorrectedSimulator:
         alive = np.full((G, LANES), samples)
         stages, kept = self._storage(G, samples - 1)
         hybrid_kernels.rollout(
-            self.f.value, self.g.value, self.initial.value, self.law.value if self.law else 0, self.network.value, self.n_s,
-            self.network.sizes[0], self.rows, constants, weights, prepared.starts, prepared.setpoints, prepared.inputs,
+            self.f.value, self.g.value, self.initial.value, self.law.value if self.law else None, self.network, self.n_s, self.rows,
+            constants, weights, prepared.starts, prepared.setpoints, prepared.inputs,
             prepared.parameters, prepared.dt, self.substeps, X, Y, stages, kept, alive,
         )  # fmt: skip
         return Run(prepared, weights, constants, X, Y, alive, (stages, kept))
@@ -158,8 +158,8 @@ class CorrectedSimulator:
         np.moveaxis(Ybar, -1, 1)[np.arange(LANES)[None] < p.count[:, None]] = outputs_bar
         X0bar, Wbar = np.zeros_like(p.starts), np.empty((len(p.count), self.n_weights))
         hybrid_kernels.gradient(
-            self.f.adjoint, self.g.adjoint, self.initial.adjoint, self.law.adjoint if self.law else 0, self.network.backward, self.n_s,
-            np.array(self.network.sizes), self.rows, run.constants, run.weights, p.setpoints, p.inputs, p.parameters, p.dt, self.substeps,
+            self.f.adjoint, self.g.adjoint, self.initial.adjoint, self.law.adjoint if self.law else None, self.network, self.n_s,
+            self.rows, run.constants, run.weights, p.setpoints, p.inputs, p.parameters, p.dt, self.substeps,
             run.X, Ybar, stages, kept, run.alive_lanes, X0bar, Wbar,
         )  # fmt: skip
         return Wbar.sum(0), ungrouped(X0bar, p.count)

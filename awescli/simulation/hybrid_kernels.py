@@ -1,230 +1,248 @@
-"""Numba kernels of the corrected kite: a rollout that keeps what its gradient needs, and the exact reverse of that rollout.
+"""Loops of the corrected kite, printed as those of `kernels`: a rollout that keeps what its gradient needs, and the exact reverse of it.
 
-Same RK4, same sampling and the same order of operations as `kernels.rollout`: with null weights both give the same bits. The reverse
-is the discrete adjoint: lambda_k = (d x_{k+1} / d x_k)^T lambda_{k+1} + d cost / d x_k, with the step's own Jacobian.
+The rollout is the loop of `kernels` with a network added to the derivative: with null weights both give the same bits. The reverse is
+the discrete adjoint: lambda_k = (d x_{k+1} / d x_k)^T lambda_{k+1} + d cost / d x_k, with the step's own Jacobian.
 """
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
-from numba import njit, prange
 
-from awescli.engine.adjoint import call_adjoint
-from awescli.engine.call import call_value
-from awescli.engine.dense import call_network, call_network_backward
-from awescli.simulation.sampling import _inputs_at, _sample, _stop_diverged
+from awescli.engine.llvm_ir import Body, hexadecimal, print_rowwise
+from awescli.engine.machine import LANES
+from awescli.simulation.kernels import _COMMON, _addresses, _each_group, _Loop, _zeros, compile_loop
 
-
-@njit(cache=True)
-def _corrected(f, network, x, u, c, constants, weights, n_s, rows, y, correction, kept, out):
-    """out = derivative of the physics + correction in `rows`; y holds [derivative, the network's inputs]."""
-    call_value(f, (x.ctypes.data, u.ctypes.data, c, y.ctypes.data))
-    call_network(network, (y[n_s:].ctypes.data, constants, weights, correction.ctypes.data, kept.ctypes.data))
-    for i in range(n_s):
-        for lane in range(y.shape[1]):
-            out[i, lane] = y[i, lane]
-    for k in range(rows.shape[0]):
-        for lane in range(y.shape[1]):
-            out[rows[k], lane] += correction[k, lane]
+_NETWORK = ("ptr network", "i64 n_in", "i64 n_rows", "ptr rows", "ptr constants", "ptr weights", "ptr stages", "ptr kept", "i64 n_kept")
+_REVERSE = (
+    "ptr f", "ptr g", "ptr initial", "ptr law", "i64 n_s", "i64 n_sp", "i64 n_u", "i64 n_y", "i64 samples", "i64 substeps", "double h",
+    "ptr sp", "ptr inputs", "ptr c", "ptr X", "ptr Ybar", "ptr alive", "ptr x0bar", "ptr total", "ptr work", "ptr accumulate",
+    "ptr turned", "i64 n_delta", *_NETWORK,
+)  # fmt: skip
+"""Arguments of the printed loops, for one group of lanes; see `rollout` and `gradient`."""
 
 
-@njit(cache=True)
-def _moved(stage, x, scale, k, n_s):
-    """stage[:n_s] = x + scale k"""
-    for i in range(n_s):
-        for lane in range(x.shape[1]):
-            stage[i, lane] = x[i, lane] + scale * k[i, lane]
+def _add_rows(body: Body, target: str, index: str | None, source: str, i: str) -> None:
+    """target[index] += source[i]; index None: i."""
+    place = body.row(target, i if index is None else index)
+    values = (body.line(f"load {body.type}, ptr {p}, align 8") for p in (place, body.row(source, i)))
+    body.lines.append(f"  store {body.type} {body.line(f'fadd {body.type} ' + ', '.join(values))}, ptr {place}, align 8")
 
 
-@njit(parallel=True, cache=True)
-def rollout(f, g, initial, law, network, n_s, n_in, rows, constants, weights, X0, SP, U, C, h, substeps, X, Y, stages, kept, alive):
-    """Simulate, and keep. f: [derivative, network inputs]; g: outputs of the cost; network: `dense.value`; others as `kernels.rollout`.
+def _row_of(body: Body, i: str) -> str:
+    """rows[i]: which component of the derivative output i of the network corrects."""
+    return body.line(f"load i64, ptr {body.line(f'getelementptr i64, ptr %rows, i64 {i}')}")
 
-    Fills X (G, K+1, n_x, L), Y (G, K+1, n_y, L), stages (G, K*substeps, 4, n_x, L), kept (G, K*substeps, 4, n_kept, L), alive (G, L).
+
+class _Keeping(_Loop):
+    """The loop over the samples of one group, the network in its derivative; every stage and its activations are kept, in order."""
+
+    def __init__(self):
+        super().__init__(tangent=False)
+        self.wide, self.correction = self._rows(self.whole("add", "%n_s", "%n_in")), self._rows("%n_rows")
+        self.stages_so_far = self.line("alloca i64")
+        self.lines.append(f"  store i64 0, ptr {self.stages_so_far}")
+
+    def _derivative(self, vector, k) -> None:
+        place = self.line(f"load i64, ptr {self.stages_so_far}")
+        self.lines.append(f"  store i64 {self.whole('add', place, 1)}, ptr {self.stages_so_far}")
+        kept = self.row("%kept", self.whole("mul", place, "%n_kept"))
+        self.call("@copy", f"ptr {self.row('%stages', self.whole('mul', place, self.n_x))}", f"ptr {vector[0]}", f"i64 {self.n_x}")
+        self._program("%f", vector, self.u, (self.wide,))
+        seen = self.row(self.wide, "%n_s")
+        self.call("%network", f"ptr {seen}", "ptr %constants", "ptr %weights", f"ptr {self.correction}", f"ptr {kept}")
+        self._copy(k, 0, (self.wide,), "%n_s")
+        with self.loop("%n_rows") as i:
+            _add_rows(self, k[0], _row_of(self, i), self.correction, i)
+
+
+class _Reverse(Body):
+    """Prints the reverse of `_Keeping` over the samples of one group. Barred names are derivatives of the cost."""
+
+    def __init__(self):
+        super().__init__(LANES)
+        self.used, self.n_x = "%work", self.whole("add", "%n_s", "%n_sp")
+        self.u, self.v, self.seen = self._rows("%n_u"), self._rows(self.n_x), self._rows(self.n_x)
+        self.w, self.ybar = self._rows(self.whole("add", "%n_s", "%n_in")), self._rows("%n_rows")
+        self.delta, self.xbar, self.before, self.kbar = (self._rows(n) for n in ("%n_delta", "%n_s", "%n_s", "%n_s"))
+        self.setpointbar = self._rows("%n_sp")
+        self._print()
+
+    def _rows(self, n) -> str:
+        here, self.used = self.used, self.row(self.used, n)
+        return here
+
+    def _copy(self, to, source, n) -> None:
+        self.call("@copy", f"ptr {to}", f"ptr {source}", f"i64 {n}")
+
+    def _adjoint(self, address, x, u, w) -> None:
+        """v = (d program / d x)^T w"""
+        self.call(address, *(f"ptr {a}" for a in (x, u, "%c", w, self.v)))
+
+    def _only(self, rows, n, k) -> None:
+        """Zero the lanes that ended at sample k or before: what follows a divergence does not count, and may not be a number."""
+        self.call("@only", f"ptr {rows}", f"i64 {n}", "ptr %alive", f"i64 {k}")
+
+    def _gather(self) -> None:
+        """Add v to the derivatives at the state and at the held set-points."""
+        with self.loop("%n_s") as i:
+            _add_rows(self, self.xbar, None, self.v, i)
+        held = self.row(self.v, "%n_s")
+        with self.loop("%n_sp") as i:
+            _add_rows(self, self.setpointbar, None, held, i)
+
+    def _at(self, k) -> tuple[str, str, str]:
+        """Rows of the state, the recorded set-points and the inputs of sample k."""
+        return tuple(self.row(p, self.whole("mul", k, n)) for p, n in (("%X", self.n_x), ("%sp", "%n_sp"), ("%inputs", "%n_u")))
+
+    def _through_law(self, x, recorded, u) -> None:
+        """v = (d law / d x)^T setpointbar where the law saw the state and the recorded set-points."""
+        self._copy(self.seen, x, "%n_s")
+        self._copy(self.row(self.seen, "%n_s"), recorded, "%n_sp")
+        self._adjoint("%law", self.seen, u, self.setpointbar)
+
+    def _print(self) -> None:
+        substeps = self.line("sitofp i64 %substeps to double")
+        step = self.line(f"fdiv double %h, {substeps}")
+        half, third, sixth = (self.line(f"fdiv double {step}, {hexadecimal(d)}") for d in (2.0, 3.0, 6.0))
+        last = self.whole("sub", "%samples", 1)
+        with self.loop("%samples") as done:
+            k = self.whole("sub", last, done)
+            x, recorded, u = self._at(k)
+            self.call("@zero", f"ptr {self.setpointbar}", "i64 %n_sp")
+            with self.when(self.line(f"icmp slt i64 {k}, {last}")), self.loop("%substeps") as further:
+                sub = self.whole("sub", self.whole("sub", "%substeps", 1), further)
+                first = self.whole("mul", self.whole("add", self.whole("mul", k, "%substeps"), sub), 4)
+                self._copy(self.before, self.xbar, "%n_s")
+                for j, at, share, onward in ((3, 1.0, sixth, None), (2, 0.5, third, step), (1, 0.5, third, half), (0, 0.0, sixth, half)):
+                    along = self.line(f"fadd double {self.line(f'sitofp i64 {sub} to double')}, {hexadecimal(at)}")
+                    part = self.line(f"fdiv double {along}, {substeps}")
+                    self.call("@between", f"ptr {self.u}", f"ptr {u}", f"ptr {self.row(u, '%n_u')}", f"double {part}", "i64 %n_u")
+                    if onward is None:
+                        self.call("@scaled", f"ptr {self.kbar}", f"ptr {self.before}", f"double {share}", "i64 %n_s")
+                    else:
+                        vectors = (f"ptr {a}" for a in (self.kbar, self.before, self.v))
+                        self.call("@combined", *vectors, f"double {share}", f"double {onward}", "i64 %n_s")
+                    self._stage(self.whole("add", first, j), self.whole("add", k, 1))
+            self._adjoint("%g", x, u, self.row("%Ybar", self.whole("mul", k, "%n_y")))
+            self._only(self.v, self.n_x, k)
+            self._gather()
+            with self.when(self.line("icmp ne ptr %law, null")):
+                self._through_law(x, recorded, u)
+                with self.loop("%n_s") as i:
+                    _add_rows(self, self.xbar, None, self.v, i)
+        self._start()
+
+    def _stage(self, place, after) -> None:
+        """v = (d corrected derivative / d x)^T kbar at a kept stage, and the weights' share; `after`: the sample that the step leads to."""
+        x, kept = self.row("%stages", self.whole("mul", place, self.n_x)), self.row("%kept", self.whole("mul", place, "%n_kept"))
+        with self.loop("%n_rows") as i:
+            self._copy(self.row(self.ybar, i), self.row(self.kbar, _row_of(self, i)), 1)
+        self._copy(self.w, self.kbar, "%n_s")
+        arguments = ("%constants", "%weights", kept, self.ybar, self.delta, self.row(self.w, "%n_s"))
+        self.call("%network", *(f"ptr {a}" for a in arguments))
+        self._adjoint("%f", x, self.u, self.w)
+        for rows, n in ((self.v, self.n_x), (self.delta, "%n_delta"), (kept, "%n_kept")):
+            self._only(rows, n, after)
+        self.call("%accumulate", *(f"ptr {a}" for a in (kept, self.delta, "%turned", "%total")))
+        self._gather()
+
+    def _start(self) -> None:
+        """Through the effects' own states at the first sample, and what the law said there, to the start."""
+        x, recorded, u = self._at(0)
+        self._adjoint("%initial", x, u, self.row(self.xbar, 12))
+        self._copy("%x0bar", self.xbar, 12)
+        with self.loop(12) as i:
+            _add_rows(self, "%x0bar", None, self.v, i)
+        own = self.whole("sub", "%n_s", 12)
+        with_own = self.line(f"icmp sgt i64 {own}, 0")
+        with self.when(self.line(f"and i1 {with_own}, {self.line('icmp ne ptr %law, null')}")):
+            self._copy(self.setpointbar, self.row(self.v, "%n_s"), "%n_sp")
+            # the law spoke before the effects' states were known
+            self._copy(self.w, x, 12)
+            self.call("@zero", f"ptr {self.row(self.w, 12)}", f"i64 {own}")
+            self._through_law(self.w, recorded, u)
+            with self.loop(12) as i:
+                _add_rows(self, "%x0bar", None, self.v, i)
+
+
+def _print_only() -> str:
+    """only(a, n, alive, k): zero n rows in the lanes where alive <= k."""
+    body, whole = Body(LANES), f"<{LANES} x i64>"
+    first = body.line(f"insertelement {whole} poison, i64 %k, i64 0")
+    limit = body.line(f"shufflevector {whole} {first}, {whole} poison, <{LANES} x i32> zeroinitializer")
+    on = body.line(f"icmp sgt {whole} {body.line(f'load {whole}, ptr %alive, align 8')}, {limit}")
+    with body.loop("%n") as i:
+        place = body.row("%a", i)
+        value = body.line(f"load {body.type}, ptr {place}, align 8")
+        kept = body.line(f"select <{LANES} x i1> {on}, {body.type} {value}, {body.type} zeroinitializer")
+        body.lines.append(f"  store {body.type} {kept}, ptr {place}, align 8")
+    return body.function("only", ("ptr %a", "i64 %n", "ptr %alive", "i64 %k"), "internal")
+
+
+@cache
+def _rollout() -> Callable:
+    arguments = (*_COMMON, *_NETWORK)
+    return compile_loop(_Keeping().text("loop", arguments), arguments)
+
+
+@cache
+def _gradient() -> Callable:
+    text = _Reverse().function("loop", [f"{kind} %{name}" for kind, name in (a.split() for a in _REVERSE)]) + _print_only()
+    text += _print_zero()
+    text += print_rowwise("scaled", lambda a, s: s * a, 1, 1, LANES)
+    text += print_rowwise("combined", lambda a, b, s, t: s * a + t * b, 2, 2, LANES)
+    return compile_loop(text, _REVERSE)
+
+
+def _print_zero() -> str:
+    body = Body(LANES)
+    with body.loop("%n") as i:
+        body.lines.append(f"  store {body.type} zeroinitializer, ptr {body.row('%a', i)}, align 8")
+    return body.function("zero", ("ptr %a", "i64 %n"), "internal")
+
+
+def rollout(f, g, initial, law, network, n_s, rows, constants, weights, X0, SP, U, C, h, substeps, X, Y, stages, kept, alive):
+    """Simulate, and keep. f: [derivative, network inputs]; network: a `DenseProgram`; rows: which derivatives it corrects; others as
+    `kernels.rollout`. Fills also stages (G, K*substeps, 4, n_x, L) and kept (G, K*substeps, 4, n_kept, L)."""
+    G, samples, n_x, _ = X.shape
+    n_u, sizes = U.shape[2], (n_s, SP.shape[2], U.shape[2], Y.shape[2], samples, substeps, h)
+    places, keeping, loop = _addresses(X0, SP, U, C, X, Y, alive), _addresses(stages, kept), _rollout()
+    rows, constants, weights = _plain(rows, constants, weights)
+
+    def work(group):
+        keep, scratch = _zeros(5 * n_x + n_u + n_s + network.sizes[0] + len(rows))
+        loop(
+            f, g, initial, law, *sizes, *(at(group) for at in places), scratch, network.value, network.sizes[0], len(rows),
+            rows.ctypes.data, constants.ctypes.data, weights.ctypes.data, *(at(group) for at in keeping), network.kept,
+        )  # fmt: skip
+
+    _each_group(work, G)
+
+
+def gradient(f, g, initial, law, network, n_s, rows, constants, weights, SP, U, C, h, substeps, X, Ybar, stages, kept, alive, X0bar, Wbar):
+    """Reverse of `rollout` for d cost / d Y = Ybar (G, K+1, n_y, L). f, g, initial, law: `adjoint` addresses; network: a `DenseProgram`.
+
+    Fills X0bar (G, 12, L) = d cost / d starts and Wbar (G, n_weights), each group's d cost / d weights. Uses up kept.
     """
-    G, samples, n_x, L = X.shape
-    step = h / substeps
-    p_constants, p_weights = constants.ctypes.data, weights.ctypes.data
-    for group in prange(G):
-        x = np.zeros((n_x, L))
-        u = np.empty((U.shape[2], L))
-        y, correction = np.empty((n_s + n_in, L)), np.empty((rows.shape[0], L))
-        k1, k2, k3, k4 = np.empty((n_s, L)), np.empty((n_s, L)), np.empty((n_s, L)), np.empty((n_s, L))
-        chosen = np.empty((n_x - n_s, L))
-        c = C[group].ctypes.data
-        for i in range(12):
-            x[i] = X0[group, i]
-        _sample(x, 0, SP[group], n_s)
-        if law:
-            call_value(law, (x.ctypes.data, U[group, 0].ctypes.data, c, chosen.ctypes.data))
-            x[n_s:] = chosen
-        # into a place of its own: written over x, the later states would be computed from the earlier ones' new values
-        begun = np.empty((n_s - 12, L))
-        call_value(initial, (x.ctypes.data, U[group, 0].ctypes.data, c, begun.ctypes.data))
-        x[12:n_s] = begun
-        start = x.copy()
-        for k in range(samples):
-            _sample(x, k, SP[group], n_s)
-            if law:
-                call_value(law, (x.ctypes.data, U[group, k].ctypes.data, c, chosen.ctypes.data))
-                x[n_s:] = chosen
-            X[group, k] = x
-            call_value(g, (x.ctypes.data, U[group, k].ctypes.data, c, Y[group, k].ctypes.data))
-            if k == samples - 1:
-                break
-            for sub in range(substeps):
-                m = k * substeps + sub
-                s, a = stages[group, m], kept[group, m]
-                for j in range(4):
-                    s[j] = x
-                _inputs_at(u, U[group], k, sub / substeps)
-                _corrected(f, network, s[0], u, c, p_constants, p_weights, n_s, rows, y, correction, a[0], k1)
-                _moved(s[1], x, step / 2, k1, n_s)
-                _inputs_at(u, U[group], k, (sub + 0.5) / substeps)
-                _corrected(f, network, s[1], u, c, p_constants, p_weights, n_s, rows, y, correction, a[1], k2)
-                _moved(s[2], x, step / 2, k2, n_s)
-                _corrected(f, network, s[2], u, c, p_constants, p_weights, n_s, rows, y, correction, a[2], k3)
-                _moved(s[3], x, step, k3, n_s)
-                _inputs_at(u, U[group], k, (sub + 1.0) / substeps)
-                _corrected(f, network, s[3], u, c, p_constants, p_weights, n_s, rows, y, correction, a[3], k4)
-                for i in range(n_s):
-                    for lane in range(L):
-                        x[i, lane] += step / 6 * (k1[i, lane] + 2 * k2[i, lane] + 2 * k3[i, lane] + k4[i, lane])
-            _stop_diverged(x, start, alive[group], k + 1)
+    G, samples, n_x, _ = X.shape
+    n_u, sizes = U.shape[2], (n_s, SP.shape[2], U.shape[2], Ybar.shape[2], samples, substeps, h)
+    places, keeping, loop = _addresses(SP, U, C, X, Ybar, alive, X0bar), _addresses(stages, kept), _gradient()
+    rows, constants, weights = _plain(rows, constants, weights)
+
+    def work(group):
+        keep, scratch = _zeros(n_u + 3 * n_x + 4 * n_s + network.sizes[0] + len(rows) + network.deltas)
+        total, turned = np.zeros(network.padded), np.zeros(network.turned)
+        loop(
+            f, g, initial, law, *sizes, *(at(group) for at in places), total.ctypes.data, scratch, network.accumulate, turned.ctypes.data,
+            network.deltas, network.backward, network.sizes[0], len(rows), rows.ctypes.data, constants.ctypes.data, weights.ctypes.data,
+            *(at(group) for at in keeping), network.kept,
+        )  # fmt: skip
+        Wbar[group] = total[network.where]
+
+    _each_group(work, G)
 
 
-@njit(cache=True)
-def _pulled_back(f, network, x, u, c, constants, weights, kbar, n_s, rows, alive, k, w, ybar, v, kept, delta):
-    """v = (d corrected derivative / d x)^T kbar, and delta at the network's sums; zero where a lane no longer counts."""
-    L = x.shape[1]
-    for j in range(rows.shape[0]):
-        for lane in range(L):
-            ybar[j, lane] = kbar[rows[j], lane]
-    for i in range(n_s):
-        for lane in range(L):
-            w[i, lane] = kbar[i, lane]
-    call_network_backward(network, (constants, weights, kept.ctypes.data, ybar.ctypes.data, delta.ctypes.data, w[n_s:].ctypes.data))
-    call_adjoint(f, (x.ctypes.data, u.ctypes.data, c, w.ctypes.data, v.ctypes.data))
-    for lane in range(L):
-        if alive[lane] <= k + 1:
-            for a in (v, delta, kept):
-                for i in range(a.shape[0]):
-                    a[i, lane] = 0.0
-
-
-@njit(cache=True)
-def _add_to_weights(total, sizes, kept, delta, a):
-    """total += sum over lanes of delta x activations, layer by layer: the network's vector-Jacobian product.
-
-    kept (n_kept, L) is turned into rows a (L, n_kept) first, so that the inner loop runs along a row of W: all of it stays in the
-    nearest cache, where one product over the whole rollout would fetch everything from memory again.
-    """
-    L = kept.shape[1]
-    for i in range(kept.shape[0]):
-        for lane in range(L):
-            a[lane, i] = kept[i, lane]
-    place = first_a = first_d = 0
-    for number in range(sizes.shape[0] - 1):
-        n, m = sizes[number], sizes[number + 1]
-        for i in range(m):
-            e = delta[first_d + i]
-            row = total[place + i * n : place + (i + 1) * n]
-            for lane in range(0, L, 4):
-                e0, e1, e2, e3 = e[lane], e[lane + 1], e[lane + 2], e[lane + 3]
-                for j in range(n):
-                    q = first_a + j
-                    row[j] += (e0 * a[lane, q] + e1 * a[lane + 1, q]) + (e2 * a[lane + 2, q] + e3 * a[lane + 3, q])
-            bias = 0.0
-            for lane in range(L):
-                bias += e[lane]
-            total[place + n * m + i] += bias
-        place += (n + 1) * m
-        first_a += n
-        first_d += m
-
-
-@njit(cache=True)
-def _gather(xbar, setpointbar, v, n_s):
-    """Add v to the derivatives at the state and at the held set-points."""
-    for i in range(n_s):
-        for lane in range(v.shape[1]):
-            xbar[i, lane] += v[i, lane]
-    for i in range(n_s, v.shape[0]):
-        for lane in range(v.shape[1]):
-            setpointbar[i - n_s, lane] += v[i, lane]
-
-
-@njit(cache=True)
-def _drop_ended(a, alive, k):
-    """Zero the lanes that ended before sample k: what follows a divergence does not count, and may not be a number."""
-    for lane in range(a.shape[1]):
-        if alive[lane] <= k:
-            for i in range(a.shape[0]):
-                a[i, lane] = 0.0
-
-
-@njit(parallel=True, cache=True)
-def gradient(f, g, initial, law, network, n_s, sizes, rows, constants, weights, SP, U, C, h, substeps, X, Ybar, stages, kept, alive,
-             X0bar, Wbar):  # fmt: skip
-    """Reverse of `rollout` for d cost / d Y = Ybar (G, K+1, n_y, L). f, g, initial, law: `adjoint` addresses; network: `dense.backward`.
-
-    sizes: layer widths. Fills X0bar (G, 12, L) = d cost / d starts and Wbar (G, n_weights), each group's d cost / d weights.
-    """
-    G, samples, n_x, L = X.shape
-    step = h / substeps
-    p_constants, p_weights = constants.ctypes.data, weights.ctypes.data
-    for group in prange(G):
-        u = np.empty((U.shape[2], L))
-        w, ybar, v = np.empty((n_s + sizes[0], L)), np.empty((rows.shape[0], L)), np.empty((n_x, L))
-        activations, delta = np.empty((L, kept.shape[3])), np.empty((kept.shape[3] - 1 - sizes[0], L))
-        total = np.zeros(Wbar.shape[1])
-        xbar, before, kbar = np.zeros((n_s, L)), np.zeros((n_s, L)), np.zeros((n_s, L))
-        setpointbar = np.zeros((n_x - n_s, L))
-        c, ended = C[group].ctypes.data, alive[group]
-        for k in range(samples - 1, -1, -1):
-            if k < samples - 1:
-                setpointbar[:] = 0.0
-                for sub in range(substeps - 1, -1, -1):
-                    m = k * substeps + sub
-                    s, a = stages[group, m], kept[group, m]
-                    before[:] = xbar
-                    for j in range(3, -1, -1):
-                        _inputs_at(u, U[group], k, (sub + (0.0 if j == 0 else 0.5 if j < 3 else 1.0)) / substeps)
-                        share = step / 6 if j == 0 or j == 3 else step / 3
-                        onward = step / 2 if j < 2 else step
-                        for i in range(n_s):
-                            for lane in range(L):
-                                kbar[i, lane] = share * before[i, lane] + (onward * v[i, lane] if j < 3 else 0.0)
-                        _pulled_back(f, network, s[j], u, c, p_constants, p_weights, kbar, n_s, rows, ended, k, w, ybar, v, a[j], delta)
-                        _add_to_weights(total, sizes, a[j], delta, activations)
-                        _gather(xbar, setpointbar, v, n_s)
-            else:
-                setpointbar[:] = 0.0
-            call_adjoint(g, (X[group, k].ctypes.data, U[group, k].ctypes.data, c, Ybar[group, k].ctypes.data, v.ctypes.data))
-            _drop_ended(v, ended, k)
-            _gather(xbar, setpointbar, v, n_s)
-            if law:
-                _through_law(law, X[group, k], SP[group, k], U[group, k], c, n_s, setpointbar, v)
-                for i in range(n_s):
-                    for lane in range(L):
-                        xbar[i, lane] += v[i, lane]
-        Wbar[group] = total
-        x = X[group, 0].copy()
-        call_adjoint(initial, (x.ctypes.data, U[group, 0].ctypes.data, c, xbar[12:].ctypes.data, v.ctypes.data))
-        for i in range(12):
-            for lane in range(L):
-                X0bar[group, i, lane] = xbar[i, lane] + (v[i, lane] if n_s > 12 else 0.0)
-        if law and n_s > 12:
-            for i in range(n_s, n_x):
-                setpointbar[i - n_s] = v[i]
-            x[12:n_s] = 0.0
-            _through_law(law, x, SP[group, 0], U[group, 0], c, n_s, setpointbar, v)
-            for i in range(12):
-                for lane in range(L):
-                    X0bar[group, i, lane] += v[i, lane]
-
-
-@njit(cache=True)
-def _through_law(law, x, recorded, u, c, n_s, setpointbar, v):
-    """v = (d law / d x)^T setpointbar where the law saw the state and the recorded set-points."""
-    seen = x.copy()
-    seen[n_s:] = recorded
-    call_adjoint(law, (seen.ctypes.data, u.ctypes.data, c, setpointbar.ctypes.data, v.ctypes.data))
+def _plain(rows, constants, weights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The arrays in one piece each, of the kinds that the loops read."""
+    return np.ascontiguousarray(rows, np.int64), np.ascontiguousarray(constants, float), np.ascontiguousarray(weights, float)

@@ -4,12 +4,12 @@ The loops know addresses of programs and sizes, no kite. x = [states, held set-p
 set-points are held from sample to sample (seed eq. 9e as flown: sample and hold).
 
 They are printed as LLVM IR like the programs they call, with sizes as arguments: one compiled loop serves every kite, and costs a tenth
-of a second once, where numba took half a minute. ctypes lets go of Python's lock during a call, so plain threads share the groups.
+of a second once. ctypes lets go of Python's lock during a call, so plain threads share the groups.
 """
 
 import ctypes
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from functools import cache
@@ -45,7 +45,6 @@ class _Loop(Body):
         self.x, self.start, self.stage, self.total, self.k = (self._vector(n_x) for _ in range(5))
         self.u, self.n_x = self._rows("%n_u"), n_x
         self.D = self._rows(self.whole("mul", "%n_y", "%n_col")) if tangent else ""
-        self._print()
 
     def _rows(self, n) -> str:
         here, self.used = self.used, self.row(self.used, n)
@@ -115,6 +114,15 @@ class _Loop(Body):
             self._copy(self.x, 12, self.k, self.whole("sub", "%n_s", 12))
         self.call("@copy", f"ptr {self.start[0]}", f"ptr {self.x[0]}", f"i64 {self.n_x}")
 
+    def text(self, name: str, arguments: Sequence[str]) -> str:
+        """The function with these arguments ("ptr f")."""
+        self._print()
+        return self.function(name, [f"{kind} %{name}" for kind, name in (a.split() for a in arguments)])
+
+    def _derivative(self, vector, k) -> None:
+        """k = f(vector, inputs now, c)"""
+        self._program("%f", vector, self.u, k)
+
     def _print(self) -> None:
         substeps = self.line("sitofp i64 %substeps to double")
         step = self.line(f"fdiv double %h, {substeps}")
@@ -143,7 +151,7 @@ class _Loop(Body):
             if at is not None:
                 share = self.line(f"fdiv double {self.line(f'fadd double {sub}, {hexadecimal(at)}')}, {substeps}")
                 self.call("@between", f"ptr {self.u}", f"ptr {u}", f"ptr {after}", f"double {share}", "i64 %n_u")
-            self._program("%f", vector, self.u, k)
+            self._derivative(vector, k)
 
         held = [self.row(p, first) for p, (first, _) in zip(self.x, self._parts("%n_s", "%n_sp"), strict=True)]
         self._copy(self.stage, "%n_s", held, "%n_sp")
@@ -211,8 +219,12 @@ _C_TYPES = {"ptr": ctypes.c_void_p, "i64": ctypes.c_int64, "double": ctypes.c_do
 @cache
 def _compiled(tangent: bool) -> Callable:
     """The loop over one group of lanes, as a function of _COMMON (and _TANGENT)."""
-    declared = [*_COMMON, *(_TANGENT if tangent else ())]
-    text = _Loop(tangent).function("loop", [f"{kind} %{name}" for kind, name in (a.split() for a in declared)])
+    arguments = [*_COMMON, *(_TANGENT if tangent else ())]
+    return compile_loop(_Loop(tangent).text("loop", arguments), arguments)
+
+
+def compile_loop(text: str, arguments: Sequence[str]) -> Callable:
+    """The function `loop` of an IR text that may call the small functions on rows which loops are made of."""
     text += _print_gone()
     text += print_rowwise("copy", lambda a: a, 1, 0, LANES)
     text += print_rowwise("between", lambda a, b, share: a + share * (b - a), 2, 1, LANES)
@@ -222,7 +234,7 @@ def _compiled(tangent: bool) -> Callable:
     t, i = f"<{LANES} x double>", f"<{LANES} x i64>"
     text += f"declare {t} @llvm.fabs.v{LANES}f64({t})\ndeclare {i} @llvm.smin.v{LANES}i64({i}, {i})\n"
     address = _compile(text).get_function_address("loop")
-    return ctypes.CFUNCTYPE(None, *(_C_TYPES[a.split()[0]] for a in declared))(address)
+    return ctypes.CFUNCTYPE(None, *(_C_TYPES[a.split()[0]] for a in arguments))(address)
 
 
 def cores() -> int:

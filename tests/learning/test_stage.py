@@ -31,10 +31,7 @@ stages:
 
 def command(folder: Path, *arguments: str) -> subprocess.Popen:
     cli = Path(__file__).with_name("hybrid_cli.py")
-    environment = {**os.environ, "NUMBA_NUM_THREADS": "1"}  # threads that wait for each other make a busy machine slow
-    return subprocess.Popen(
-        [sys.executable, str(cli), *arguments], cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    return subprocess.Popen([sys.executable, str(cli), *arguments], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def finished(folder: Path, *arguments: str) -> tuple[int, str]:
