@@ -341,6 +341,8 @@ def main(arguments=None) -> int:
     options = parser.parse_args(arguments)
     command = f"python benchmarks/interruptions.py --kills {options.kills} --seed {options.seed}"
     result = HERE / "results" / "interruptions.md"
+    # a shell starts what runs in its background deaf to SIGINT, and children inherit that
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary) if options.folder is None else options.folder
         if not (folder / "stages.yaml").is_file():
