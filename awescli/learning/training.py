@@ -246,7 +246,8 @@ def _round(problem: Problem, sets: list[_Horizon], state: State, config: Trainin
     best, best_cost = (weights, final) if final < state.best_cost else (state.best, state.best_cost)
     better = here < 0.99 * state.reference
     idle, reference = (0, here) if better else (state.idle + 1, state.reference)
-    row = (state.phase, state.round, stage.seconds, cost, here, final, diverged, spent, seconds())
+    # floats, as a checkpoint gives them back: a resumed run leaves the same bytes
+    row = tuple(float(v) for v in (state.phase, state.round, stage.seconds, cost, here, final, diverged, spent, seconds()))
     state = replace(
         state, weights=weights, adam=adam, best=best, best_cost=best_cost, round=state.round + 1, idle=idle, reference=reference,
         evaluations=state.evaluations + spent, seconds=row[-1], history=(*state.history, row),

@@ -105,8 +105,9 @@ def test_resumed_training_is_the_uninterrupted_one(learned, draggy):
     for stop in (2, len(states) - 2):  # within Adam, within L-BFGS
         kept = {k: v.copy() for k, v in states[stop].to_arrays().items()}
         resumed = train(small_kite(), log, ranges[:6], ranges[6:], CONFIG, state=State.from_arrays(kept, whole.correction.weights.size))
-        assert np.abs(resumed.correction.weights - whole.correction.weights).max() <= 1e-12
-        assert len(resumed.history) == len(whole.history)
+        assert np.array_equal(resumed.correction.weights, whole.correction.weights)
+        # also as text: a count that comes back as 2.0 makes another file
+        assert repr([row[:-1] for row in resumed.history]) == repr([row[:-1] for row in whole.history])
 
 
 def test_budget_is_an_outcome(draggy):
