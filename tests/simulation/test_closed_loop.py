@@ -1,0 +1,49 @@
+"""How a law's set-points reach the surfaces, and what the loop makes of disturbances."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from awescli.control.linear_law import LinearLaw
+from awescli.notation.quantities import SURFACES
+from awescli.physics.declaration import read_kite
+from awescli.physics.kite import Kite
+from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
+from awescli.simulation.rollout import Segments, Simulator
+
+KITE = read_kite(Path(__file__).parents[2] / "data" / "kites" / "development.yaml")
+STEP = LinearLaw(surfaces=("rudder",), features=("r",), centre=(0.0,), scale=(1.0,), limits={"rudder": (-1.0, 1.0)},
+                 affine=np.array([[0.0, 0.0]]))  # fmt: skip
+
+
+def test_delay_and_rate_limit_are_effects_of_the_kite_that_is_flown():
+    law = replace(STEP, delay_s=0.1, rate_limits={"rudder": 0.5})
+    once = with_setpoint_dynamics(KITE, law)
+    assert {"actuator_delay:rudder", "actuator_lag:rudder"} <= set(once.effects)
+    assert once.table()["actuator_delay:rudder.tau"].value == 0.1 and once.table()["actuator_lag:rudder.rate"].value == 0.5
+    twice = with_setpoint_dynamics(once, replace(law, rate_limits={"rudder": 0.3}))
+    assert twice.effects == once.effects
+    assert twice.table()["actuator_delay:rudder.tau"].value == pytest.approx(0.2)
+    assert twice.table()["actuator_lag:rudder.rate"].value == 0.3
+    assert with_setpoint_dynamics(KITE, STEP) is KITE
+
+
+def test_a_limited_surface_follows_a_step_no_faster_than_its_limit():
+    """The law asks for 0.2 rad from 0.2 s on; its surface gets there at 0.5 rad/s, 0.4 s later: slope and arrival in closed form."""
+    law = replace(STEP, rate_limits={"rudder": 0.5})
+    kite = Kite(with_setpoint_dynamics(KITE, law), (10.0,))
+    n = 51
+    step = np.zeros((1, n, 4))
+    step[0, 10:, SURFACES.index("rudder")] = 0.2
+    at = {name: i for i, name in enumerate(kite.input_names)}
+    inputs = np.zeros((1, n, len(at)))
+    inputs[:, :, at["tether_length"]], inputs[:, :, at["density"]], inputs[:, :, at["wind_speed_0"]] = 300.0, 1.225, 8.0
+    start = np.array([[240.0, 0.0, -180.0, 30.0, 0.0, 1.0, 0.0, 0.6, 1.5, 0.0, 0.0, 0.0]])
+    simulator = Simulator(kite, (), law=loop(law, kite, 0.0, disturbed=True), substeps=4)
+    flown = simulator.rollout(Segments(np.zeros(1, int), start, step, inputs, 0.02))
+    deflection = flown.states[0, :, kite.x_names.index("actuator_lag:rudder.deflection")]
+    assert deflection[10] == pytest.approx(0.0, abs=1e-9)
+    assert deflection[11:28] == pytest.approx(0.01 * np.arange(1, 18), abs=1e-6)
+    assert deflection[-1] == pytest.approx(0.2, abs=1e-3)
