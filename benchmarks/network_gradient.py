@@ -233,7 +233,7 @@ def main() -> int:
         f"`{command}` on {platform.processor() or platform.machine()}, {len(os.sched_getaffinity(0))} cores: rollout, cost, "
         "exact gradient; one process, medians of interleaved runs. Ratio: how many times faster awes is. Processor time is that of all "
         "threads together; on a busy machine its ratio is the one to trust. Difference: of the gradient, relative to its largest "
-        "component. Memory: growth of the process at the first call.", "",
+        "component. Memory: by how much the first call raised the peak of the process.", "",
         "| problem | who | median | ratio | processor time | ratio | difference | first call | memory |", f"|{9 * '---|'}",
     ]  # fmt: skip
     # the thesis' step last: the peak of memory only grows
