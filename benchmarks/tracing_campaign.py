@@ -54,7 +54,7 @@ OUTSIDE = {
     "roll moment with heading": {"custom_term:m_x*sin_heading": {"k": 0.004}},
     "pitch moment with alpha and airspeed": {"custom_term:m_y*alpha*V_a": {"k": 0.3}},
     "side force with elevation": {"custom_term:f_y*elevation": {"k": 0.03}},
-    "yaw moment with tension": {"custom_term:m_z*tension": {"k": 0.002}},
+    "yaw moment with elevation": {"custom_term:m_z*elevation": {"k": 0.004}},
     "drag with roll rate": {"custom_term:f_x*p": {"k": -0.05}},
 }
 """Effects that the library does not hold: forcings with a form of their own."""

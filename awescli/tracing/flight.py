@@ -6,7 +6,7 @@ from awescli.estimation.question import ask, simulator_of, without_record
 from awescli.estimation.staged_fit import fit_in_stages
 from awescli.physics.declaration import KiteDeclaration
 from awescli.simulation.rollout import Simulator
-from awescli.tracing.race import Contest, run
+from awescli.tracing.race import contest_of, run
 from awescli.tracing.verdict import Finding, investigate, library_keys
 
 CURRICULUM = (1.0, 2.5)
@@ -37,7 +37,6 @@ def trace_flight(
     question = ask(simulator, log, parts, horizon, outputs or tuple(log.measured))
     progress("fitting the model as it is declared")
     fitted, question = fit_in_stages(question, log, parts, [h for h in curriculum if h < horizon], start=start)
-    contest = Contest(simulator, question.fitted, question.choice, question.gusts, question.prior)
-    null = run(contest, fitted.parameters, (), question.names, own=fitted.own)
+    null = run(contest_of(question), fitted.parameters, (), question.names, own=fitted.own)
     finding = investigate(question, null, keys, log, parts, horizon, rounds=rounds, progress=progress)
     return finding, simulator.holding(without_record(simulator.kite, null.table))

@@ -16,15 +16,11 @@ CLOSE = 3
 """How many of a round's runners are tried again once a later effect is in the model."""
 ROUNDS = 3
 """At most so many effects are accepted one after the other."""
-MATERIAL = 0.002
-"""Least relative fall of the choice cost that counts as a gain: 0.2 % is 50 units of chi-square on 30 s of flight, and below it no
-prediction error changes in its third digit."""
 SHARE_OF_GAP = 0.1
 """Least share of what the choice cost still stands above its floor: far from the floor almost any term gains something, and an effect
 that explains a few per cent of what is missing is not what is missing."""
 EXPLAINS = 0.5
-"""Where the residual is far above the floor (FAR), effects that leave more than half of the excess on unseen loops are no answer."""
-FAR = 0.2
+"""Where the residual is above the floor, effects that leave more than half of the excess on unseen loops are no answer."""
 FLOOR_ERROR = 0.02
 """Relative error of the noise floor itself: a chi-square per degree of freedom within 1 +- this is at the floor."""
 NO_EXCESS = 0.005
@@ -128,14 +124,14 @@ def _decide(finalists: list[Runner], place: int = -1) -> tuple[Runner | None, tu
 
 def _credible(models: list[Runner], record: list[Round]) -> tuple[list[Runner], list[Round]]:
     """Without the last effects where they explain little and the floor is not reached: there they mend the form of the first one; and
-    without any where all together leave more than half of a large residual."""
+    without any where all together leave more than half of what is missing."""
     models, record = list(models), list(record)
     while len(models) > 2 and _gap(models[-1]) > FLOOR_ERROR:
         if _gap(models[-2]) - _gap(models[-1]) >= SHARE_OF_GAP * _gap(models[0]):
             break
         models.pop()
     excess, left = (max(m.choice_chi2 - 1, 0.0) for m in (models[0], models[-1]))
-    if excess > FAR and left > (1 - EXPLAINS) * excess:
+    if excess > FLOOR_ERROR and left > (1 - EXPLAINS) * excess:
         models = models[:1]
     for at in [i for i, r in enumerate(record) if r.accepted][len(models) - 1 :]:
         record[at] = replace(record[at], accepted="", rivals=(), chi2_after=record[at].chi2_before, dropped=record[at].accepted)
@@ -196,10 +192,8 @@ def _race(contest: Contest, here: Runner, kite: Kite, screening: Screening, prog
         progress(f"re-fitting with {s.key}")
         runners[s.key] = enter(contest, here, s)
     entries = tuple(_entry(here, s, runners.get(s.key)) for s in scores)
-    admissible = [
-        runners[s.key] for s, e in zip(scores, entries, strict=True) if s.key in runners and e.plausible and _material(here, runners[s.key])
-    ]
-    return entries, sorted(admissible, key=_whole)
+    plausible = [runners[s.key] for s, e in zip(scores, entries, strict=True) if s.key in runners and e.plausible]
+    return entries, sorted((r for r in plausible if _material(contest, here, r)), key=_whole)
 
 
 def _gap(r: Runner) -> float:
@@ -254,7 +248,7 @@ def _plausible(s: Score, r: Runner) -> bool:
     return True
 
 
-def _material(here: Runner, r: Runner) -> bool:
+def _material(contest: Contest, here: Runner, r: Runner) -> bool:
     """A gain on unseen loops that is certain (block-wise), worth having, and a good part of what is missing."""
     before, after = here.choice_cost, r.choice_cost
     gain = before - after
@@ -264,7 +258,7 @@ def _material(here: Runner, r: Runner) -> bool:
     ratio = np.log(np.maximum(before, 1e-9) / np.maximum(after, 1e-9))
     certain = ratio.mean() > CERTAIN * ratio.std(ddof=1) / np.sqrt(K) if K > 2 else bool((ratio > 0).all())
     gap = max(before.sum() - here.choice_dof, 0.0)
-    return bool(certain and total > max(MATERIAL * before.sum(), SHARE_OF_GAP * gap, DECISIVE))
+    return bool(certain and total > max(contest.material * before.sum(), SHARE_OF_GAP * gap, DECISIVE))
 
 
 def _ahead(best: Runner, rival: Runner) -> bool:

@@ -14,7 +14,7 @@ from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
 from awescli.physics.kite import Kite, candidates, make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
-from awescli.tracing.race import Contest, Runner, run
+from awescli.tracing.race import Contest, Runner, contest_of, run
 from awescli.tracing.trace import Trace, trace
 
 NEAR_FLOOR = 0.02
@@ -64,7 +64,7 @@ def investigate(
     progress: Callable[[str], None] = lambda text: None,
 ) -> Finding:  # fmt: skip
     """Trace with the library, then with the bank of empirical terms where something is left, and weigh the two."""
-    contest = Contest(question.simulator, question.fitted, question.choice, question.gusts, question.prior)
+    contest = contest_of(question)
     library = trace(contest, question.kite, keys, null, rounds=rounds, progress=progress)
     rivals = {r.accepted: r.rivals for r in library.rounds if r.accepted}
     bank, bank_simulator, unexplained = None, None, False
@@ -119,9 +119,11 @@ def _left(r: Runner) -> float:
 
 
 def bank_keys(declaration, moving) -> list[str]:
-    """The empirical terms that a flight could show: every channel times every feature (surfaces only where they move)."""
+    """The empirical terms that a flight could show and a kite could fly with: every channel times every feature, surfaces only where they
+    move, nothing that has to be read from a log."""
     still = {"rudder", "elevator", "aileron"} - set(moving)
-    return [f"{CustomTerm.name}:{c}*{f}" for c in CHANNELS for f in FEATURES if f not in still]
+    keys = [f"{CustomTerm.name}:{c}*{f}" for c in CHANNELS for f in FEATURES if f not in still]
+    return [k for k in keys if not make_effect(k, declaration).reads]
 
 
 def _bank(question: Question, start: Runner, log, split, horizon, rounds, progress) -> tuple[Trace, Simulator]:
@@ -134,7 +136,7 @@ def _bank(question: Question, start: Runner, log, split, horizon, rounds, progre
     prior = simulator.kite.parameters.with_rows(
         replace(simulator.kite.parameters[n], value=question.prior[n].value) for n in question.prior if n in simulator.kite.parameters
     )
-    contest = Contest(simulator, asked.fitted, asked.choice, asked.gusts, prior)
+    contest = contest_of(replace(asked, prior=prior))
     here = run(contest, simulator.kite.parameters, (), start.names, own=start.fit.own)
     return trace(contest, simulator.kite, keys, here, rounds=rounds, progress=progress), simulator
 

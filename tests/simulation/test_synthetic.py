@@ -173,6 +173,12 @@ def test_turbulence_shows_and_is_seeded():
     assert np.std(np.diff(rough["V_a"])) > 1.2 * np.std(np.diff(smooth["V_a"]))
 
 
+def test_a_term_that_reads_the_log_is_not_flown_without_one():
+    """Guards against a term that is silently zero: a flight that is being made has no measured tension."""
+    with pytest.raises(BadInput, match="measured tension"):
+        dev_like(DEVELOPMENT, 4, {"custom_term:m_z*tension": {"k": 0.002}}, duration=20.0)
+
+
 def test_unknown_effects_are_refused():
     with pytest.raises(BadInput, match="actuator_lag"):
         with_effects(DEVELOPMENT, {"actuator_lagg:rudder": {"tau": 0.1}})

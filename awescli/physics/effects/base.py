@@ -18,7 +18,8 @@ class Effect:
     empirical: a term fitted to a residual, not physics; probes: parameter name -> sizes at which an effect that is flat at null (a lag,
     a threshold) is tried; abrupt: its presence changes the start of a rollout so much that only a re-fit from the probe can judge it;
     shapes: parameters that only give form to another one; refinements: shape -> values tried only once the effect is accepted;
-    last: its load answers the sum of all others, so that it stands behind them.
+    last: its load answers the sum of all others, so that it stands behind them; reads: measured signals that it takes from the log, so
+    that it cannot be flown without one.
 
     Every method receives what stands at its place, the instant `at`, and `own`: the values of its parameters by short name.
     It must give back its input unchanged, to the last bit, when all parameters are null.
@@ -37,6 +38,7 @@ class Effect:
     traceable: bool = True
     empirical: bool = False
     last: bool = False
+    reads: tuple[str, ...] = ()
 
     def __init__(self, target: str = "", declaration=None):
         """target: one of `targets`, or empty; declaration: the kite file (`declaration.KiteDeclaration`) it stands in."""

@@ -45,6 +45,10 @@ class CustomTerm(Effect):
     traceable = False
     empirical = True
 
+    def __init__(self, target="", declaration=None):
+        super().__init__(target, declaration)
+        self.reads = ("tension",) if "tension" in parse_term(target)[1] else ()
+
     @classmethod
     def accepts(cls, target):
         return parse_term(target) is not None
