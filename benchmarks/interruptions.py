@@ -238,6 +238,8 @@ def _gone_on(folder: Path, reference: Artifacts, command: str, *settings: str) -
     code, _, err = ended(Forked(folder, command, "--quiet", *settings))
     checked, now = NAMES if command == "run" else (command,), artifacts(out)
     left = {p.name for p in out.iterdir()} - {*NAMES, ".lock"}
+    if command != "run":  # checkpoints of a stage that has not gone on yet stay
+        left -= {f".{name}.scratch" for name in NAMES if name != command}
     return [
         *([f"going on ended with code {code}: {err}"] if code else []),
         *(f"{name} ended with other numbers" for name in checked if now.get(name) != reference[name]),
