@@ -61,6 +61,7 @@ class Simulate(Stage):
         from awescli.simulation.rollout import setpoints_of
         from awescli.simulation.segments import smooth_states
         from awescli.simulation.synthetic import LoggedReelOut, as_recorded, simulate_flight
+        from awescli.stages.controller_artifact import read_controller
         from awescli.stages.flight_parts import flight_parts
 
         log, parts = flight_parts(context)
@@ -68,11 +69,12 @@ class Simulate(Stage):
         first = parts.test[0][0] if config.start is None else int(round(config.start / log.dt))
         if first >= len(log) - 1:
             raise BadInput(f"the flight is only {log.time[-1]:.1f} s long", "simulate.start", f"Start before {log.time[-1]:.1f} s.")
-        model, kite = kite_to_fly(context, config, log.wind.height)
+        fitted = read_controller(context.upstream("fit-controller")) if config.surfaces == "controller" else None
+        model, kite = kite_to_fly(context, config, log.wind.height, fitted)
         duration = config.duration
         if config.surfaces == "recorded":
             duration = min(duration, (len(log) - 1 - first) * log.dt)
-        law, pattern = law_to_fly(context, config, log, kite)
+        law, pattern = law_to_fly(config, log, kite, fitted)
         samples = int(round(duration / log.dt)) + 1
         recorded = setpoints_of(log)[[min(first + k, len(log) - 1) for k in range(samples)]]
         wind = replace(log.wind, time=log.wind.time - log.time[first])
@@ -113,30 +115,31 @@ def in_wanted_wind(log, wanted: Wind):
     return in_wind(log, wanted.speed, direction, wanted.height, wanted.shear)
 
 
-def kite_to_fly(context: Context, config: SimulateConfig, heights):
-    """(name on the ladder, the kite for a wind known at `heights`), with the effects that are switched on."""
+def kite_to_fly(context: Context, config: SimulateConfig, heights, fitted=None):
+    """(name on the ladder, the kite for a wind known at `heights`), with the effects that are switched on and the delay and limiter
+    through which the `fitted` law acts."""
     from awescli.learning.correction import kite_from_artifact
     from awescli.physics.declaration import read_kite
     from awescli.physics.kite import Kite
+    from awescli.simulation.closed_loop import with_setpoint_dynamics
     from awescli.simulation.synthetic import with_effects
     from awescli.stages.ladder import kite_files, network
 
     files = kite_files(context)
     model = list(files)[-1] if config.model == "newest" else config.model
-    declaration = with_effects(read_kite(files[model]), config.effects)
+    declaration = with_setpoint_dynamics(with_effects(read_kite(files[model]), config.effects), fitted)
     if model == "hybrid":
         return model, kite_from_artifact(*network(files[model].parent), declaration, heights)
     return model, Kite(declaration, heights)
 
 
-def law_to_fly(context: Context, config: SimulateConfig, log, kite):
+def law_to_fly(config: SimulateConfig, log, kite, fitted):
     """(law for the simulator or None, pattern or None)."""
     from awescli.simulation.closed_loop import loop
-    from awescli.stages.controller_artifact import read_controller, wind_direction
+    from awescli.stages.controller_artifact import wind_direction
 
     if config.surfaces == "controller":
-        law = read_controller(context.upstream("fit-controller"))
-        return loop(law, kite, wind_direction(log)), law.pattern
+        return loop(fitted, kite, wind_direction(log)), fitted.pattern
     if config.surfaces == "path_following":
         law = follower_of(log, kite.declaration)
         return law.setpoints, law.pattern
