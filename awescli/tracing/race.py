@@ -39,7 +39,7 @@ def contest_of(question: Question) -> Contest:
     return Contest(question.simulator, question.fitted, question.choice, question.gusts, question.prior, material)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Runner:
     """A model in the race: parameters, which are free, its fit, and its cost on every choice segment."""
 

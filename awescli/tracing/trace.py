@@ -89,7 +89,8 @@ def trace(
         if number == 0:
             detectable = {s.key: float(3.5 * s.std[0] * (s.variant.at[s.moving[0]] if s.variant.secant else 1)) for s in screening.scores}
         entries, admissible = _race(contest, here, kite, screening, progress)
-        best, rivals = _decide([_refined(contest, kite, finish(contest, r)) for r in _unbeaten(admissible)])
+        finalists = _unbeaten(admissible) + [r for r in _close(admissible, here) if _unfinished(kite, r)]
+        best, rivals = _decide([_refined(contest, kite, finish(contest, r)) for r in dict.fromkeys(finalists)])
         accepted, chi2 = best.keys[-1] if best else "", here.choice_chi2
         record.append(Round(entries, accepted, rivals, screening.untestable, chi2, best.choice_chi2 if best else chi2))
         if best is None:
@@ -107,6 +108,11 @@ def trace(
 def _unbeaten(admissible: list[Runner]) -> list[Runner]:
     """The likeliest first, then those that it does not lead for certain."""
     return [r for i, r in enumerate(admissible) if i == 0 or not _ahead(admissible[0], r)]
+
+
+def _unfinished(kite: Kite, r: Runner) -> bool:
+    """Has its last effect a form that is tried only once it is accepted? Then being beaten in its plain form decides nothing."""
+    return any(e.refinements for e in kite.effects if e.key == r.keys[-1])
 
 
 def _close(admissible: list[Runner], here: Runner) -> list[Runner]:
