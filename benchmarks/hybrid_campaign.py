@@ -18,7 +18,6 @@ from awescli.artifacts import write_text
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import STATES
 from awescli.notation.scalars import exp, maximum, sin, tanh
-from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Load
 
@@ -100,18 +99,20 @@ def cases() -> dict[str, dict]:
 def run_case(name: str, case: Mapping) -> dict:
     """Fly, declare wrongly, identify, train, predict what nobody was shown."""
     from awescli.estimation.prediction import predict
-    from awescli.estimation.question import ask, fit_in_stages, simulator_of, without_record
+    from awescli.estimation.question import ask, simulator_of, without_record
+    from awescli.estimation.staged_fit import fit_in_stages
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
     from awescli.learning.correction import hybrid_from_artifact
     from awescli.learning.explain import distil
     from awescli.learning.training import TrainingConfig, train
     from awescli.physics.declaration import read_kite
+    from awescli.physics.effects import EFFECTS
     from awescli.physics.kite import Kite
     from awescli.simulation.campaign_flights import dev_like
     from awescli.simulation.rollout import Simulator
 
-    EFFECTS.setdefault(Outside.name, Outside)  # here, because a worker does not run this file
+    EFFECTS.setdefault(Outside.name, Outside)  # here: a worker does not run this file, and would get a copy of a table named above
     truth = read_kite(HERE.parent / "data" / "kites" / "development.yaml")
     effects = {f"{Outside.name}:{case['form']}": {"k": SIZES[case["form"]]}} if case["form"] else {}
     flight = dev_like(truth, case["seed"], effects)

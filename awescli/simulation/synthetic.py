@@ -15,7 +15,7 @@ from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import Kite, make_effect
+from awescli.physics.kite import Kite
 from awescli.simulation.gusts import dryden
 from awescli.simulation.rollout import Segments, Simulator, Trajectories, inputs_of
 from awescli.simulation.segments import noise_std, wrap
@@ -159,9 +159,9 @@ def simulate_flight(
     if kite.declaration.tether.tension == "measured":
         what = "a kite whose tension is the measured one cannot fly on its own"
         raise BadInput(what, "tether.tension", "Declare `tension: constraint`.")
-    for key in kite.declaration.effects:
-        if reads := make_effect(key, kite.declaration).reads:
-            what = f"effect '{key}' reads the measured {', '.join(reads)}: a kite that flies on its own has no log of it"
+    for effect in kite.effects:
+        if effect.reads:
+            what = f"effect '{effect.key}' reads the measured {', '.join(effect.reads)}: a kite that flies on its own has no log of it"
             raise BadInput(what, "effects", "Replay a log, or leave the effect out.")
     lead = int(round((settle if start is None else 0.0) / dt))
     samples = lead + int(round(duration / dt)) + 1
