@@ -24,7 +24,8 @@ def _partials(tape: Tape, index: int) -> list[tuple[int, Scalar]]:
     elif op == "mul":
         d = [a[1], a[0]]
     elif op == "div":
-        d = [one / a[1], -(y / a[1])]
+        inverse = one / a[1]
+        d = [inverse, -(y * inverse)]
     elif op == "neg":
         d = [-one]
     elif op == "sqrt":
@@ -38,8 +39,8 @@ def _partials(tape: Tape, index: int) -> list[tuple[int, Scalar]]:
     elif op == "log":
         d = [one / a[0]]
     elif op == "atan2":
-        square = a[0] * a[0] + a[1] * a[1]
-        d = [a[1] / square, -(a[0] / square)]
+        inverse = one / (a[0] * a[0] + a[1] * a[1])
+        d = [a[1] * inverse, -(a[0] * inverse)]
     elif op == "select":
         return list(_joined([(args[1], a[0].select(one, 0.0)), (args[2], a[0].select(0.0, one))]).items())
     else:

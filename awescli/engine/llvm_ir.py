@@ -5,8 +5,9 @@ Arrays that the printed functions see are (size, lanes) float64, lanes contiguou
     value(x, u, c, y)                                   y = f(x, u, c)
     tangent(x, u, c, y, S, dS, columns, column_of)      y, and dS = df/dx S, plus df/dc in the columns of the parameters
 
-with S (n_x, columns, lanes), dS (n_y, columns, lanes); column_of[j] is the column that differentiates with respect to
-parameter j of `wrt`, or -1. No FMA is formed in `value`, so a term that is null changes nothing to the last bit.
+with S (n_x, columns, lanes), dS (rows, columns, lanes) of all or some components of f; column_of[j] is the column that differentiates with
+respect to parameter j of `wrt`, or -1. No FMA is formed in y, so a term that is null changes nothing to the last bit; derivatives, and sin,
+cos, exp, atan2 within themselves, are fused.
 """
 
 import struct
@@ -21,7 +22,7 @@ _CALLS = {"sqrt": 1, "sin": 1, "cos": 1, "exp": 1, "log": 1, "atan2": 2, "round"
 
 
 class Printer:
-    """Prints the nodes of one tape into the body of one function, each node once, on demand."""
+    """Prints the nodes of one tape into the body of one function, each node once, on demand. fused: FMA may be formed of them."""
 
     def __init__(self, tape: Tape, lanes: int):
         self.tape, self.lanes = tape, lanes
@@ -29,6 +30,7 @@ class Printer:
         self.lines: list[str] = []
         self._names: dict[int, str] = {}
         self._count = 0
+        self.fused = False
 
     def fresh(self) -> str:
         self._count += 1
@@ -65,7 +67,7 @@ class Printer:
             return self.load(args[0], str(args[1]))
         names = [self._names[a] for a in args]
         if op in _BINARY:
-            return self.line(f"{_BINARY[op]} {t} {names[0]}, {names[1]}")
+            return self.line(f"{_BINARY[op]}{' contract' if self.fused else ''} {t} {names[0]}, {names[1]}")
         if op == "neg":
             return self.line(f"fneg {t} {names[0]}")
         if op == "select":
@@ -99,14 +101,15 @@ def print_value(tape: Tape, outputs: Sequence[int], lanes: int) -> str:
     return f"define void @value(ptr noalias %x, ptr noalias %u, ptr noalias %c, ptr noalias %y) {{\nentry:\n{lines}\n  ret void\n}}\n"
 
 
-def print_tangent(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence[int], lanes: int) -> str:
-    """The function `tangent`, differentiating with respect to all of x and to the parameters c[wrt]."""
+def print_tangent(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence[int], lanes: int, rows: Sequence[int]) -> str:
+    """The function `tangent`, differentiating the components `rows` of f with respect to all of x and to the parameters c[wrt]."""
     x_nodes = [tape.put(("input", "x", i)).index for i in range(n_x)]
     c_nodes = [tape.put(("input", "c", j)).index for j in wrt]
-    entries = jacobian(tape, list(outputs), x_nodes + c_nodes)
+    entries = jacobian(tape, [outputs[i] for i in rows], x_nodes + c_nodes)
     body = Printer(tape, lanes)
     for i, output in enumerate(outputs):
         body.store(body.node(output), "y", str(i))
+    body.fused = True
     names = {place: body.node(node) for place, node in entries.items()}
     body.lines += [
         "  %any = icmp sgt i64 %ncol, 0",
@@ -114,14 +117,14 @@ def print_tangent(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence[in
         "columns:",
         "  %col = phi i64 [ 0, %entry ], [ %next, %columns ]",
     ]
-    t, n_y = body.type, len(outputs)
+    t, n_rows = body.type, len(rows)
     used = sorted({j for _, j in names if j < n_x})
-    rows = {j: body.load("S", body.line(f"add i64 {body.line(f'mul i64 %ncol, {j}')}, %col")) for j in used}
-    for i in range(n_y):
+    seeds = {j: body.load("S", body.line(f"add i64 {body.line(f'mul i64 %ncol, {j}')}, %col")) for j in used}
+    for i in range(n_rows):
         total = None
         for j in used:
             if (i, j) in names:
-                product = body.line(f"fmul contract {t} {names[i, j]}, {rows[j]}")
+                product = body.line(f"fmul contract {t} {names[i, j]}, {seeds[j]}")
                 total = product if total is None else body.line(f"fadd contract {t} {total}, {product}")
         place = body.line(f"add i64 {body.line(f'mul i64 %ncol, {i}')}, %col")
         body.store(total or "zeroinitializer", "dS", place)
@@ -137,7 +140,7 @@ def print_tangent(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence[in
         wanted = body.line(f"icmp sge i64 {column}, 0")
         body.lines.append(f"  br i1 {wanted}, label %add{k}, label %parameters{k + 1}")
         body.lines.append(f"add{k}:")
-        for i in range(n_y):
+        for i in range(n_rows):
             if (i, n_x + k) in names:
                 place = body.line(f"add i64 {body.line(f'mul i64 %ncol, {i}')}, {column}")
                 old = body.load("dS", place)
@@ -166,6 +169,7 @@ def print_functions(used: set[str], lanes: int) -> str:
         if op in APPROXIMATIONS:
             tape, output = APPROXIMATIONS[op]()
             body = _ArgumentPrinter(tape, lanes)
+            body.fused = True
             result = body.node(output)
             lines = "\n".join(body.lines)
             text.append(f"define internal {t} @{op}_({arguments}) alwaysinline {{\n{lines}\n  ret {t} {result}\n}}\n")
@@ -271,12 +275,20 @@ class _RowPrinter(Body):
 
 
 def print_rowwise(name: str, function: Callable, vectors: int, scalars: int, lanes: int) -> str:
-    """The function name(out, p0, p1, ..., s0, ..., n): out[i] = function(v, s) for n rows; out may be one of the vectors."""
-    tape, (output,) = record(lambda v, s: [function(*v, *s)], v=vectors, s=scalars)
+    """The function name(out, p0, p1, ..., s0, ..., n): out[i] = function(v, s) for n rows; out may be one of the vectors.
+
+    Where function has several results, there are as many `out`.
+    """
+
+    def listed(v, s):
+        found = function(*v, *s)
+        return found if isinstance(found, tuple) else (found,)
+
+    tape, outputs = record(listed, v=vectors, s=scalars)
     body = _RowPrinter(lanes)
     body.tape = tape
     with body.loop("%n") as body.index:
-        result = body.node(output)
-        body.lines.append(f"  store {body.type} {result}, ptr {body.row('%out', body.index)}, align 8")
-    arguments = ["ptr %out", *(f"ptr %p{i}" for i in range(vectors)), *(f"double %s{i}" for i in range(scalars)), "i64 %n"]
-    return body.function(name, arguments, "internal")
+        for i, result in enumerate([body.node(output) for output in outputs]):
+            body.lines.append(f"  store {body.type} {result}, ptr {body.row(f'%out{i}', body.index)}, align 8")
+    pointers = [*(f"ptr %out{i}" for i in range(len(outputs))), *(f"ptr %p{i}" for i in range(vectors))]
+    return body.function(name, [*pointers, *(f"double %s{i}" for i in range(scalars)), "i64 %n"], "internal")

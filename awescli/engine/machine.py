@@ -28,7 +28,8 @@ _target_machine = None
 class Program:
     """A compiled function y = f(x, u, c) of three vectors, on LANES lanes.
 
-    value, tangent: addresses of the two functions of `llvm_ir`; wrt: indices of the parameters that tangent knows.
+    value, tangent: addresses of the two functions of `llvm_ir`; wrt: indices of the parameters that tangent knows; rows: indices of the
+    components of y that it differentiates.
     """
 
     n_x: int
@@ -36,31 +37,41 @@ class Program:
     n_c: int
     n_y: int
     wrt: tuple[int, ...]
+    rows: tuple[int, ...]
     value: int
     tangent: int
     operations: int = field(compare=False, default=0)
 
 
 def compile_program(
-    function: Callable[..., Sequence], n_x: int, n_u: int, n_c: int, wrt: Sequence[int] = (), *, tangent: bool = True
+    function: Callable[..., Sequence],
+    n_x: int,
+    n_u: int,
+    n_c: int,
+    wrt: Sequence[int] = (),
+    *,
+    rows: Sequence[int] | None = None,
+    tangent: bool = True,
 ) -> Program:
     """Record `function(x, u, c)` (lists of scalars in, sequence of scalars out), differentiate, compile.
 
-    wrt: indices of the components of c that `tangent` differentiates with respect to (all of x always).
+    wrt: indices of the components of c that `tangent` differentiates with respect to (all of x always); rows: indices of the components
+    of the function that it differentiates (default: all).
     """
     tape, outputs = record(function, x=n_x, u=n_u, c=n_c)
     operations = len(tape.nodes)
+    rows = tuple(range(len(outputs)) if rows is None else rows)
 
     def text():
         text = print_value(tape, outputs, LANES)
         if tangent:
-            text += print_tangent(tape, outputs, n_x, wrt, LANES)
+            text += print_tangent(tape, outputs, n_x, wrt, LANES, rows)
         return text + print_functions(calls_of(tape), LANES)
 
     # what was recorded, and who prints it, decide what would be printed: a program in the cache is not derived and printed again
-    engine = _compile(text, f"{tape.nodes}{outputs}{n_x}{tuple(wrt)}{tangent}{_engine_source()}")
-    address = engine.get_function_address
-    return Program(n_x, n_u, n_c, len(outputs), tuple(wrt), address("value"), address("tangent") if tangent else 0, operations)
+    engine = _compile(text, f"{tape.nodes}{outputs}{n_x}{tuple(wrt)}{rows}{tangent}{_engine_source()}")
+    at = engine.get_function_address
+    return Program(n_x, n_u, n_c, len(outputs), tuple(wrt), rows, at("value"), at("tangent") if tangent else 0, operations)
 
 
 @cache

@@ -9,9 +9,11 @@ from functools import cache
 
 import numpy as np
 
+from awescli.engine.lanes import lane_rows
 from awescli.engine.llvm_ir import Body, hexadecimal, print_rowwise
 from awescli.engine.machine import LANES
-from awescli.simulation.kernels import _COMMON, _addresses, _each_group, _Loop, _zeros, compile_loop
+from awescli.simulation.groups import each_group, parts
+from awescli.simulation.kernels import _COMMON, _Loop, compile_loop, passed
 
 _NETWORK = ("ptr network", "i64 n_in", "i64 n_rows", "ptr rows", "ptr constants", "ptr weights", "ptr stages", "ptr kept", "i64 n_kept")
 _REVERSE = (
@@ -41,7 +43,14 @@ class _Keeping(_Loop):
         super().__init__(tangent=False)
         self.wide, self.correction = self._rows(self.whole("add", "%n_s", "%n_in")), self._rows("%n_rows")
         self.stages_so_far = self.line("alloca i64")
-        self.lines.append(f"  store i64 0, ptr {self.stages_so_far}")
+        before = self.whole("mul", self.whole("mul", "%first", "%substeps"), 4)
+        self.lines.append(f"  store i64 {before}, ptr {self.stages_so_far}")
+
+    def _sample(self, u, k) -> None:
+        self._program("%g", self.x, u, (self.row("%Y", self.whole("mul", k, "%n_y")),))
+
+    def _begin_step(self, sub, derivative) -> None:
+        derivative(0.0, self.x, self.total)
 
     def _derivative(self, vector, k) -> None:
         place = self.line(f"load i64, ptr {self.stages_so_far}")
@@ -206,18 +215,20 @@ def rollout(f, g, initial, law, network, n_s, rows, constants, weights, X0, SP, 
     """Simulate, and keep. f: [derivative, network inputs]; network: a `DenseProgram`; rows: which derivatives it corrects; others as
     `kernels.rollout`. Fills also stages (G, K*substeps, 4, n_x, L) and kept (G, K*substeps, 4, n_kept, L)."""
     G, samples, n_x, _ = X.shape
-    n_u, sizes = U.shape[2], (n_s, SP.shape[2], U.shape[2], Y.shape[2], samples, substeps, h)
-    places, keeping, loop = _addresses(X0, SP, U, C, X, Y, alive), _addresses(stages, kept), _rollout()
+    n_u, n_y, loop = U.shape[2], Y.shape[2], _rollout()
+    sizes = (n_s, SP.shape[2], n_u, n_y, samples, substeps, h)
     rows, constants, weights = _plain(rows, constants, weights)
+    of_network = (network.value, network.sizes[0], len(rows), rows, constants, weights)
 
     def work(group):
-        keep, scratch = _zeros(5 * n_x + n_u + n_s + network.sizes[0] + len(rows))
-        loop(
-            f, g, initial, law, *sizes, *(at(group) for at in places), scratch, network.value, network.sizes[0], len(rows),
-            rows.ctypes.data, constants.ctypes.data, weights.ctypes.data, *(at(group) for at in keeping), network.kept,
-        )  # fmt: skip
+        scratch = lane_rows(4 * n_x + n_u + 2 * n_s + n_y + network.sizes[0] + len(rows))
+        own = (*(a[group] for a in (X0, SP, U, C, X, Y, alive)), scratch, *of_network, stages[group], kept[group], network.kept)
+        for first, until in parts(samples):
+            if first:
+                yield
+            loop(*passed(f, g, initial, law, *sizes, first, until, *own))
 
-    _each_group(work, G)
+    each_group(work, G)
 
 
 def gradient(f, g, initial, law, network, n_s, rows, constants, weights, SP, U, C, h, substeps, X, Ybar, stages, kept, alive, X0bar, Wbar):
@@ -226,21 +237,20 @@ def gradient(f, g, initial, law, network, n_s, rows, constants, weights, SP, U, 
     Fills X0bar (G, 12, L) = d cost / d starts and Wbar (G, n_weights), each group's d cost / d weights. Uses up kept.
     """
     G, samples, n_x, _ = X.shape
-    n_u, sizes = U.shape[2], (n_s, SP.shape[2], U.shape[2], Ybar.shape[2], samples, substeps, h)
-    places, keeping, loop = _addresses(SP, U, C, X, Ybar, alive, X0bar), _addresses(stages, kept), _gradient()
+    n_u, loop = U.shape[2], _gradient()
+    sizes = (n_s, SP.shape[2], n_u, Ybar.shape[2], samples, substeps, h)
     rows, constants, weights = _plain(rows, constants, weights)
+    of_network = (network.deltas, network.backward, network.sizes[0], len(rows), rows, constants, weights)
 
     def work(group):
-        keep, scratch = _zeros(n_u + 3 * n_x + 4 * n_s + network.sizes[0] + len(rows) + network.deltas)
+        scratch = lane_rows(n_u + 3 * n_x + 4 * n_s + network.sizes[0] + len(rows) + network.deltas)
         total, turned = np.zeros(network.padded), np.zeros(network.turned)
-        loop(
-            f, g, initial, law, *sizes, *(at(group) for at in places), total.ctypes.data, scratch, network.accumulate, turned.ctypes.data,
-            network.deltas, network.backward, network.sizes[0], len(rows), rows.ctypes.data, constants.ctypes.data, weights.ctypes.data,
-            *(at(group) for at in keeping), network.kept,
-        )  # fmt: skip
+        own = (*(a[group] for a in (SP, U, C, X, Ybar, alive, X0bar)), total, scratch, network.accumulate, turned)
+        loop(*passed(f, g, initial, law, *sizes, *own, *of_network, stages[group], kept[group], network.kept))
         Wbar[group] = total[network.where]
+        yield
 
-    _each_group(work, G)
+    each_group(work, G)
 
 
 def _plain(rows, constants, weights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

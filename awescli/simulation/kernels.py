@@ -4,33 +4,33 @@ The loops know addresses of programs and sizes, no kite. x = [states, held set-p
 set-points are held from sample to sample (seed eq. 9e as flown: sample and hold).
 
 They are printed as LLVM IR like the programs they call, with sizes as arguments: one compiled loop serves every kite, and costs a tenth
-of a second once. ctypes lets go of Python's lock during a call, so plain threads share the groups.
+of a second once.
 """
 
 import ctypes
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import nullcontext
 from functools import cache
 
 import numpy as np
 
+from awescli.engine.lanes import abreast, apart, lane_rows, print_lanes
 from awescli.engine.llvm_ir import Body, hexadecimal, print_rowwise
 from awescli.engine.machine import LANES, _compile
+from awescli.simulation.groups import each_group, groups_of, members, parts
 
 LIMIT = 1e6
 """A state beyond this, or not finite, has diverged; its lane stops there and is set back to its start so that it stays harmless."""
 
 _COMMON = (
     "ptr f", "ptr g", "ptr initial", "ptr law", "i64 n_s", "i64 n_sp", "i64 n_u", "i64 n_y", "i64 samples", "i64 substeps", "double h",
-    "ptr x0", "ptr sp", "ptr inputs", "ptr c", "ptr X", "ptr Y", "ptr alive", "ptr work",
+    "i64 first", "i64 until", "ptr x0", "ptr sp", "ptr inputs", "ptr c", "ptr X", "ptr Y", "ptr alive", "ptr work",
 )  # fmt: skip
 _TANGENT = (
     "i64 n_col", "ptr state_columns", "i64 n_wrt", "ptr always", "i64 n_w", "ptr w_parameter", "ptr w_column", "ptr w_first",
-    "ptr w_last", "i64 n_rows", "ptr rows", "i64 count", "i64 stride", "ptr J", "ptr columns",
+    "ptr w_last", "i64 n_rows", "i64 count", "i64 stride", "ptr J", "ptr columns",
 )  # fmt: skip
-"""Arguments of the printed loops, for one group of lanes; see `rollout` and `sensitivities`."""
+"""Arguments of the printed loops, for one group of lanes; see `rollout` and `sensitivities`. Samples first..until-1 are done, and the step
+from the last of them: what the next call goes on from stays in `work`."""
 
 
 class _Loop(Body):
@@ -42,9 +42,12 @@ class _Loop(Body):
         n_x = self.whole("add", "%n_s", "%n_sp")
         self.used = "%work"
         # a vector is a pair of addresses: its numbers, and their derivatives
-        self.x, self.start, self.stage, self.total, self.k = (self._vector(n_x) for _ in range(5))
+        self.x, self.start, self.stage, self.k = (self._vector(n_x) for _ in range(4))
         self.u, self.n_x = self._rows("%n_u"), n_x
-        self.D = self._rows(self.whole("mul", "%n_y", "%n_col")) if tangent else ""
+        # the first derivative of a step, to which the others are added; behind it the outputs
+        self.total = (self._rows(self.whole("add", "%n_s", "%n_y")),)
+        if tangent:
+            self.total += (self._rows(self.whole("mul", self.whole("add", "%n_s", "%n_rows"), "%n_col")),)
 
     def _rows(self, n) -> str:
         here, self.used = self.used, self.row(self.used, n)
@@ -128,54 +131,55 @@ class _Loop(Body):
         step = self.line(f"fdiv double %h, {substeps}")
         half, sixth = (self.line(f"fdiv double {step}, {hexadecimal(d)}") for d in (2.0, 6.0))
         last = self.whole("sub", "%samples", 1)
-        self._begin()
-        with self.loop("%samples") as k:
+        with self.when(self.line("icmp eq i64 %first, 0")):
+            self._begin()
+        with self.loop(self.whole("sub", "%until", "%first")) as done:
+            k = self.whole("add", "%first", done)
             u = self.row("%inputs", self.whole("mul", k, "%n_u"))
             self._columns_now(k)
             self._set_points(u, k)
             self.call("@copy", f"ptr {self.row('%X', self.whole('mul', k, self.n_x))}", f"ptr {self.x[0]}", f"i64 {self.n_x}")
-            y = self.row("%Y", self.whole("mul", k, "%n_y"))
-            self._program("%g", self.x, u, (y, self.D))
-            if self.tangent:
-                self._hand_out(k)
+            self._sample(u, k)
             with self.when(self.line(f"icmp slt i64 {k}, {last}")):
                 with self.loop("%substeps") as sub:
-                    self._step(self.line(f"sitofp i64 {sub} to double"), substeps, u, step, half, sixth)
+                    self._step(sub, substeps, u, step, half, sixth)
                 self._stop_diverged(self.whole("add", k, 1))
+
+    def _sample(self, u, k) -> None:
+        """Outputs of sample k, J[lane, k, i, j] = d outputs[i, lane] / d column j, and the derivative that the step begins with."""
+        self._program("%g", self.x, u, self.total)
+        y = self.row("%Y", self.whole("mul", k, "%n_y"))
+        self.call("@copy", f"ptr {y}", f"ptr {self.row(self.total[0], '%n_s')}", "i64 %n_y")
+        if self.tangent:
+            D, block = self.row(self.total[1], self.whole("mul", "%n_s", "%n_col")), self.whole("mul", "%n_rows", "%n_col")
+            to = self.line(f"getelementptr double, ptr %J, i64 {self.whole('mul', k, block)}")
+            self.call("@apart", f"ptr {to}", f"ptr {D}", f"i64 {block}", "i64 %stride", "i64 %count")
+
+    def _begin_step(self, sub, derivative) -> None:
+        """The first derivative of a step: at a sample it is known."""
+        with self.when(self.line(f"icmp ne i64 {sub}, 0")):
+            derivative(0.0, self.x, self.total)
 
     def _step(self, sub, substeps, u, step, half, sixth) -> None:
         """One classical Runge-Kutta step."""
-        after = self.row(u, "%n_u")
+        after, so_far = self.row(u, "%n_u"), self.line(f"sitofp i64 {sub} to double")
 
         def derivative(at, vector, k):
             if at is not None:
-                share = self.line(f"fdiv double {self.line(f'fadd double {sub}, {hexadecimal(at)}')}, {substeps}")
+                share = self.line(f"fdiv double {self.line(f'fadd double {so_far}, {hexadecimal(at)}')}, {substeps}")
                 self.call("@between", f"ptr {self.u}", f"ptr {u}", f"ptr {after}", f"double {share}", "i64 %n_u")
             self._derivative(vector, k)
 
         held = [self.row(p, first) for p, (first, _) in zip(self.x, self._parts("%n_s", "%n_sp"), strict=True)]
         self._copy(self.stage, "%n_s", held, "%n_sp")
         # k1 + 2 k2 + 2 k3 is summed as it comes: fewer rows stay in the nearest cache
-        derivative(0.0, self.x, self.total)
+        self._begin_step(sub, derivative)
         self._rowwise("moved", self.stage, self.x, self.total, half)
         for at, far in ((0.5, half), (None, step)):
             derivative(at, self.stage, self.k)
-            self._rowwise("moved", self.stage, self.x, self.k, far)
-            self._rowwise("added", self.total, self.total, self.k)
+            self._rowwise("went_on", self.stage, self.total, self.x, self.total, self.k, far)
         derivative(1.0, self.stage, self.k)
         self._rowwise("stepped", self.x, self.x, self.total, self.k, sixth)
-
-    def _hand_out(self, k) -> None:
-        """J[lane, k, i, j] = D[rows[i], j, lane]"""
-        block = self.whole("mul", "%n_rows", "%n_col")
-        with self.loop("%count") as lane, self.loop("%n_rows") as i:
-            row = self.line(f"load i64, ptr {self.line(f'getelementptr i64, ptr %rows, i64 {i}')}")
-            source = self.row(self.D, self.whole("mul", row, "%n_col"))
-            before = self.whole("add", self.whole("mul", lane, "%stride"), self.whole("mul", k, block))
-            to = self.line(f"getelementptr double, ptr %J, i64 {self.whole('add', before, self.whole('mul', i, '%n_col'))}")
-            with self.loop("%n_col") as j:
-                value = self.line(f"load double, ptr {self.line(f'getelementptr {self.type}, ptr {source}, i64 {j}, i64 {lane}')}")
-                self.lines.append(f"  store double {value}, ptr {self.line(f'getelementptr double, ptr {to}, i64 {j}')}")
 
     def _stop_diverged(self, k) -> None:
         """Lanes whose state left the numbers end at sample k and go back to their start, with derivatives zero."""
@@ -225,11 +229,11 @@ def _compiled(tangent: bool) -> Callable:
 
 def compile_loop(text: str, arguments: Sequence[str]) -> Callable:
     """The function `loop` of an IR text that may call the small functions on rows which loops are made of."""
-    text += _print_gone()
+    text += _print_gone() + print_lanes(LANES)
     text += print_rowwise("copy", lambda a: a, 1, 0, LANES)
     text += print_rowwise("between", lambda a, b, share: a + share * (b - a), 2, 1, LANES)
     text += print_rowwise("moved", lambda x, k, scale: x + scale * k, 2, 1, LANES)
-    text += print_rowwise("added", lambda total, k: total + 2.0 * k, 2, 0, LANES)
+    text += print_rowwise("went_on", lambda x, total, k, scale: (x + scale * k, total + 2.0 * k), 3, 1, LANES)
     text += print_rowwise("stepped", lambda x, total, k, scale: x + scale * (total + k), 3, 1, LANES)
     t, i = f"<{LANES} x double>", f"<{LANES} x i64>"
     text += f"declare {t} @llvm.fabs.v{LANES}f64({t})\ndeclare {i} @llvm.smin.v{LANES}i64({i}, {i})\n"
@@ -237,71 +241,57 @@ def compile_loop(text: str, arguments: Sequence[str]) -> Callable:
     return ctypes.CFUNCTYPE(None, *(_C_TYPES[a.split()[0]] for a in arguments))(address)
 
 
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _each_group(work: Callable[[int], None], groups: int) -> None:
-    """work(0), ..., work(groups - 1) on all cores. Threads live for one call: a pool that is kept would not survive a fork."""
-    threads = min(groups, cores())
-    with ThreadPoolExecutor(threads) if threads > 1 else nullcontext() as pool:
-        for _ in (pool.map if pool else map)(work, range(groups)):
-            pass
-
-
-def _addresses(*arrays: np.ndarray) -> list[Callable[[int], int]]:
-    """For each array, the address of its part of a group (the first axis)."""
+def passed(*arguments) -> list:
+    """Arguments of a loop, arrays by their addresses."""
+    arrays = [a for a in arguments if isinstance(a, np.ndarray)]
     assert all(a.flags.c_contiguous and a.dtype.itemsize == 8 for a in arrays)
-    return [lambda group, a=a.ctypes.data, step=a.strides[0] if a.ndim else 0: a + group * step for a in arrays]
+    return [a.ctypes.data if isinstance(a, np.ndarray) else a for a in arguments]
 
 
-def _zeros(rows: int) -> tuple[np.ndarray, int]:
-    """(array, address of rows of lanes in it that begin on a cache line)"""
-    array = np.zeros(rows * LANES + 8)
-    return array, -(-array.ctypes.data // 64) * 64
+def rollout(f, g, initial, law, n_s, X0, SP, U, C, h, substeps, X, Y) -> np.ndarray:
+    """Simulate K segments. X0 (K, 12); SP (K, N+1, n_sp); U (K, N+1, n_u); C (K, n_c); h [s] between samples.
 
-
-def rollout(f, g, initial, law, n_s, X0, SP, U, C, h, substeps, X, Y, alive):
-    """Simulate. X0 (G, 12, L); SP (G, K+1, n_sp, L); U (G, K+1, n_u, L); C (G, n_c, L); h [s] between samples.
-
-    f, g, initial, law: addresses of `value` functions (law = 0: recorded set-points). Fills X (G, K+1, n_x, L), Y (G, K+1, n_y, L)
-    and alive (G, L), the number of samples before divergence.
+    f, g, initial, law: addresses of `value` functions; g: [derivative, outputs]; law = 0: recorded set-points. Fills X (K, N+1, n_x) and
+    Y (K, N+1, n_y); returns (K,) the number of samples before divergence.
     """
-    G, samples, n_x, _ = X.shape
-    n_u, sizes = U.shape[2], (n_s, SP.shape[2], U.shape[2], Y.shape[2], samples, substeps, h)
-    places, loop = _addresses(X0, SP, U, C, X, Y, alive), _compiled(False)
+    return _simulate((f, g, initial, law), n_s, (X0, SP, U, C), h, substeps, X, Y)
+
+
+def sensitivities(f, g, initial, law, n_s, X0, SP, U, C, h, substeps, state_columns, always, windows, X, Y, J) -> np.ndarray:
+    """`rollout`, and the exact derivative of some of its outputs: J (K, N+1, n_rows, n_col).
+
+    f, g, initial, law: addresses of `tangent` functions; g's differentiates the derivative and those outputs. state_columns (12,): column
+    of each initial state, or -1; always (n_wrt,): column of each parameter over the whole segment, or -1; windows (4, n): parameter,
+    column, first, last of those that count in steps first..last-1.
+    """
+    n_rows, n_col = J.shape[2:]
+    of_all = (n_col, state_columns, len(always), always, windows.shape[1], *windows, n_rows)
+
+    def more(here: slice) -> tuple:
+        return (*of_all, len(J[here]), J.strides[0] // 8, J[here], np.empty(len(always), np.int64))
+
+    return _simulate((f, g, initial, law), n_s, (X0, SP, U, C), h, substeps, X, Y, n_rows, n_col, more)
+
+
+def _simulate(programs, n_s, inputs, h, substeps, X, Y, n_rows=0, n_col=0, more=None) -> np.ndarray:
+    """The loop over all groups. more: the arguments of _TANGENT for some segments."""
+    K, samples, n_x = X.shape
+    n_sp, n_u, n_y = (a.shape[2] for a in (*inputs[1:3], Y))
+    sizes, loop = (n_s, n_sp, n_u, n_y, samples, substeps, h), _compiled(more is not None)
+    alive = np.full((groups_of(K), LANES), samples)
 
     def work(group):
-        keep, scratch = _zeros(5 * n_x + n_u)
-        loop(f, g, initial, law, *sizes, *(at(group) for at in places), scratch)
+        here = members(group)
+        own = [abreast(a[here]) for a in inputs]
+        states, outputs = lane_rows(samples, n_x), lane_rows(samples, n_y)
+        scratch = lane_rows(4 * n_x * (1 + n_col) + n_u + n_s + n_y + (n_s + n_rows) * n_col)
+        own += [states, outputs, alive[group], scratch, *(more(here) if more else ())]
+        for first, until in parts(samples):
+            if first:
+                yield
+            loop(*passed(*programs, *sizes, first, until, *own))
+        apart(states, X[here])
+        apart(outputs, Y[here])
 
-    _each_group(work, G)
-
-
-def sensitivities(f, g, initial, law, n_s, X0, SP, U, C, h, substeps, state_columns, always, w_parameter, w_column, w_first, w_last,
-                  n_col, rows, X, Y, J, alive):  # fmt: skip
-    """`rollout`, and the exact derivative of its outputs: J (segments, K+1, len(rows), n_col) = dY[rows] / d columns.
-
-    f, g, initial, law: addresses of `tangent` functions. state_columns (12,): column of each initial state, or -1;
-    always (n_wrt,): column of each parameter over the whole segment, or -1; w_*: columns of a parameter in steps first..last-1.
-    """
-    G, samples, n_x, L = X.shape
-    n_u, n_y = U.shape[2], Y.shape[2]
-    sizes, stride = (n_s, SP.shape[2], n_u, n_y, samples, substeps, h), int(np.prod(J.shape[1:]))
-    places, loop = _addresses(X0, SP, U, C, X, Y, alive), _compiled(True)
-    state_columns, always, *windows = (
-        np.ascontiguousarray(a, np.int64) for a in (state_columns, always, w_parameter, w_column, w_first, w_last)
-    )
-    rows = np.ascontiguousarray(rows, np.int64)
-
-    def work(group):
-        keep, scratch = _zeros(5 * n_x * (1 + n_col) + n_u + n_y * n_col)
-        columns = np.empty(len(always), np.int64)
-        loop(
-            f, g, initial, law, *sizes, *(at(group) for at in places), scratch,
-            n_col, state_columns.ctypes.data, len(always), always.ctypes.data, len(windows[0]), *(w.ctypes.data for w in windows),
-            len(rows), rows.ctypes.data, min(L, len(J) - group * L), stride, J.ctypes.data + group * L * stride * 8, columns.ctypes.data,
-        )  # fmt: skip
-
-    _each_group(work, G)
+    each_group(work, len(alive))
+    return alive.reshape(-1)[:K]

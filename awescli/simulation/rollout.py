@@ -6,12 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from awescli.engine.machine import LANES, Program, compile_program
+from awescli.engine.machine import Program, compile_program
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.physics.kite import GUSTS, ODD_GUSTS, Kite
 
-GROUPS_AT_A_TIME = 8
-"""Groups of lanes per core that are simulated in one go."""
 _INDEX = {name: i for i, name in enumerate(OUTPUTS)}
 
 
@@ -97,24 +95,32 @@ class Simulator:
     def __init__(self, kite: Kite, wrt: Sequence[str] | None = None, law: Callable | None = None, substeps: int = 1):
         self.kite, self.substeps = kite, substeps
         self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *GUSTS, *ODD_GUSTS])
-        index = [kite.parameter_names.index(name) for name in self.wrt]
-        sizes = (len(kite.x_names), len(kite.input_names), len(kite.parameter_names))
-        self.f, self.g, self.initial = (compile_program(fn, *sizes, index) for fn in (kite.derivative, kite.outputs, kite.initial))
-        self.law: Program | None = compile_program(law, *sizes, index) if law else None
         self.n_s = len(kite.state_names)
+        self.f, self.initial = (self._compiled(fn) for fn in (kite.derivative, kite.initial))
+        self.law: Program | None = self._compiled(law) if law else None
+        self.g = self._compiled(self._at_sample, tangent=False)
+        self._differentiated: dict[tuple[str, ...], Program] = {}
+
+    def _compiled(self, function: Callable, **options) -> Program:
+        kite, sizes = self.kite, (len(self.kite.x_names), len(self.kite.input_names), len(self.kite.parameter_names))
+        return compile_program(function, *sizes, [kite.parameter_names.index(name) for name in self.wrt], **options)
+
+    def _at_sample(self, x, u, c) -> list:
+        """What is asked of a kite at a sample: derivative and outputs share most of their work."""
+        return [*self.kite.derivative(x, u, c), *self.kite.outputs(x, u, c)]
+
+    def _differentiating(self, outputs: tuple[str, ...]) -> Program:
+        """`_at_sample` with the sensitivities of the derivative and of some outputs."""
+        if outputs not in self._differentiated:
+            rows = [*range(self.n_s), *(self.n_s + _INDEX[name] for name in outputs)]
+            self._differentiated[outputs] = self._compiled(self._at_sample, rows=rows)
+        return self._differentiated[outputs]
 
     def holding(self, table) -> "Simulator":
         """The same compiled simulator with its kite at the values of a parameter table."""
         other = copy(self)
         other.kite = self.kite.with_values({name: table[name].value for name in self.kite.parameter_names})
         return other
-
-    def _grouped(self, a: np.ndarray) -> np.ndarray:
-        """(K, ...) -> (G, ..., LANES), the last segment repeated to fill the last group."""
-        K = a.shape[0]
-        G = -(-K // LANES)
-        filled = np.concatenate([a, np.repeat(a[-1:], G * LANES - K, axis=0)]) if G * LANES > K else a
-        return np.ascontiguousarray(np.moveaxis(filled.reshape(G, LANES, *a.shape[1:]), 1, -1))
 
     def _parameters(self, segments: Segments, values: Mapping[str, float] | None) -> np.ndarray:
         """(K, n_c) parameter values of each segment."""
@@ -128,37 +134,23 @@ class Simulator:
             c[:, place[name]] = value
         return c
 
-    def _blocks(self, segments: Segments, values):
-        """(place, X0, SP, U, C, X, Y, alive) of some segments at a time, in lanes: few enough for their arrays to stay in the cache."""
-        from awescli.simulation.kernels import cores
+    def _inputs(self, segments: Segments, values) -> tuple:
+        """(n_s, X0, SP, U, C, h, substeps) as the kernels take them."""
+        arrays = (segments.starts, segments.setpoints, segments.inputs, self._parameters(segments, values))
+        return self.n_s, *(np.ascontiguousarray(a, dtype=float) for a in arrays), segments.dt, self.substeps
 
-        samples, block = segments.steps + 1, GROUPS_AT_A_TIME * cores() * LANES
-        for begin in range(0, len(segments), block):
-            place = slice(begin, min(begin + block, len(segments)))
-            part = segments.pick(place)
-            X0, SP, U = (self._grouped(a) for a in (part.starts, part.setpoints, part.inputs))
-            C = self._grouped(self._parameters(part, values))
-            X = np.zeros((len(X0), samples, len(self.kite.x_names), LANES))
-            Y = np.zeros((len(X0), samples, len(OUTPUTS), LANES))
-            yield place, X0, SP, U, C, X, Y, np.full((len(X0), LANES), samples)
-
-    def _empty(self, segments: Segments) -> Trajectories:
-        """Room for the trajectories of all segments."""
+    def _room(self, segments: Segments) -> tuple[np.ndarray, np.ndarray]:
+        """(states, outputs) of all segments, to be filled."""
         K, samples = len(segments), segments.steps + 1
-        states, outputs = (np.empty((K, samples, n)) for n in (len(self.kite.x_names), len(OUTPUTS)))
-        return Trajectories(states, outputs, np.empty(K, dtype=int))
+        return np.empty((K, samples, len(self.kite.x_names))), np.empty((K, samples, len(OUTPUTS)))
 
     def rollout(self, segments: Segments, values: Mapping[str, float] | None = None) -> Trajectories:
         """Simulate all segments; values: parameters that differ from the kite's."""
         from awescli.simulation import kernels
 
-        found, law = self._empty(segments), self.law.value if self.law else 0
-        for place, X0, SP, U, C, X, Y, alive in self._blocks(segments, values):
-            kernels.rollout(
-                self.f.value, self.g.value, self.initial.value, law, self.n_s, X0, SP, U, C, segments.dt, self.substeps, X, Y, alive
-            )
-            _out_of_lanes(found, place, X, Y, alive)
-        return found
+        X, Y = self._room(segments)
+        programs = (self.f.value, self.g.value, self.initial.value, self.law.value if self.law else 0)
+        return Trajectories(X, Y, kernels.rollout(*programs, *self._inputs(segments, values), X, Y))
 
     def sensitivities(
         self, segments: Segments, columns: Columns, outputs: Sequence[str] = MEASURED, values: Mapping[str, float] | None = None
@@ -173,28 +165,13 @@ class Simulator:
         for i, name in enumerate(columns.parameters):
             always[self.wrt.index(name)] = len(columns.states) + i
         offset = len(columns.states) + len(columns.parameters)
-        w = np.array([[self.wrt.index(n), offset + i, a, b] for i, (n, a, b) in enumerate(columns.windows)], dtype=np.int64)
-        w = w.reshape(-1, 4).T.copy()
-        rows = np.array([_INDEX[name] for name in outputs])
-        J = np.zeros((len(segments), segments.steps + 1, len(rows), len(columns)))
-        found, law = self._empty(segments), self.law.tangent if self.law else 0
-        for place, X0, SP, U, C, X, Y, alive in self._blocks(segments, values):
-            kernels.sensitivities(
-                self.f.tangent, self.g.tangent, self.initial.tangent, law, self.n_s, X0, SP, U, C, segments.dt, self.substeps,
-                state_columns, always, w[0], w[1], w[2], w[3], len(columns), rows, X, Y, J[place], alive,
-            )  # fmt: skip
-            _out_of_lanes(found, place, X, Y, alive)
-        return found, J
-
-
-def _out_of_lanes(found: Trajectories, place: slice, X: np.ndarray, Y: np.ndarray, alive: np.ndarray) -> None:
-    """Write groups of lanes (G, N+1, n, LANES) to their segments; lanes that repeat the last segment are left out."""
-    count = place.stop - place.start
-    for to, lanes in ((found.states, X), (found.outputs, Y)):
-        for group, first in enumerate(range(0, count, LANES)):
-            here = to[place.start + first : place.start + min(first + LANES, count)]
-            here[:] = np.moveaxis(lanes[group], -1, 0)[: len(here)]
-    found.alive[place] = alive.reshape(-1)[:count]
+        windows = np.array([[self.wrt.index(n), offset + i, a, b] for i, (n, a, b) in enumerate(columns.windows)], dtype=np.int64)
+        X, Y = self._room(segments)
+        J = np.empty((*X.shape[:2], len(outputs), len(columns)))
+        sampled, law = self._differentiating(tuple(outputs)), self.law.tangent if self.law else 0
+        programs = (self.f.tangent, sampled.tangent, self.initial.tangent, law)
+        at = (state_columns, always, np.ascontiguousarray(windows.reshape(-1, 4).T))
+        return Trajectories(X, Y, kernels.sensitivities(*programs, *self._inputs(segments, values), *at, X, Y, J)), J
 
 
 def setpoints_of(log, which=SURFACES) -> np.ndarray:
