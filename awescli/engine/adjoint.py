@@ -1,7 +1,7 @@
 """Print the reverse of a tape: adjoint(x, u, c, w, v) with v = (df/dx)^T w, on `lanes` evaluations at once.
 
 One backward sweep (Griewank & Walther, Evaluating Derivatives, ch. 3) costs about three evaluations of f, whatever the number of
-states: what a gradient of one scalar cost through many steps needs. `llvm_ir.tangent` is for many columns.
+states: what a gradient of one scalar cost through many steps needs. `linearised` is for many columns.
 """
 
 from collections.abc import Callable, Sequence

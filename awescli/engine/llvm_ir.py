@@ -1,20 +1,16 @@
 """Print a tape as LLVM IR that works on `lanes` independent evaluations at once.
 
-Arrays that the printed functions see are (size, lanes) float64, lanes contiguous. Two functions are printed:
+Arrays that the printed functions see are (size, lanes) float64, lanes contiguous. From a tape is printed
 
-    value(x, u, c, y)                                   y = f(x, u, c)
-    tangent(x, u, c, y, S, dS, columns, column_of)      y, and dS = df/dx S, plus df/dc in the columns of the parameters
+    value(x, u, c, y)      y = f(x, u, c)
 
-with S (n_x, columns, lanes), dS (rows, columns, lanes) of all or some components of f; column_of[j] is the column that differentiates with
-respect to parameter j of `wrt`, or -1. No FMA is formed in y, so a term that is null changes nothing to the last bit; derivatives, and sin,
-cos, exp, atan2 within themselves, are fused.
+No FMA is formed outside sin, cos, exp, atan2, so a term that is null changes nothing to the last bit. Derivatives: `linearised`, `adjoint`.
 """
 
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-from awescli.engine.derive import jacobian
 from awescli.engine.record import Tape, record
 
 _BINARY = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
@@ -99,58 +95,6 @@ def print_value(tape: Tape, outputs: Sequence[int], lanes: int) -> str:
         body.store(body.node(output), "y", str(i))
     lines = "\n".join(body.lines)
     return f"define void @value(ptr noalias %x, ptr noalias %u, ptr noalias %c, ptr noalias %y) {{\nentry:\n{lines}\n  ret void\n}}\n"
-
-
-def print_tangent(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence[int], lanes: int, rows: Sequence[int]) -> str:
-    """The function `tangent`, differentiating the components `rows` of f with respect to all of x and to the parameters c[wrt]."""
-    x_nodes = [tape.put(("input", "x", i)).index for i in range(n_x)]
-    c_nodes = [tape.put(("input", "c", j)).index for j in wrt]
-    entries = jacobian(tape, [outputs[i] for i in rows], x_nodes + c_nodes)
-    body = Printer(tape, lanes)
-    for i, output in enumerate(outputs):
-        body.store(body.node(output), "y", str(i))
-    body.fused = True
-    names = {place: body.node(node) for place, node in entries.items()}
-    body.lines += [
-        "  %any = icmp sgt i64 %ncol, 0",
-        "  br i1 %any, label %columns, label %parameters0",
-        "columns:",
-        "  %col = phi i64 [ 0, %entry ], [ %next, %columns ]",
-    ]
-    t, n_rows = body.type, len(rows)
-    used = sorted({j for _, j in names if j < n_x})
-    seeds = {j: body.load("S", body.line(f"add i64 {body.line(f'mul i64 %ncol, {j}')}, %col")) for j in used}
-    for i in range(n_rows):
-        total = None
-        for j in used:
-            if (i, j) in names:
-                product = body.line(f"fmul contract {t} {names[i, j]}, {seeds[j]}")
-                total = product if total is None else body.line(f"fadd contract {t} {total}, {product}")
-        place = body.line(f"add i64 {body.line(f'mul i64 %ncol, {i}')}, %col")
-        body.store(total or "zeroinitializer", "dS", place)
-    body.lines += [
-        "  %next = add i64 %col, 1",
-        "  %more = icmp slt i64 %next, %ncol",
-        "  br i1 %more, label %columns, label %parameters0",
-    ]
-    for k in range(len(wrt)):
-        body.lines.append(f"parameters{k}:")
-        column_pointer = body.line(f"getelementptr i64, ptr %column_of, i64 {k}")
-        column = body.line(f"load i64, ptr {column_pointer}")
-        wanted = body.line(f"icmp sge i64 {column}, 0")
-        body.lines.append(f"  br i1 {wanted}, label %add{k}, label %parameters{k + 1}")
-        body.lines.append(f"add{k}:")
-        for i in range(n_rows):
-            if (i, n_x + k) in names:
-                place = body.line(f"add i64 {body.line(f'mul i64 %ncol, {i}')}, {column}")
-                old = body.load("dS", place)
-                body.store(body.line(f"fadd {t} {old}, {names[i, n_x + k]}"), "dS", place)
-        body.lines.append(f"  br label %parameters{k + 1}")
-    body.lines += [f"parameters{len(wrt)}:", "  ret void"]
-    signature = (
-        "ptr noalias %x, ptr noalias %u, ptr noalias %c, ptr noalias %y, ptr noalias %S, ptr noalias %dS, i64 %ncol, ptr noalias %column_of"
-    )
-    return f"define void @tangent({signature}) {{\nentry:\n" + "\n".join(body.lines) + "\n}\n"
 
 
 def print_functions(used: set[str], lanes: int) -> str:

@@ -14,7 +14,8 @@ from pathlib import Path
 import llvmlite.binding as llvm
 import numpy as np
 
-from awescli.engine.llvm_ir import calls_of, print_functions, print_tangent, print_value
+from awescli.engine.linearised import print_linearised
+from awescli.engine.llvm_ir import calls_of, print_functions, print_value
 from awescli.engine.record import record
 
 LANES = 8
@@ -28,8 +29,8 @@ _target_machine = None
 class Program:
     """A compiled function y = f(x, u, c) of three vectors, on LANES lanes.
 
-    value, tangent: addresses of the two functions of `llvm_ir`; wrt: indices of the parameters that tangent knows; rows: indices of the
-    components of y that it differentiates.
+    value: address of the function of `llvm_ir`; linearised, columns, rates, step: of those of `linearised`, 0 where there is none;
+    wrt: indices of the parameters that they differentiate with respect to.
     """
 
     n_x: int
@@ -37,9 +38,11 @@ class Program:
     n_c: int
     n_y: int
     wrt: tuple[int, ...]
-    rows: tuple[int, ...]
     value: int
-    tangent: int
+    linearised: int = 0
+    columns: int = 0
+    rates: int = 0
+    step: int = 0
     operations: int = field(compare=False, default=0)
 
 
@@ -50,13 +53,14 @@ def compile_program(
     n_c: int,
     wrt: Sequence[int] = (),
     *,
+    linearised: bool = True,
     rows: Sequence[int] | None = None,
-    tangent: bool = True,
+    rates: int = 0,
 ) -> Program:
     """Record `function(x, u, c)` (lists of scalars in, sequence of scalars out), differentiate, compile.
 
-    wrt: indices of the components of c that `tangent` differentiates with respect to (all of x always); rows: indices of the components
-    of the function that it differentiates (default: all).
+    wrt: indices of the components of c to differentiate with respect to (all of x always); rows: indices of the components of the function
+    that are differentiated (default: all); rates: how many of them, the first, are rates of change of the first components of x.
     """
     tape, outputs = record(function, x=n_x, u=n_u, c=n_c)
     operations = len(tape.nodes)
@@ -64,21 +68,22 @@ def compile_program(
 
     def text():
         text = print_value(tape, outputs, LANES)
-        if tangent:
-            text += print_tangent(tape, outputs, n_x, wrt, LANES, rows)
+        if linearised:
+            text += print_linearised(tape, outputs, n_x, wrt, LANES, rows, rates)
         return text + print_functions(calls_of(tape), LANES)
 
     # what was recorded, and who prints it, decide what would be printed: a program in the cache is not derived and printed again
-    engine = _compile(text, f"{tape.nodes}{outputs}{n_x}{tuple(wrt)}{rows}{tangent}{_engine_source()}")
-    at = engine.get_function_address
-    return Program(n_x, n_u, n_c, len(outputs), tuple(wrt), rows, at("value"), at("tangent") if tangent else 0, operations)
+    engine = _compile(text, f"{tape.nodes}{outputs}{n_x}{tuple(wrt)}{linearised}{rows}{rates}{_engine_source()}")
+    names = ["value", *(["linearised", "columns"] if linearised else []), *(["rates", "step"] if rates else [])]
+    addresses = {name: engine.get_function_address(name) for name in names}
+    return Program(n_x, n_u, n_c, len(outputs), tuple(wrt), operations=operations, **addresses)
 
 
 @cache
 def _engine_source() -> str:
     """Hash of the files that turn a recorded function into machine code."""
     here = Path(__file__).parent
-    names = ("record.py", "derive.py", "approximations.py", "llvm_ir.py", "machine.py")
+    names = ("record.py", "derive.py", "approximations.py", "llvm_ir.py", "linearised.py", "machine.py")
     return hashlib.sha256(b"".join((here / name).read_bytes() for name in names)).hexdigest()
 
 

@@ -13,7 +13,7 @@ from awescli.engine.lanes import lane_rows
 from awescli.engine.llvm_ir import Body, hexadecimal, print_rowwise
 from awescli.engine.machine import LANES
 from awescli.simulation.groups import each_group, parts
-from awescli.simulation.kernels import _COMMON, _Loop, compile_loop, passed
+from awescli.simulation.kernels import COMMON, Loop, compile_loop, passed, rows_of_loop
 
 _NETWORK = ("ptr network", "i64 n_in", "i64 n_rows", "ptr rows", "ptr constants", "ptr weights", "ptr stages", "ptr kept", "i64 n_kept")
 _REVERSE = (
@@ -36,33 +36,33 @@ def _row_of(body: Body, i: str) -> str:
     return body.line(f"load i64, ptr {body.line(f'getelementptr i64, ptr %rows, i64 {i}')}")
 
 
-class _Keeping(_Loop):
+class _Keeping(Loop):
     """The loop over the samples of one group, the network in its derivative; every stage and its activations are kept, in order."""
 
     def __init__(self):
-        super().__init__(tangent=False)
-        self.wide, self.correction = self._rows(self.whole("add", "%n_s", "%n_in")), self._rows("%n_rows")
+        super().__init__()
+        self.wide, self.correction = self.rows(self.whole("add", "%n_s", "%n_in")), self.rows("%n_rows")
         self.stages_so_far = self.line("alloca i64")
         before = self.whole("mul", self.whole("mul", "%first", "%substeps"), 4)
         self.lines.append(f"  store i64 {before}, ptr {self.stages_so_far}")
 
-    def _sample(self, u, k) -> None:
-        self._program("%g", self.x, u, (self.row("%Y", self.whole("mul", k, "%n_y")),))
+    def sample(self, u, k) -> None:
+        self.evaluate("%g", self.x, u, self.row("%Y", self.whole("mul", k, "%n_y")))
 
-    def _begin_step(self, sub, derivative) -> None:
-        derivative(0.0, self.x, self.total)
+    def begin_step(self, sub, derivative) -> None:
+        derivative(0, 0.0, self.x, self.total)
 
-    def _derivative(self, vector, k) -> None:
+    def derivative(self, stage, x, k) -> None:
         place = self.line(f"load i64, ptr {self.stages_so_far}")
         self.lines.append(f"  store i64 {self.whole('add', place, 1)}, ptr {self.stages_so_far}")
         kept = self.row("%kept", self.whole("mul", place, "%n_kept"))
-        self.call("@copy", f"ptr {self.row('%stages', self.whole('mul', place, self.n_x))}", f"ptr {vector[0]}", f"i64 {self.n_x}")
-        self._program("%f", vector, self.u, (self.wide,))
+        self.copy(self.row("%stages", self.whole("mul", place, self.n_x)), x, self.n_x)
+        self.evaluate("%f", x, self.u, self.wide)
         seen = self.row(self.wide, "%n_s")
         self.call("%network", f"ptr {seen}", "ptr %constants", "ptr %weights", f"ptr {self.correction}", f"ptr {kept}")
-        self._copy(k, 0, (self.wide,), "%n_s")
+        self.copy(k, self.wide, "%n_s")
         with self.loop("%n_rows") as i:
-            _add_rows(self, k[0], _row_of(self, i), self.correction, i)
+            _add_rows(self, k, _row_of(self, i), self.correction, i)
 
 
 class _Reverse(Body):
@@ -191,7 +191,7 @@ def _print_only() -> str:
 
 @cache
 def _rollout() -> Callable:
-    arguments = (*_COMMON, *_NETWORK)
+    arguments = (*COMMON, *_NETWORK)
     return compile_loop(_Keeping().text("loop", arguments), arguments)
 
 
@@ -221,7 +221,7 @@ def rollout(f, g, initial, law, network, n_s, rows, constants, weights, X0, SP, 
     of_network = (network.value, network.sizes[0], len(rows), rows, constants, weights)
 
     def work(group):
-        scratch = lane_rows(4 * n_x + n_u + 2 * n_s + n_y + network.sizes[0] + len(rows))
+        scratch = lane_rows(rows_of_loop(n_x, n_s, n_u, n_y) + n_s + network.sizes[0] + len(rows))
         own = (*(a[group] for a in (X0, SP, U, C, X, Y, alive)), scratch, *of_network, stages[group], kept[group], network.kept)
         for first, until in parts(samples):
             if first:

@@ -96,9 +96,9 @@ class Simulator:
         self.kite, self.substeps = kite, substeps
         self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *GUSTS, *ODD_GUSTS])
         self.n_s = len(kite.state_names)
-        self.f, self.initial = (self._compiled(fn) for fn in (kite.derivative, kite.initial))
+        self.f, self.g = (self._compiled(fn, linearised=False) for fn in (kite.derivative, self._at_sample))
+        self.initial = self._compiled(kite.initial)
         self.law: Program | None = self._compiled(law) if law else None
-        self.g = self._compiled(self._at_sample, tangent=False)
         self._differentiated: dict[tuple[str, ...], Program] = {}
 
     def _compiled(self, function: Callable, **options) -> Program:
@@ -110,10 +110,10 @@ class Simulator:
         return [*self.kite.derivative(x, u, c), *self.kite.outputs(x, u, c)]
 
     def _differentiating(self, outputs: tuple[str, ...]) -> Program:
-        """`_at_sample` with the sensitivities of the derivative and of some outputs."""
+        """`_at_sample`, linearised in the derivative and in some outputs."""
         if outputs not in self._differentiated:
             rows = [*range(self.n_s), *(self.n_s + _INDEX[name] for name in outputs)]
-            self._differentiated[outputs] = self._compiled(self._at_sample, rows=rows)
+            self._differentiated[outputs] = self._compiled(self._at_sample, rows=rows, rates=self.n_s)
         return self._differentiated[outputs]
 
     def holding(self, table) -> "Simulator":
@@ -156,22 +156,17 @@ class Simulator:
         self, segments: Segments, columns: Columns, outputs: Sequence[str] = MEASURED, values: Mapping[str, float] | None = None
     ) -> tuple[Trajectories, np.ndarray]:
         """Simulate, and differentiate exactly: J (K, N+1, len(outputs), len(columns))."""
-        from awescli.simulation import kernels
+        from awescli.simulation.sensitivities import sensitivities
 
-        state_columns = np.full(12, -1)
-        for column, name in enumerate(columns.states):
-            state_columns[self.kite.x_names.index(name)] = column
-        always = np.full(len(self.wrt), -1)
-        for i, name in enumerate(columns.parameters):
-            always[self.wrt.index(name)] = len(columns.states) + i
-        offset = len(columns.states) + len(columns.parameters)
-        windows = np.array([[self.wrt.index(n), offset + i, a, b] for i, (n, a, b) in enumerate(columns.windows)], dtype=np.int64)
+        none, always = len(self.wrt), (0, segments.steps + 1)
+        asked = [(self.kite.x_names.index(name), none, *always) for name in columns.states]
+        asked += [(-1, self.wrt.index(name), *always) for name in columns.parameters]
+        asked += [(-1, self.wrt.index(name), first, last) for name, first, last in columns.windows]
         X, Y = self._room(segments)
         J = np.empty((*X.shape[:2], len(outputs), len(columns)))
-        sampled, law = self._differentiating(tuple(outputs)), self.law.tangent if self.law else 0
-        programs = (self.f.tangent, sampled.tangent, self.initial.tangent, law)
-        at = (state_columns, always, np.ascontiguousarray(windows.reshape(-1, 4).T))
-        return Trajectories(X, Y, kernels.sensitivities(*programs, *self._inputs(segments, values), *at, X, Y, J)), J
+        programs = (self._differentiating(tuple(outputs)), self.initial, self.law)
+        at = np.array(asked, dtype=np.int64).reshape(-1, 4).T.copy()
+        return Trajectories(X, Y, sensitivities(*programs, *self._inputs(segments, values), at, X, Y, J)), J
 
 
 def setpoints_of(log, which=SURFACES) -> np.ndarray:

@@ -9,7 +9,7 @@ from awescli.notation.scalars import atan2, cos, exp, log, sin, sqrt, tanh
 
 def compiled(function, *arguments: np.ndarray) -> np.ndarray:
     """A function of one or two scalars, compiled and run over arrays."""
-    program = compile_program(lambda x, u, c: [function(*x)], len(arguments), 0, 0, tangent=False)
+    program = compile_program(lambda x, u, c: [function(*x)], len(arguments), 0, 0, linearised=False)
     n = len(arguments[0])
     padded = [np.concatenate([a, np.ones(-n % LANES)]).reshape(-1, LANES) for a in arguments]
     nothing = np.zeros((0, LANES))

@@ -20,13 +20,25 @@ def lanes(seed):
     return tuple(random.uniform(0.2, 2.0, (n, LANES)) for n in (N_X, N_U, N_C))
 
 
-def tangent(program, x, u, c, S, column_of):
-    """(y, dS) of one call of a compiled `tangent`: S (n_x, columns, LANES)."""
-    x, u, c, S = (np.ascontiguousarray(a, dtype=float) for a in (x, u, c, S))
-    y, dS = np.empty((program.n_y, LANES)), np.empty((program.n_y, S.shape[1], LANES))
-    columns = np.asarray(column_of, dtype=np.int64)
-    function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6, ctypes.c_int64, ctypes.c_void_p)(program.tangent)
-    function(*(a.ctypes.data for a in (x, u, c, y, S, dS)), S.shape[1], columns.ctypes.data)
+def call(address, *arguments):
+    """Call a compiled function: arrays by address, whole numbers, doubles."""
+    kinds = {np.ndarray: ctypes.c_void_p, int: ctypes.c_int64, float: ctypes.c_double}
+    function = ctypes.CFUNCTYPE(None, *(kinds[type(a)] for a in arguments))(address)
+    function(*(a.ctypes.data if isinstance(a, np.ndarray) else a for a in arguments))
+
+
+def linearise(program, address, rows, x, u, c):
+    """(y, E) of one call of a compiled `linearised` or `rates`: E (rows, n_x + n_wrt + 1, LANES)."""
+    y, E = np.full((program.n_y, LANES), np.nan), np.zeros((rows, program.n_x + len(program.wrt) + 1, LANES))
+    call(address, *(np.ascontiguousarray(a, dtype=float) for a in (x, u, c)), y, E)
+    return y, E
+
+
+def tangent(program, x, u, c, S, parameter_of):
+    """(y, dS) = (f, df/dx S + df/dc): S (n_x, columns, LANES)."""
+    y, E = linearise(program, program.linearised, program.n_y, x, u, c)
+    S, dS = np.ascontiguousarray(S, dtype=float), np.empty((program.n_y, S.shape[1], LANES))
+    call(program.columns, E, S, dS, S.shape[1], np.asarray(parameter_of, dtype=np.int64))
     return y, dS
 
 
@@ -34,7 +46,8 @@ def jacobian(program, x, u, c):
     """(n_y, n_x + n_wrt, LANES) by identity seeds."""
     S = np.zeros((program.n_x, program.n_x + len(program.wrt), LANES))
     S[: program.n_x, : program.n_x] = np.eye(program.n_x)[:, :, None]
-    return tangent(program, x, u, c, S, program.n_x + np.arange(len(program.wrt)))[1]
+    parameter_of = np.r_[np.full(program.n_x, len(program.wrt)), np.arange(len(program.wrt))]
+    return tangent(program, x, u, c, S, parameter_of)[1]
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -42,7 +55,7 @@ def test_arithmetic_is_exact_on_every_lane(seed):
     """Guards against fused or reordered operations, and against lanes that mix: + - * / sqrt select are right to the last bit."""
     f = random_function(seed, ops=80, allowed=(*ARITHMETIC, "select"))
     x, u, c = lanes(seed)
-    y = evaluate(compile_program(f, N_X, N_U, N_C, tangent=False), x, u, c)
+    y = evaluate(compile_program(f, N_X, N_U, N_C, linearised=False), x, u, c)
     tape, out = record(f, x=N_X, u=N_U, c=N_C)
     for lane in range(LANES):
         assert y[:, lane].tolist() == on_tape(tape, out, x=x[:, lane], u=u[:, lane], c=c[:, lane])
@@ -53,7 +66,7 @@ def test_compiled_functions_are_the_functions(seed):
     """Guards the printed calls (argument order of atan2, sign of neg): everything to rounding of the approximations."""
     f = random_function(seed, ops=60)
     x, u, c = lanes(seed)
-    y = evaluate(compile_program(f, N_X, N_U, N_C, tangent=False), x, u, c)
+    y = evaluate(compile_program(f, N_X, N_U, N_C, linearised=False), x, u, c)
     expected = np.array([f(*(a[:, lane].tolist() for a in (x, u, c))) for lane in range(LANES)]).T
     # 60 operations of a few units in the last place each, values of order one
     assert np.abs(y - expected).max() < 1e-13
@@ -95,17 +108,66 @@ def test_the_jacobian_is_that_of_finite_differences(seed):
 
 
 def test_a_tangent_carries_seeds_and_adds_only_the_parameters_that_are_asked_for():
-    """Guards dS = df/dx S + df/dc: columns of -1 must stay out, and S must be multiplied from the right side."""
+    """Guards dS = df/dx S + df/dc: columns of no parameter must stay out, and S must be multiplied from the right side."""
     f = random_function(3, ops=40)
     program = compile_program(f, N_X, N_U, N_C, range(N_C))
     x, u, c = lanes(3)
     J = jacobian(program, x, u, c)
     S = np.random.default_rng(0).standard_normal((N_X, 5, LANES))
-    y, dS = tangent(program, x, u, c, S, [-1, 4, -1])
+    y, dS = tangent(program, x, u, c, S, [3, 3, 3, 3, 1])
     expected = np.einsum("ijl,jcl->icl", J[:, :N_X], S)
     expected[:, 4] += J[:, N_X + 1]
     assert np.abs(dS - expected).max() < 1e-13 * np.abs(expected).max()
     assert np.array_equal(y, evaluate(program, x, u, c))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_step_of_the_columns_is_the_derivative_of_the_step(seed):
+    """Guards the four stages, their weights, and what is held: S after the step is that of S by complex step through the same step."""
+    f, h, held = random_function(seed, ops=40, allowed=SMOOTH, outputs=3), 0.2, 1
+    program = compile_program(f, N_X, N_U, N_C, range(N_C), rows=(0, 1, 2), rates=N_X - held)
+    x, u, c = lanes(seed)
+    S = np.random.default_rng(seed).standard_normal((N_X, 4, LANES))
+
+    def step(x, c, keep=None):
+        """One Runge-Kutta step from x (4, LANES), whose last component is held."""
+        rates = lambda x: np.array([f(x[:, lane], u[:, lane], c[:, lane]) for lane in range(LANES)]).T  # noqa: E731
+        stages = [x]
+        for far in (h / 2, h / 2, h):
+            k = rates(stages[-1])
+            stages.append(np.concatenate([x[:-1] + far * k, x[-1:]]))
+        if keep is not None:
+            keep += stages
+        k = [rates(z) for z in stages]
+        return x[:-1] + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
+
+    stages = []
+    step(x, c, stages)
+    E = [linearise(program, program.rates, N_X - held, z, u, c)[1] for z in stages]
+    after = S.copy()
+    call(program.step, *E, after, 4, np.array([0, N_C, 2, 1]), h)
+    for column, parameter in enumerate((0, None, 2, 1)):
+        moved = c.astype(complex)
+        if parameter is not None:
+            moved[parameter] += 1e-200j
+        d = np.imag(step(x + 1e-200j * S[:, column], moved)) / 1e-200
+        assert after[:-1, column] == pytest.approx(d, rel=1e-11, abs=1e-12)
+    assert np.array_equal(after[-1], S[-1])
+
+
+def test_only_what_is_asked_for_is_differentiated():
+    """Guards the order of rows: rates first, then some outputs, whose columns begin behind the rates in E."""
+    f = random_function(5, ops=40)
+    x, u, c = lanes(5)
+    J = jacobian(compile_program(f, N_X, N_U, N_C, range(N_C)), x, u, c)
+    program = compile_program(f, N_X, N_U, N_C, range(N_C), rows=(0, 1, 4, 2), rates=2)
+    y, E = linearise(program, program.linearised, 4, x, u, c)
+    assert E[:, :-1] == pytest.approx(J[[0, 1, 4, 2]], rel=1e-11, abs=1e-12) and (E[:, -1] == 0).all()
+    first, only = linearise(program, program.rates, 2, x, u, c)
+    assert np.array_equal(only[:2], E[:2]) and np.array_equal(first[:2], y[:2]) and np.isnan(first[2:]).all()
+    S, dS = np.ascontiguousarray(np.eye(N_X)[:, :, None] * np.ones(LANES)), np.empty((2, N_X, LANES))
+    call(program.columns, np.ascontiguousarray(E[2:]), S, dS, N_X, np.full(N_X, N_C))
+    assert np.array_equal(dS, E[2:, :N_X])
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -148,7 +210,7 @@ def test_the_cache_knows_a_changed_function(tmp_path, monkeypatch):
     one = np.ones((1, LANES))
 
     def run(factor):
-        return evaluate(compile_program(lambda x, u, c: [factor * x[0].sin()], 1, 1, 1, tangent=False), one, one, one)[0, 0]
+        return evaluate(compile_program(lambda x, u, c: [factor * x[0].sin()], 1, 1, 1, linearised=False), one, one, one)[0, 0]
 
     first = run(2.0)
     kept = sorted((tmp_path / "cache").iterdir())

@@ -224,7 +224,7 @@ def test_tensors_and_compiled_code_agree(key):
     x, u, c = (np.array([p[i] for p in points]).T for i in range(3))
     tensors = [[torch.tensor(row) for row in block] for block in (x, u, c)]
     for function in (kite.derivative, kite.outputs):
-        compiled = evaluate(compile_program(function, len(x), len(u), len(c), tangent=False), x, u, c)
+        compiled = evaluate(compile_program(function, len(x), len(u), len(c), linearised=False), x, u, c)
         in_torch = np.array([np.broadcast_to(torch.as_tensor(d).numpy(), LANES) for d in function(*tensors)])
         scale = np.abs(compiled).max(axis=1, keepdims=True) + 1.0
         assert (np.abs(compiled - in_torch) / scale).max() < 1e-12

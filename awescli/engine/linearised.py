@@ -1,0 +1,121 @@
+"""Print a linearised program, and what is done with its Jacobian, on `lanes` evaluations at once.
+
+    linearised(x, u, c, y, E)                          y = f(x, u, c) and E = [df/dx, df/dc, 0] of some components of f
+    columns(E, S, dS, n_col, parameter_of)             dS = df/dx S + df/dc
+
+and where the first components of f are the rates of change of the first ones of x
+
+    rates(x, u, c, y, E)                               `linearised` of the rates alone: `columns` is of the others, whose E is behind theirs
+    step(E1, E2, E3, E4, S, n_col, parameter_of, h)    S after a classical Runge-Kutta step of dS/dt = df/dx S + df/dc, E at its four stages
+
+with E (components, n_x + n_wrt + 1, lanes), S (n_x, n_col, lanes), dS (components, n_col, lanes). Column j of S differentiates with respect
+to parameter number parameter_of[j], or to none of them where that is n_wrt. What is always zero is not written: E must be zero at first.
+
+A step takes one column after the other through all its stages, in registers, past Jacobians that stay in the nearest cache. Derivatives
+form FMA; y does not (see `llvm_ir`).
+"""
+
+from collections.abc import Sequence
+
+from awescli.engine.derive import jacobian
+from awescli.engine.llvm_ir import Body, Printer, hexadecimal
+from awescli.engine.record import Tape
+
+
+def print_linearised(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence[int], lanes: int, rows: Sequence[int], rates: int) -> str:
+    """The functions above; rows: the components of f that are differentiated, its `rates` first; wrt: the parameters."""
+    inputs = [tape.put(("input", "x", i)).index for i in range(n_x)] + [tape.put(("input", "c", j)).index for j in wrt]
+    entries = jacobian(tape, [outputs[i] for i in rows], inputs)
+    width = n_x + len(wrt) + 1
+    text = _print_entries("linearised", tape, outputs, entries, width, lanes)
+    text += _print_columns([_of_state(entries, i, n_x) for i in range(rates, len(rows))], n_x, width, lanes)
+    if rates:
+        own = {place: node for place, node in entries.items() if place[0] < rates}
+        text += _print_entries("rates", tape, outputs[:rates], own, width, lanes)
+        text += _print_step([_of_state(entries, i, n_x) for i in range(rates)], n_x, width, lanes)
+    return text
+
+
+def _of_state(entries: dict[tuple[int, int], int], row: int, n_x: int) -> list[int]:
+    """The components of x that a component of f depends on."""
+    return sorted(j for i, j in entries if i == row and j < n_x)
+
+
+def _print_entries(name: str, tape: Tape, outputs: Sequence[int], entries: dict[tuple[int, int], int], width: int, lanes: int) -> str:
+    body = Printer(tape, lanes)
+    for i, output in enumerate(outputs):
+        body.store(body.node(output), "y", str(i))
+    body.fused = True
+    for (i, j), node in entries.items():
+        body.store(body.node(node), "E", str(i * width + j))
+    lines, blocks = "\n".join(body.lines), ", ".join(f"ptr noalias %{block}" for block in "xucyE")
+    return f"define void @{name}({blocks}) {{\nentry:\n{lines}\n  ret void\n}}\n"
+
+
+class _Columns(Body):
+    """Columns of S, one at a time."""
+
+    def __init__(self, lanes: int, n_x: int, width: int):
+        super().__init__(lanes)
+        self.n_x, self.width = n_x, width
+
+    def at(self, block: str, row: int, column: str) -> str:
+        """Address of S or dS at a row and column."""
+        return self.row(block, self.whole("add", self.whole("mul", "%n_col", row), column))
+
+    def read(self, place: str) -> str:
+        return self.line(f"load {self.type}, ptr {place}, align 8")
+
+    def write(self, value: str, place: str) -> None:
+        self.lines.append(f"  store {self.type} {value}, ptr {place}, align 8")
+
+    def parameter(self, column: str) -> str:
+        """Where in a row of E the derivative with respect to the parameter of a column stands."""
+        number = self.line(f"load i64, ptr {self.line(f'getelementptr i64, ptr %parameter_of, i64 {column}')}")
+        return self.whole("add", number, self.n_x)
+
+    def derivative(self, E: str, row: int, parameter: str, s: dict[int, str]) -> str:
+        """E[row, parameter] + sum_j E[row, j] s_j"""
+        total = self.read(self.row(E, self.whole("add", row * self.width, parameter)))
+        for j, value in s.items():
+            total = self.plus(total, self.read(self.row(E, row * self.width + j)), value)
+        return total
+
+    def plus(self, a: str, b: str, c: str) -> str:
+        """a + b c"""
+        return self.line(f"fadd contract {self.type} {a}, {self.line(f'fmul contract {self.type} {b}, {c}')}")
+
+    def splat(self, number: str) -> str:
+        first = self.line(f"insertelement {self.type} poison, double {number}, i64 0")
+        return self.line(f"shufflevector {self.type} {first}, {self.type} poison, <{self.lanes} x i32> zeroinitializer")
+
+
+def _print_columns(rows: list[list[int]], n_x: int, width: int, lanes: int) -> str:
+    body = _Columns(lanes, n_x, width)
+    with body.loop("%n_col") as column:
+        parameter = body.parameter(column)
+        s = {j: body.read(body.at("%S", j, column)) for j in sorted({j for used in rows for j in used})}
+        for i, used in enumerate(rows):
+            body.write(body.derivative("%E", i, parameter, {j: s[j] for j in used}), body.at("%dS", i, column))
+    return body.function("columns", ("ptr %E", "ptr %S", "ptr %dS", "i64 %n_col", "ptr %parameter_of"))
+
+
+def _print_step(rows: list[list[int]], n_x: int, width: int, lanes: int) -> str:
+    body = _Columns(lanes, n_x, width)
+    half, sixth = (body.splat(body.line(f"fdiv double %h, {hexadecimal(d)}")) for d in (2.0, 6.0))
+    whole, two = body.splat("%h"), body.splat(hexadecimal(2.0))
+    with body.loop("%n_col") as column:
+        parameter = body.parameter(column)
+        start = {j: body.read(body.at("%S", j, column)) for j in range(n_x)}
+        now, total = dict(start), []
+        for stage, far in enumerate((half, half, whole, sixth), 1):
+            k = [body.derivative(f"%E{stage}", i, parameter, {j: now[j] for j in used}) for i, used in enumerate(rows)]
+            if stage < 4:
+                total = [body.plus(t, two, d) for t, d in zip(total, k, strict=True)] if total else k
+            else:
+                k = [body.line(f"fadd {body.type} {t}, {d}") for t, d in zip(total, k, strict=True)]
+            now |= {i: body.plus(start[i], far, d) for i, d in enumerate(k)}
+        for i in range(len(rows)):
+            body.write(now[i], body.at("%S", i, column))
+    stages = [f"ptr %E{stage}" for stage in range(1, 5)]
+    return body.function("step", (*stages, "ptr %S", "i64 %n_col", "ptr %parameter_of", "double %h"))
