@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from awescli.simulation.groups import each_group
+
 CANCELLED = 1e8
 """Where eliminating the own unknowns takes away all but this share of a column's information, rounding is left: then the elimination
 is done again by projection, which loses half as many digits and cannot become indefinite. (A segment that all but diverges.)"""
@@ -45,18 +47,23 @@ def reduce(
     sigma: (K, N, n_out), inf where it does not; own_prior: (n_own, n_own) prior precision of the own unknowns (0: nothing known), mean 0;
     own_value: (K, n_own) their present values; order: the columns of J in the order own, global, where they stand in another.
     """
-    K, N, n_out, columns = J.shape
+    K, columns = len(J), J.shape[-1]
     order = np.arange(columns) if order is None else np.asarray(order)
     place = np.r_[order, columns]
     n = columns - n_own
     weight = np.where(np.isfinite(sigma), 1 / sigma, 0.0)
     H, b, cost, dof, back = np.zeros((K, n, n)), np.zeros((K, n)), np.zeros(K), np.zeros(K), []
-    A = np.empty((N * n_out, columns + 1))
+    grams = np.empty((K, columns + 1, columns + 1))
+
+    def gram(k):
+        A = _whitened(J[k], r[k], weight[k])
+        grams[k] = A.T @ A
+        yield
+
+    each_group(gram, K)
     for k in range(K):
-        np.multiply(J[k].reshape(-1, columns), weight[k].reshape(-1, 1), out=A[:, :columns])
-        A[:, columns] = r[k].reshape(-1)
         # the small Gram matrix is put in order, not the long columns
-        G = (A.T @ A)[np.ix_(place, place)]
+        G = grams[k][np.ix_(place, place)]
         M = G[:n_own, :n_own] + own_prior
         factor = _factor(M)
         pull = own_prior @ own_value[k]
@@ -66,10 +73,20 @@ def reduce(
         b[k] = G[n_own:columns, columns] - M_lg.T @ X[:, -1]
         cost[k] = G[columns, columns] + own_value[k] @ pull - M_lr @ X[:, -1]
         if (np.diag(G)[n_own:columns] > CANCELLED * np.diag(H[k])).any():
-            H[k], b[k], cost[k] = _projected(A[:, place], n_own, own_prior, own_value[k])
+            A = _whitened(J[k], r[k], weight[k])[:, place]
+            H[k], b[k], cost[k] = _projected(A, n_own, own_prior, own_value[k])
         dof[k] = np.count_nonzero(weight[k]) - np.count_nonzero(np.diag(own_prior) == 0)
         back.append((factor, M_lg, M_lr))
     return Information(H, b, cost, dof, back)
+
+
+def _whitened(J: np.ndarray, r: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """(N n_out, columns + 1): sensitivities over the noise, and the residual, of one segment."""
+    columns = J.shape[-1]
+    A = np.empty((r.size, columns + 1))
+    np.multiply(J.reshape(-1, columns), weight.reshape(-1, 1), out=A[:, :columns])
+    A[:, columns] = r.reshape(-1)
+    return A
 
 
 def _projected(A: np.ndarray, n_own: int, own_prior: np.ndarray, own_value: np.ndarray):

@@ -33,7 +33,7 @@ def parts(samples: int) -> list[tuple[int, int]]:
 
 
 def each_group(work: Callable[[int], Iterator], groups: int) -> None:
-    """Run work(0), ..., work(groups - 1) to their ends.
+    """Run work(0), ..., work(groups - 1) to their ends, on all cores.
 
     The last ones, if threads would be left without one, are shared out by their parts, in turns: three groups take two threads one and a
     half times as long as one group, not twice. Threads live for one call: a pool that is kept would not survive a fork.
