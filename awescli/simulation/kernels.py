@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from awescli.engine.lanes import abreast, apart, lane_rows, print_lanes
+from awescli.engine.lanes import abreast, apart, lane_rows
 from awescli.engine.llvm_ir import Body, hexadecimal, print_rowwise
 from awescli.engine.machine import LANES, _compile
 from awescli.simulation.groups import each_group, groups_of, members, parts
@@ -198,7 +198,7 @@ def _rollout() -> Callable:
 
 def compile_loop(text: str, arguments: Sequence[str]) -> Callable:
     """The function `loop` of an IR text that may call the small functions on rows which loops are made of."""
-    text += _print_gone() + print_lanes(LANES)
+    text += _print_gone()
     text += print_rowwise("copy", lambda a: a, 1, 0, LANES)
     text += print_rowwise("between", lambda a, b, share: a + share * (b - a), 2, 1, LANES)
     text += print_rowwise("moved", lambda x, k, scale: x + scale * k, 2, 1, LANES)

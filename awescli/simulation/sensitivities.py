@@ -8,7 +8,8 @@ from functools import cache
 
 import numpy as np
 
-from awescli.engine.machine import Program
+from awescli.engine.lanes import print_lanes
+from awescli.engine.machine import LANES, Program
 from awescli.simulation.kernels import COMMON, Loop, compile_loop, on_segments
 
 _ARGUMENTS = (
@@ -92,7 +93,7 @@ class _Differentiated(Loop):
 
 @cache
 def _loop() -> Callable:
-    return compile_loop(_Differentiated().text("loop", _ARGUMENTS), _ARGUMENTS)
+    return compile_loop(_Differentiated().text("loop", _ARGUMENTS) + print_lanes(LANES), _ARGUMENTS)
 
 
 def sensitivities(
