@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from awescli.control.law import Law
+from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
@@ -54,3 +55,15 @@ def with_setpoint_dynamics(declaration: KiteDeclaration, law) -> KiteDeclaration
                 new[key] = {"tau": LIMITER_LAG, "rate": rates[surface]}
     declaration = with_effects(declaration, new)
     return declaration.with_parameters(declaration.table().with_values(values)) if values else declaration
+
+
+def without_setpoint_dynamics(driven: KiteDeclaration, declared: KiteDeclaration) -> KiteDeclaration:
+    """The kite alone, of one that was fitted as a law drives it: `with_setpoint_dynamics(declared, law)` undone, fitted values kept.
+
+    What belongs to the way of the law's set-points is no part of the kite: a log's set-points hold it already, and whoever flies the law
+    adds it again.
+    """
+    added = tuple(f"{key}." for key in driven.effects if key not in declared.effects)
+    held = {row.name: row for row in declared.table().rows if not row.free}
+    rows = [held.get(row.name, row) for row in driven.table().rows if not row.name.startswith(added)]
+    return driven.with_parameters(ParameterTable(rows)).model_copy(update={"effects": declared.effects})

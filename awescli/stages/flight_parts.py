@@ -21,12 +21,17 @@ def flight_parts(context: Context, flight: Path | None = None):
     return log, split(find_loops(log), **context.split.model_dump())
 
 
-def law_upstream(context: Context, kite, log):
-    """The fitted control law as the simulator's law; None where the set-points are replayed. Raises BadInput if there is none."""
-    from awescli.simulation.closed_loop import loop
+def driven_upstream(context: Context, declaration, log):
+    """(the kite as the fitted controller drives it, delay and rate limit of its set-points included; the controller as the law of a
+    simulator of that kite). Raises BadInput where there is no controller."""
+    from awescli.physics.kite import Kite
+    from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
     from awescli.stages.controller_artifact import read_controller, wind_direction
 
-    return loop(read_controller(context.upstream("fit-controller")), kite, wind_direction(log))
+    fitted = read_controller(context.upstream("fit-controller"))
+    driven = with_setpoint_dynamics(declaration, fitted)
+    heights = log.wind.height if log.wind is not None else (10.0,)
+    return driven, loop(fitted, Kite(driven, heights), wind_direction(log))
 
 
 def score_parts(simulator, log, parts, horizon: float) -> dict:
@@ -41,4 +46,4 @@ def score_parts(simulator, log, parts, horizon: float) -> dict:
     return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged}
 
 
-__all__ = ["StageConfig", "flight_parts", "law_upstream", "score_parts"]
+__all__ = ["StageConfig", "driven_upstream", "flight_parts", "score_parts"]

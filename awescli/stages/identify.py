@@ -53,6 +53,7 @@ class Identify(Stage):
         from awescli.estimation.answer import describe
         from awescli.estimation.staged_fit import fit_from_starts, spread_of
         from awescli.physics.declaration import kite_text, read_kite
+        from awescli.simulation.closed_loop import without_setpoint_dynamics
 
         declared = read_kite(context.kite)
         flights = flown(context, config, declared)
@@ -81,7 +82,8 @@ class Identify(Stage):
             metrics["starts"] = spread_of(optima, fitted)
         identified = held(flights[0], fitted.flights[0])
         write_json(context.folder / "params.json", answer)
-        write_text(context.folder / KITE_FILE, kite_text(identified.kite.declare(())))
+        kite = without_setpoint_dynamics(identified.kite.declare(()), declared)
+        write_text(context.folder / KITE_FILE, kite_text(kite))
         write_json(context.folder / "metrics.json", metrics)
         tell(context.progress, answer, metrics)
         return {
@@ -108,14 +110,16 @@ def flown(context, config, declared) -> list:
     from awescli.estimation.question import ask, simulator_of
     from awescli.estimation.staged_fit import Flown, own_names
     from awescli.notation.errors import BadInput, did_you_mean
-    from awescli.stages.flight_parts import flight_parts, law_upstream
+    from awescli.stages.flight_parts import driven_upstream, flight_parts
 
     flights, labels = [], []
     for i, (folder, file) in enumerate([(context.flight, None), *((f.flight, f.kite) for f in config.also)]):
         log, parts = flight_parts(context, folder)
-        simulator = simulator_of(same_kite(declared, file) if file else declared, log)
+        kite, law = same_kite(declared, file) if file else declared, None
         if config.surfaces == "controller":
-            simulator = simulator_of(declared, log, law=law_upstream(context, simulator.kite, log))
+            kite, law = driven_upstream(context, kite, log)
+            told_apart(declared, kite)
+        simulator = simulator_of(kite, log, law=law)
         question = ask(simulator, log, parts, config.horizon, outputs_of(log, config), seed_weights=config.weights == "seed")
         label = f"{log.name}-{labels.count(log.name) + 1}" if log.name in labels else log.name
         labels.append(log.name)
@@ -141,6 +145,18 @@ def same_kite(declared, file: Path):
     free = {name: row for name, row in declared.parameters.items() if row.free}
     fixed = {name: row.model_copy(update={"free": False}) for name, row in other.parameters.items()}
     return other.model_copy(update={"parameters": {**fixed, **free}, "constraints": declared.constraints})
+
+
+def told_apart(declared, driven) -> None:
+    """Raise BadInput where a free parameter of the kite and the controller's own delay or rate limit stand in one."""
+    from awescli.notation.errors import BadInput
+
+    after = driven.table()
+    for row in declared.table().rows:
+        if row.free and after[row.name].value != row.value:
+            what = f"'{row.name}' is free, and the fitted controller's set-points are delayed or limited themselves"
+            do = f"In closed loop only both together show: declare {row.name} with free: false, or set identify.surfaces to recorded."
+            raise BadInput(what, "identify.surfaces", do)
 
 
 def owners(flights, per_flight) -> tuple[dict[str, str], set[str]]:

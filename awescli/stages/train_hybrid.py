@@ -63,12 +63,12 @@ class TrainHybrid(Stage):
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.physics.kite import Kite
         from awescli.simulation.rollout import Simulator
-        from awescli.stages.flight_parts import flight_parts, law_upstream, score_parts
+        from awescli.stages.flight_parts import driven_upstream, flight_parts, score_parts
 
         log, parts = flight_parts(context)
         declaration = read_kite(context.model_kite())
         kite = Kite(declaration, log.wind.height)
-        law = law_upstream(context, kite, log) if config.surfaces == "controller" else None
+        driven, law = driven_upstream(context, declaration, log) if config.surfaces == "controller" else (declaration, None)
         chosen = {k: v for k, v in config.model_dump().items() if k != "inputs" and k in TrainingConfig.__annotations__}
         settings = TrainingConfig(**chosen, seed=context.seed, **({"inputs": config.inputs} if config.inputs else {}))
 
@@ -81,7 +81,7 @@ class TrainHybrid(Stage):
 
         task = context.progress.task("training")
         ensemble = train_ensemble(
-            kite, log, parts.train, parts.validation, settings, config.members,
+            Kite(driven, log.wind.height), log, parts.train, parts.validation, settings, config.members,
             lambda text, cost: (task.advance(), task.update(f"{text}, training {cost:.4g}")), law=law, resume=resume,
             checkpoint=lambda member, state: write_arrays(saved(member), state.to_arrays()),
         )  # fmt: skip

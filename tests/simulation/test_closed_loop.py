@@ -10,8 +10,9 @@ from awescli.control.linear_law import LinearLaw
 from awescli.notation.quantities import SURFACES
 from awescli.physics.declaration import read_kite
 from awescli.physics.kite import Kite
-from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
+from awescli.simulation.closed_loop import loop, with_setpoint_dynamics, without_setpoint_dynamics
 from awescli.simulation.rollout import Segments, Simulator
+from awescli.simulation.synthetic import with_effects
 
 KITE = read_kite(Path(__file__).parents[2] / "data" / "kites" / "development.yaml")
 STEP = LinearLaw(surfaces=("rudder",), features=("r",), centre=(0.0,), scale=(1.0,), limits={"rudder": (-1.0, 1.0)},
@@ -28,6 +29,17 @@ def test_delay_and_rate_limit_are_effects_of_the_kite_that_is_flown():
     assert twice.table()["actuator_delay:rudder.tau"].value == pytest.approx(0.2)
     assert twice.table()["actuator_lag:rudder.rate"].value == 0.3
     assert with_setpoint_dynamics(KITE, STEP) is KITE
+
+
+def test_the_kite_that_was_fitted_as_a_law_drives_it_is_handed_on_alone():
+    """Fitted values stay, the law's delay and limiter go, and what the kite itself declares of both is as it was."""
+    law = replace(STEP, delay_s=0.1, rate_limits={"rudder": 0.5})
+    own = with_effects(KITE, {"actuator_delay:rudder": {"tau": 0.03}})
+    for declared in (KITE, own):
+        fitted = with_setpoint_dynamics(declared, law)
+        fitted = fitted.with_parameters(fitted.table().with_values({"CLa": 4.321}))
+        alone = without_setpoint_dynamics(fitted, declared)
+        assert alone == declared.with_parameters(declared.table().with_values({"CLa": 4.321}))
 
 
 def test_a_limited_surface_follows_a_step_no_faster_than_its_limit():

@@ -1,13 +1,20 @@
 """identify from a plan: two flights of one kite in one fit, and what is refused."""
 
+from dataclasses import fields
+from types import SimpleNamespace
+
 import pytest
 from flightlog.synthetic import write_folder
 from kites import DEVELOPMENT, flight
 
 from awescli.artifacts import read_json
+from awescli.control.path_following import PathFollowing
 from awescli.notation.errors import BadInput
-from awescli.physics.declaration import kite_text
-from awescli.stages import STAGES
+from awescli.physics.declaration import kite_text, read_kite
+from awescli.simulation.synthetic import with_effects
+from awescli.stages import STAGES, controller_artifact
+from awescli.stages.flight_parts import score_parts
+from awescli.stages.identify import IdentifyConfig, flown
 from awescli.stages.plan import read_plan
 from awescli.stages.runner import run_plan
 
@@ -84,3 +91,64 @@ def test_what_cannot_be_fitted_together_is_refused(folder, settings, words):
     with pytest.raises(BadInput, match=words):
         identify(folder, "refused", **{k: v.format(folder) if "{{" in v else v for k, v in settings.items()})
     assert not (folder / "refused" / "identify").exists()
+
+
+class Late(PathFollowing):
+    """The law that flew, as fit-controller would describe it: its set-points act 0.15 s late."""
+
+    surfaces, rate_limits, delay_s = ("rudder",), {}, 0.15
+
+
+@pytest.fixture
+def late_flight(tmp_path, monkeypatch):
+    """(what a stage knows, law -> the fitted controller is this one) of a flight whose rudder acts 0.15 s after its set-point."""
+    found = flight(seed=1, duration=50.0, effects=(("actuator_delay:rudder", (("tau", 0.15),)),))
+    write_folder(tmp_path / "late", found.log)
+    law = Late(**{f.name: getattr(found.law, f.name) for f in fields(found.law)})
+    shares = {"train": 0.5, "validation": 0.25, "test": 0.25}
+    context = SimpleNamespace(flight=tmp_path / "late", upstream=lambda _: tmp_path, split=SimpleNamespace(model_dump=lambda: shares))
+
+    def fitted(law):
+        monkeypatch.setattr(controller_artifact, "read_controller", lambda _: law)
+
+    fitted(law)
+    return context, law, fitted
+
+
+def test_the_loop_is_closed_through_the_controllers_own_delay(late_flight):
+    """With the true kite, closed-loop predictions of a flight whose rudder acts late are right where the fitted law says so, only there."""
+    context, law, fitted = late_flight
+    config, errors = IdentifyConfig(surfaces="controller", horizon=5.0), {}
+    for kind in (Late, PathFollowing):
+        fitted(kind(**{f.name: getattr(law, f.name) for f in fields(law)}))
+        (only,) = flown(context, config, DEVELOPMENT)
+        errors[kind] = score_parts(only.question.simulator, only.log, only.split, 5.0)["nrmse"]["train"]["mean"]
+    assert errors[Late] < 0.01 and errors[PathFollowing] > 3 * errors[Late], errors
+
+
+def test_a_free_delay_behind_the_controllers_own_is_refused(late_flight):
+    context, _, _ = late_flight
+    own = with_effects(DEVELOPMENT, {"actuator_delay:rudder": {"tau": 0.03}})
+    name = "actuator_delay:rudder.tau"
+    free = own.model_copy(update={"parameters": own.parameters | {name: own.parameters[name].model_copy(update={"free": True})}})
+    with pytest.raises(BadInput, match=f"'{name}' is free.*delayed or limited"):
+        flown(context, IdentifyConfig(surfaces="controller"), free)
+    assert flown(context, IdentifyConfig(surfaces="controller"), own)
+
+
+def test_what_is_handed_on_is_the_kite_without_the_controllers_delay(folder, late_flight):
+    """From the plan: identify and train-hybrid close the loop through the delay, and write the kite that was declared."""
+    context, _, _ = late_flight
+    settings = {
+        "flight": str(context.flight), "out": str(folder / "late"), "fit-controller.kind": "linear", "fit-controller.folds": "3",
+        "identify.surfaces": "controller", "train-hybrid.surfaces": "controller", "train-hybrid.hidden": "[3]",
+        "train-hybrid.budget": "5.0", "train-hybrid.horizons": "[0.5]", "train-hybrid.rounds": "1", "train-hybrid.warmup": "0.5",
+    }  # fmt: skip
+    plan = read_plan(folder / "stages.yaml", STAGES, settings)
+    run_plan(plan, STAGES, only=["fit-controller", "identify", "train-hybrid"])
+    declared = read_kite(folder / "kite.yaml")
+    for stage in ("identify", "train-hybrid"):
+        written = read_kite(folder / "late" / stage / "kite.yaml")
+        assert written.effects == declared.effects and set(written.parameters) == set(declared.parameters)
+    metrics = read_json(folder / "late" / "identify" / "metrics.json")
+    assert metrics["surfaces"] == "controller" and metrics["nrmse"]["test"]["mean"] < metrics["initial"]["nrmse"]["test"]["mean"]
