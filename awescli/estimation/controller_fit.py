@@ -60,7 +60,7 @@ class ControllerConfig:
     network_width: int = 12
     network_iterations: int = 300
     seed: int = 0
-    hold_strengths: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)
+    hold_strengths: tuple[float, ...] = (0.003, 0.0055, 0.01, 0.03, 0.1)
     hold: float = 0.01
     compare: bool = False
 

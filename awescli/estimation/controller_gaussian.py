@@ -15,26 +15,28 @@ from awescli.estimation.controller_greedy import greedy_order
 from awescli.estimation.controller_hold import Hold
 from awescli.estimation.controller_lp import sparse_coefficients
 from awescli.estimation.controller_problem import Problem, fit_on_everything, score_linear
+from awescli.estimation.controller_ridge import well_conditioned
 
 RIDGES = (1e-4, 3e-5, 1e-5, 3e-6)
-SELECTION_ROWS = 1500
-TIE = 1.03
-"""Scores within this share of the best can hardly be told from it."""
+CONDITION_SHARE = 0.7
+"""Terms are counted up to this share of the condition that may be had: the last fit, on more samples, finds it a little different."""
 
 
 def fit_gaussian(problem: Problem, config, holds: Iterable[Hold]) -> Iterator[tuple[dict, dict]]:
     """(fields of the GaussianLaw, report) for each hold, which is what is asked beside the samples. config: a ControllerConfig."""
-    bases = _Bases(problem, config)
+    chosen_on = _Bases(problem, config, problem.rows)
+    final = _Bases(problem, config, thin(problem.everything, problem.rows.size)) if config.refit_with_validation else chosen_on
     for hold in holds:
-        yield _fit_held(problem, bases, config, hold)
+        yield _fit_held(problem, chosen_on, final, config, hold)
 
 
 class _Bases:
-    """What no hold changes: candidates, their regressors, the order they are taken in, and the convex step; each computed once."""
+    """What no hold changes: candidates among the states at `rows`, their regressors, the order they are taken in, and the convex step; each
+    computed once. Choices are made with a basis from the train part; the law itself takes its own from the validation part too."""
 
-    def __init__(self, problem: Problem, config):
-        self.problem, self.config = problem, config
-        self.candidates = problem.X[problem.rows][farthest_points(problem.X[problem.rows], config.candidates)]
+    def __init__(self, problem: Problem, config, rows: np.ndarray):
+        self.problem, self.config, self.rows = problem, config, rows
+        self.candidates = problem.X[rows][farthest_points(problem.X[rows], config.candidates)]
         self.widths = [factor * np.sqrt(len(problem.features)) for factor in config.width_factors]
         self._kept: dict = {}
 
@@ -50,31 +52,29 @@ class _Bases:
         return self._once(("regressors", width), lambda: tuple(design(x, self.candidates, width) for x in parts))
 
     def convex(self, width: float) -> dict:
-        return self._once(("convex", width), lambda: _convex_step(self.problem, self.candidates, width, self.config))
+        return self._once(("convex", width), lambda: _convex_step(self.problem, self.rows, self.candidates, width, self.config))
 
     def order(self, width: float, relaxed: bool) -> np.ndarray:
         """Candidates, best first; relaxed: those of the convex step before the others."""
         return self._once(("order", width, relaxed), lambda: self._order(width, relaxed))
 
     def _order(self, width: float, relaxed: bool) -> np.ndarray:
-        p, m = self.problem, self.candidates.shape[0]
-        pick = thin(np.arange(p.rows.size), SELECTION_ROWS)
-        S = self.regressors(width)[0][pick]
+        p, m, rows = self.problem, self.candidates.shape[0], thin(self.rows, self.config.selection_samples // 2)
+        S = design(p.X[rows], self.candidates, width)
         preferred = self.convex(width)["support"] if relaxed else np.array([], dtype=int)
-        return greedy_order(S[:, :m], S[:, m:], p.U[p.rows[pick]], preferred, self.config.most_nonzeros, self.config.condition_limit)
+        order = greedy_order(S[:, :m], S[:, m:], p.U[rows], preferred, self.config.most_nonzeros, self.config.condition_limit)
+        return order[: well_conditioned(S[:, m:], S[:, order], CONDITION_SHARE * self.config.condition_limit)]
 
 
-def _fit_held(problem: Problem, bases: _Bases, config, hold: Hold) -> tuple[dict, dict]:
-    """(fields of the GaussianLaw, report)."""
-    candidates = bases.candidates
+def _fit_held(problem: Problem, bases: _Bases, final: _Bases, config, hold: Hold) -> tuple[dict, dict]:
+    """(fields of the GaussianLaw, report): chosen with `bases`, taken from `final`."""
+    candidates = final.candidates
     trials = [trial for w in bases.widths for trial in _trials(problem, bases, w, False, config, hold)]
     width = min(trials, key=lambda t: t["score"].value)["width"]
-    convex = bases.convex(width)
     trials += _trials(problem, bases, width, True, config, hold)
-    best = min(t["score"].value for t in trials)
-    # the sparsest of those that can hardly be told from the best, and of these the widest: it bends least between and beyond the data
-    chosen = min((t for t in trials if t["score"].value <= TIE * best), key=lambda t: (t["order"].size, -t["width"], t["score"].value))
-    order, ridge, w = chosen["order"], chosen["ridge"], chosen["width"]
+    chosen = min(trials, key=lambda t: (t["score"].value, t["order"].size))
+    ridge, w = chosen["ridge"], chosen["width"]
+    order, convex = final.order(w, chosen["relaxed"])[: chosen["order"].size], final.convex(w)
 
     rows = problem.everything if config.refit_with_validation else problem.train
 
@@ -95,7 +95,7 @@ def _fit_held(problem: Problem, bases: _Bases, config, hold: Hold) -> tuple[dict
         "width": float(w),
         **conditioning,
         "largest_coefficient_deg": float(np.degrees(np.abs(fields["coefficients"]).max())) if order.size else 0.0,
-        "chosen_by": {"basis": chosen["basis"], **chosen["score"].row()},
+        "chosen_by": {"basis": _basis(chosen), **chosen["score"].row()},
         "convex": convex["report"],
         "trials": [_row(t) for t in trials],
         "gain": _gains(problem, design(problem.X[convex["rows"]], centres, w) @ coefficients, convex),
@@ -103,9 +103,13 @@ def _fit_held(problem: Problem, bases: _Bases, config, hold: Hold) -> tuple[dict
     return fields, report
 
 
+def _basis(t: dict) -> str:
+    return "convex, then greedy" if t["relaxed"] else "greedy"
+
+
 def _row(t: dict) -> dict:
     """A trial as plain numbers for the report."""
-    return {"basis": t["basis"], "width": float(t["width"]), "nonzeros": int(t["order"].size), "ridge": t["ridge"],
+    return {"basis": _basis(t), "width": float(t["width"]), "nonzeros": int(t["order"].size), "ridge": t["ridge"],
             **t["score"].row()}  # fmt: skip
 
 
@@ -123,14 +127,13 @@ def _trials(problem: Problem, bases: _Bases, width: float, relaxed: bool, config
         extra = None if asked is None else (asked[0][:, take], asked[1])
         scores = score_linear(problem, S[:, take], M[:, take], A[:, take], ridges, extra=extra)
         ridge = min(scores, key=lambda r: scores[r].value)
-        basis = "convex, then greedy" if relaxed else "greedy"
-        result.append({"basis": basis, "width": width, "order": order[:count], "ridge": ridge, "score": scores[ridge]})
+        result.append({"relaxed": relaxed, "width": width, "order": order[:count], "ridge": ridge, "score": scores[ridge]})
     return result
 
 
-def _convex_step(problem: Problem, candidates, width: float, config) -> dict:
-    """The l1 program for each surface on a subsample; the union of the supports, and the bounds it rests on."""
-    rows = thin(problem.rows, config.convex_samples)
+def _convex_step(problem: Problem, rows: np.ndarray, candidates, width: float, config) -> dict:
+    """The l1 program for each surface on a subsample of `rows`; the union of the supports, and the bounds it rests on."""
+    rows = thin(rows, config.convex_samples)
     pairs = neighbour_pairs(problem.X[rows], problem.loop[rows])
     D = design(problem.X[rows], candidates, width)
     m = candidates.shape[0]

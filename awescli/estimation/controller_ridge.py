@@ -36,3 +36,16 @@ def solve_ridge(R: np.ndarray, outputs: int, ridge: float) -> tuple[np.ndarray, 
         "condition_raw": raw,
         "ridge": ridge,
     }
+
+
+def well_conditioned(always: np.ndarray, more: np.ndarray, limit: float) -> int:
+    """How many leading columns of `more` (N, M) may join `always` (N, A) before the condition number of all, columns scaled to length
+    one, exceeds `limit`. It grows with every column (singular values interlace), so halving the interval finds the count."""
+    R = np.linalg.qr(np.concatenate([always, more], axis=1), mode="r")
+    R, fixed = R / np.maximum(np.sqrt((R**2).sum(axis=0)), 1e-300), always.shape[1]
+    fewest, most = 0, more.shape[1]
+    while fewest < most:
+        middle = (fewest + most + 1) // 2
+        s = np.linalg.svd(R[: fixed + middle, : fixed + middle], compute_uv=False)
+        fewest, most = (middle, most) if s[0] <= limit * s[-1] else (fewest, middle - 1)
+    return fewest

@@ -12,7 +12,7 @@ class FitControllerConfig(StageConfig):
 
     kind: Literal["gaussian", "network", "linear"] = Field("gaussian", description="class of approximator")
     features: str | tuple[str, ...] = Field(
-        "auto", description="what the law sees: a named set (state, state_ned, invariant, curvature), names of features, or auto"
+        "auto", description="what the law sees: a named set (state, state_ned, invariant, curvature, heading), names of features, or auto"
     )
     surfaces: tuple[Literal["aileron", "elevator", "rudder", "flaps"], ...] | None = Field(
         None, description="surfaces the law drives; default all that move in the log"

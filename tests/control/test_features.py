@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from awescli.control.features import FEATURES, evaluate
 from awescli.control.pattern import Pattern
@@ -59,9 +60,24 @@ def test_pattern_features_do_not_see_where_north_is():
     turn = 0.8
     c, s = np.cos(turn), np.sin(turn)
     turned = z | {"p_n": c * z["p_n"] - s * z["p_e"], "p_e": s * z["p_n"] + c * z["p_e"], "psi": z["psi"] + turn}
-    names = ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "radial_speed", "wing_along_line")
+    names = ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "radial_speed", "wing_along_line", "crab_angle")
     for a, b in zip(evaluate(names, z, PATTERN), evaluate(names, turned, Pattern(0.6, 0.1 + turn, 50.0, -1.0)), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-10)
+
+
+def test_crab_angle_against_vector_geometry():
+    """A kite whose nose points along its velocity has none; turned about the line, it has the angle it was turned by, clockwise as the
+    winch sees it, whatever the nose does along the line."""
+    z = states()
+    P, V = np.stack([z["p_n"], z["p_e"], z["p_d"]], 1), np.stack(evaluate(("v_n", "v_e", "v_d"), z, None), 1)
+    line = P / np.linalg.norm(P, axis=1)[:, None]
+    across = V - (V * line).sum(1)[:, None] * line
+    for crab in (0.0, 0.3, -1.2):
+        nose = Rotation.from_rotvec(crab * line).apply(across / np.linalg.norm(across, axis=1)[:, None]) + 0.4 * line
+        heading = {"psi": np.arctan2(nose[:, 1], nose[:, 0]), "theta": np.arctan2(-nose[:, 2], np.hypot(nose[:, 0], nose[:, 1]))}
+        body = Rotation.from_euler("ZYX", np.stack([heading["psi"], heading["theta"], z["phi"]], 1)).inv().apply(V)
+        turned = z | heading | dict(zip("uvw", body.T, strict=True))
+        np.testing.assert_allclose(evaluate(("crab_angle",), turned, None)[0], crab, atol=1e-9)
 
 
 def test_errors_say_what_to_do():

@@ -19,7 +19,7 @@ from awescli.estimation.controller_hold import displaced
 from awescli.estimation.controller_lp import sparse_coefficients
 from awescli.estimation.controller_noise import NOISE
 from awescli.estimation.controller_pattern import fit_pattern
-from awescli.estimation.controller_ridge import solve_ridge, triangle
+from awescli.estimation.controller_ridge import solve_ridge, triangle, well_conditioned
 from awescli.estimation.controller_samples import answered, gather
 from awescli.estimation.controller_steering import TERMS, find_steering
 from awescli.flightlog.log import FlightLog
@@ -207,6 +207,21 @@ def test_ridge_in_blocks_is_ridge_at_once():
     assert report["condition_raw"] == pytest.approx(np.linalg.cond(A / np.linalg.norm(A, axis=0)))
 
 
+def test_no_more_columns_than_the_condition_allows():
+    r = np.random.default_rng(0)
+    always, more = r.normal(size=(200, 3)), r.normal(size=(200, 12))
+    more[:, 7] = more[:, 2] + 1e-5 * r.normal(size=200)
+
+    def condition(count):
+        A = np.concatenate([always, more[:, :count]], axis=1)
+        return np.linalg.cond(A / np.linalg.norm(A, axis=0))
+
+    for limit in (2.0, 1e4, 1e9):
+        count = well_conditioned(always, more, limit)
+        assert condition(count) <= limit and (count == 12 or condition(count + 1) > limit)
+    assert well_conditioned(always, more, 1e4) == 7 and well_conditioned(always, more, 1e9) == 12
+
+
 def test_farthest_points_cover():
     X = np.random.default_rng(0).uniform(size=(2000, 2))
     chosen = X[farthest_points(X, 100)]
@@ -216,7 +231,7 @@ def test_farthest_points_cover():
 @pytest.mark.slow
 @pytest.mark.parametrize("flight", ["d01", "d02"])
 def test_development_flights(flight, tmp_path):
-    """On the unseen last loops, with measured noisy states, NRMSE of the rudder at most 0.0095 (0.009 is asked), fewer than 80 centres,
+    """On the unseen last loops, with measured noisy states, NRMSE of the rudder at most 0.009, fewer than 80 centres,
     condition below 1e6; and the law flies the declared kite, whose parameters are 5-30 % off, for 60 s from every tested state."""
     folder = SHARED / "flights" / "dev" / flight
     if not folder.exists():
@@ -238,7 +253,7 @@ def test_development_flights(flight, tmp_path):
 
     fit = fit_controller(log, parts.train, parts.validation, ControllerConfig(), fly)
     report = fit.report
-    assert report["nrmse"]["test"]["rudder"] <= 0.0095
+    assert report["nrmse"]["test"]["rudder"] <= 0.009
     assert report["nonzeros"] < 80 and report["condition_raw"] < 1e6
     assert report["nrmse_smoothed"]["test"]["rudder"] < report["nrmse"]["test"]["rudder"]
     assert flies(kite, fit.law, log, 0.0, 60.0)["outcome"] == "flies"
