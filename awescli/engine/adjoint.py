@@ -58,6 +58,7 @@ def reverse(tape: Tape, outputs: Sequence[int], n_x: int) -> list[int]:
 def print_adjoint(tape: Tape, outputs: Sequence[int], n_x: int, lanes: int) -> str:
     """The function `adjoint`."""
     body = Printer(tape, lanes)
+    body.fused = True
     for i, node in enumerate(reverse(tape, outputs, n_x)):
         body.store(body.node(node), "v", str(i))
     lines = "\n".join(body.lines)
