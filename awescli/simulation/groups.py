@@ -39,7 +39,7 @@ def each_group(work: Callable[[int], Iterator], groups: int) -> None:
     half times as long as one group, not twice. Threads live for one call: a pool that is kept would not survive a fork.
     """
     threads = min(groups, cores())
-    if threads == 1:
+    if threads <= 1:
         for group in range(groups):
             _finish(work(group))
         return
@@ -51,8 +51,12 @@ def each_group(work: Callable[[int], Iterator], groups: int) -> None:
         for _ in range(threads - 1):
             before = {group: pool.submit(_take_up, begun[group], before[group]) for group in begun}
         last = [pool.submit(_finish, begun[group], before[group]) for group in begun]
-        for future in (*whole, *last):
-            future.result()
+        try:
+            for future in (*whole, *last):
+                future.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 def _finish(work: Iterator, before: Future | None = None) -> None:

@@ -1,6 +1,8 @@
 """Groups on all cores: each is done whole, in order, once, however many there are."""
 
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -9,7 +11,7 @@ from awescli.simulation import groups
 
 
 @pytest.mark.parametrize("cores", [1, 2, 3, 5])
-@pytest.mark.parametrize("count", [1, 2, 3, 5, 7, 16])
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 7, 16])
 def test_every_part_of_every_group_is_done_once_and_in_order(monkeypatch, cores, count):
     """Guards groups that are handed from thread to thread: a part may not begin before the one before it has ended."""
     monkeypatch.setattr(groups, "cores", lambda: cores)
@@ -27,6 +29,30 @@ def test_every_part_of_every_group_is_done_once_and_in_order(monkeypatch, cores,
 
     groups.each_group(work, count)
     assert all(samples == list(range(20)) for samples in done.values())
+
+
+def test_an_error_ends_what_is_still_waiting(monkeypatch):
+    """Guards against a failure, or an interruption, that waits for hundreds of groups that nobody wants any more."""
+    done, let_go = [], threading.Event()
+
+    class Pool(ThreadPoolExecutor):
+        def shutdown(self, wait=True, *, cancel_futures=False):
+            super().shutdown(wait=False, cancel_futures=cancel_futures)
+            let_go.set()
+            super().shutdown(wait=wait)
+
+    def work(group):
+        if group == 0:
+            raise ValueError("first")
+        let_go.wait()
+        done.append(group)
+        yield
+
+    monkeypatch.setattr(groups, "cores", lambda: 2)
+    monkeypatch.setattr(groups, "ThreadPoolExecutor", Pool)
+    with pytest.raises(ValueError, match="first"):
+        groups.each_group(work, 200)
+    assert len(done) <= 2
 
 
 def test_an_error_in_a_part_is_raised(monkeypatch):
