@@ -8,8 +8,9 @@ import numpy as np
 from awescli.estimation.gauss_newton import Solution, covariance, minimise
 from awescli.estimation.information import Information
 from awescli.estimation.limits import limits_of
+from awescli.estimation.nuisance_wind import Gusts, RecordError
 from awescli.estimation.quadratic_program import Limits
-from awescli.estimation.simulation_error import DIVERGED_COST, Gusts, SimulationError
+from awescli.estimation.simulation_error import DIVERGED_COST, SimulationError, with_gust_noise
 from awescli.notation.constraints import LinearConstraint
 from awescli.notation.parameters import ParameterTable
 from awescli.simulation.rollout import Simulator
@@ -22,17 +23,17 @@ class Share:
 
     simulator: holding the values of all parameters that are not fitted; observed: its segments; names: its parameters that are fitted;
     parameters, prior: its tables, to start from and to be weighed against; unknowns: what `names` are called in the fit: two flights
-    share a parameter where their names for it are the same; own: (K, n_own) start values of the segments' unknowns, from an earlier fit.
+    share a parameter where their names for it are the same; start: an earlier fit to the same segments, to begin from.
     """
 
     simulator: Simulator
     observed: Observed
-    gusts: Gusts
+    gusts: RecordError
     names: tuple[str, ...]
     parameters: ParameterTable
     prior: ParameterTable
     unknowns: tuple[str, ...]
-    own: np.ndarray | None = None
+    start: "Fit | None" = None
 
     def table(self, rows: ParameterTable) -> ParameterTable:
         """The fitted rows of `rows` (this flight's names) under their names in the fit."""
@@ -116,24 +117,40 @@ class _Problem:
         self.places = tuple(np.array([names.index(u) for u in share.unknowns], dtype=int) for share in shares)
         self.errors = [SimulationError(share.simulator, share.observed, share.names, share.gusts) for share in shares]
         for error, share in zip(self.errors, shares, strict=True):
-            if share.own is not None:
-                error.own = share.own.copy()
+            if share.start is not None:
+                start = share.parameters.vector(share.names)
+                error.own, _ = error.at_best(start, share.start.own)
+        self.integrals = [_Integral.of(share, error) for share, error in zip(shares, self.errors, strict=True)]
+        self.x, self.integrated_at = None, None
+
+    def _due(self, x) -> bool:
+        """Is it time to integrate the own unknowns out anew: never done, or the parameters have moved by a standard deviation since?"""
+        if self.integrated_at is None or any(i.unknown for i in self.integrals):
+            return True
+        moved = x - self.integrated_at
+        return bool(moved @ self.H @ moved > 1.0)
 
     def linearise(self, x):
-        self.x = x
-        found = [error.information(x[place]) for error, place in zip(self.errors, self.places, strict=True)]
+        step, self.x = 0 * x if self.x is None else x - self.x, x
+        if due := self._due(x):
+            self.integrated_at = x
+        found = [error.information(x[place], integrate=due) for error, place in zip(self.errors, self.places, strict=True)]
         self.information, self.alive = [i for i, _ in found], [t.alive for _, t in found]
         self.flies = [alive > e.observed.segments.steps for alive, e in zip(self.alive, self.errors, strict=True)]
         any_flies = any(f.any() for f in self.flies)
         self.heard = [f if any_flies else np.ones_like(f) for f in self.flies]
+        for integral, info, place in zip(self.integrals, self.information, self.places, strict=True):
+            integral.update(info, step[place])
         b, H, own_gain = self.precision * (self.centre - x), np.diag(self.precision), 0.0
         costs = [error.costs(x[place], error.own) for error, place in zip(self.errors, self.places, strict=True)]
-        for info, place, heard, flies, (cost, _) in zip(self.information, self.places, self.heard, self.flies, costs, strict=True):
-            b[place] += info.b[heard].sum(0)
+        parts = zip(self.information, self.integrals, self.places, self.heard, self.flies, costs, strict=True)
+        for info, integral, place, heard, flies, (cost, _) in parts:
+            b[place] += (info.b + integral.tilt)[heard].sum(0)
             H[np.ix_(place, place)] += info.H[heard].sum(0)
             # what the own unknowns alone can still gain counts as progress too
             own_gain += float((cost - info.cost)[flies].sum())
-        return self._total(x, costs), b, H, own_gain
+        self.H, self.total = H, self._total(x, costs)
+        return self.total, b, H, own_gain
 
     def move(self, step, share):
         x = self.limits.clip(self.x + share * step)
@@ -141,7 +158,14 @@ class _Problem:
         for own, info, place, flies in zip(self.moved, self.information, self.places, self.flies, strict=True):
             for k in np.flatnonzero(flies):
                 own[k] += share * info.own(k, step[place])
-        return self._total(x, [e.costs(x[place], own) for e, place, own in zip(self.errors, self.places, self.moved, strict=True)])
+        costs = [e.costs(x[place], own) for e, place, own in zip(self.errors, self.places, self.moved, strict=True)]
+        total = self._total(x, costs)
+        if total > self.total:
+            # a narrow valley: the own unknowns are known so well that a straight step leaves it
+            found = [e.at_best(x[place], own) for e, place, own in zip(self.errors, self.places, self.moved, strict=True)]
+            self.moved = [own for own, _ in found]
+            total = self._total(x, [costs for _, costs in found])
+        return total
 
     def accept(self):
         for error, own in zip(self.errors, self.moved, strict=True):
@@ -149,12 +173,44 @@ class _Problem:
 
     def _total(self, x, costs) -> float:
         total = float(self.precision @ (self.centre - x) ** 2)
-        for error, (cost, whole), flies, heard in zip(self.errors, costs, self.flies, self.heard, strict=True):
+        parts = zip(self.errors, self.integrals, self.places, costs, self.flies, self.heard, strict=True)
+        for error, integral, place, (cost, whole), flies, heard in parts:
             if (flies & ~whole).any():
                 return np.inf  # a step may not lose a segment
             # segments that had diverged before are set aside at a fixed price until a new linearisation finds them flying
             total += float(cost[heard].sum()) + DIVERGED_COST * error.observed.measured[0].size * np.count_nonzero(~heard)
+            total += float(integral.volume_at((x - self.x)[place])[heard].sum())
         return total
+
+
+class _Integral:
+    """What integrating the own unknowns of a flight out adds to its cost (volume (K,)) and its gradient (tilt (K, n)), as last known."""
+
+    def __init__(self, volume: np.ndarray, tilt: np.ndarray):
+        self.volume, self.tilt = volume, tilt
+
+    @classmethod
+    def of(cls, share: Share, error: SimulationError) -> "_Integral":
+        """As the fit that is begun from has it."""
+        tilt = np.zeros((len(error.own), len(share.names)))
+        known = {n: i for i, n in enumerate(share.start.names)} if share.start is not None else {}
+        for j, name in enumerate(share.names):
+            if name in known:
+                tilt[:, j] = share.start.information.tilt[:, known[name]]
+        return cls(np.full(len(error.own), np.nan), tilt)
+
+    @property
+    def unknown(self) -> bool:
+        return bool(np.isnan(self.volume).any())
+
+    def volume_at(self, step: np.ndarray) -> np.ndarray:
+        """(K,) the volume after a step of the parameters, to first order; 0 where none is known."""
+        return np.nan_to_num(self.volume - 2 * self.tilt @ step)
+
+    def update(self, information: Information, step: np.ndarray) -> None:
+        """Take what a linearisation knows, and carry the rest along the step that led to it."""
+        self.volume = np.where(np.isnan(information.volume), self.volume - 2 * self.tilt @ step, information.volume)
+        self.tilt = np.where(np.isnan(information.tilt), self.tilt, information.tilt)
 
 
 def fit_together(
@@ -197,7 +253,8 @@ def _fit_of(share: Share, problem: _Problem, i: int, solution: Solution, spread:
     place, info, flies = problem.places[i], problem.information[i], problem.flies[i]
     table = share.parameters.with_values(dict(zip(share.names, solution.x[place], strict=True)))
     chi2 = _chi2([info], [flies], len(place))
-    info = replace(info, cost=np.where(flies, info.cost, DIVERGED_COST * share.observed.measured[0].size))
+    cost, integral = np.where(flies, info.cost, DIVERGED_COST * share.observed.measured[0].size), problem.integrals[i]
+    info = replace(info, cost=cost, volume=integral.volume_at(np.zeros(len(place))), tilt=integral.tilt)
     return Fit(share.names, table, problem.errors[i].own, solution, info, spread[np.ix_(place, place)], chi2, problem.alive[i])
 
 
@@ -215,25 +272,45 @@ def fit(
     parameters: ParameterTable,
     names: Sequence[str],
     *,
-    gusts: Gusts,
+    gusts: RecordError,
     prior_table: ParameterTable | None = None,
-    own: np.ndarray | None = None,
+    start: Fit | None = None,
     **how,
 ) -> Fit:
     """`fit_together` of one flight: its parameters `names`, weighed against `prior_table` (default: `parameters`)."""
     names = tuple(names)
-    share = Share(simulator, observed, gusts, names, parameters, prior_table or parameters, names, own)
+    share = Share(simulator, observed, gusts, names, parameters, prior_table or parameters, names, start)
     return fit_together([share], **how).flights[0]
 
 
-def with_residual_noise(observed: Observed, fit: Fit, simulator: Simulator, gusts: Gusts) -> Observed:
-    """The observations with each channel's noise raised to the level of its own residual, where that is larger.
+def likeliest_gusts(observed: Observed, fit: Fit, gusts: Gusts, rounds: int = 20) -> Gusts:
+    """The lengths of gusts under which those of a fit are likeliest (expectation-maximisation at the fit's linearisation)."""
+    segments = observed.segments
+    steps, dt = segments.steps, segments.dt
+    prior = gusts.precision(steps, dt)
+    factors = [factor for factor, _, _ in fit.information.back]
+    whole = [np.triu(c).T @ np.triu(c) if not lower else np.tril(c) @ np.tril(c).T for c, lower in factors]
+    for _ in range(rounds):
+        new = gusts.precision(steps, dt)
+        moments = np.zeros((3, len(new) // 3, len(new) // 3))
+        for M, own in zip(whole, fit.own, strict=True):
+            M = M.copy()
+            M[12:, 12:] += new - prior
+            spread = np.linalg.inv(M)
+            wind = (own + spread[:, 12:] @ ((prior - new) @ own[12:]))[12:]
+            for axis in range(3):
+                moments[axis] += np.outer(wind[axis::3], wind[axis::3]) + spread[12 + axis :: 3, 12 + axis :: 3]
+        before, gusts = gusts, gusts.likeliest(moments / len(whole), steps, dt)
+        if np.allclose([gusts.length, gusts.vertical_length], [before.length, before.vertical_length], rtol=0.01):
+            break
+    return gusts
 
-    For gusty air only: gusts shorter than the windows move the kite, not only its sensors, and no window can follow them.
-    """
-    problem = SimulationError(simulator, observed, fit.names, gusts)
-    problem.own = fit.own
-    trajectories = simulator.rollout(problem.segments(fit.own), problem.values([fit.parameters[n].value for n in fit.names]))
-    r = observed.residual(trajectories)
-    level = np.sqrt(np.mean(r * r, axis=(0, 1)))
-    return observed.with_sigma(observed.sigma * np.maximum(level, 1.0))
+
+def settled(simulator: Simulator, fit: Fit, gusts: RecordError, *observed: Observed) -> tuple[RecordError, list[Observed]]:
+    """(nuisance wind, observations) with the lengths of gusts that a fit to the first of `observed` tells, and the noise that these leave
+    in its model; in calm air both as they were."""
+    if not gusts.random:
+        return gusts, list(observed)
+    gusts = likeliest_gusts(observed[0], fit, gusts)
+    found = simulator.holding(fit.parameters)
+    return gusts, [with_gust_noise(found, o, gusts) for o in observed]

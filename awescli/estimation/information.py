@@ -5,13 +5,16 @@ small). Eliminating them exactly (Schur complement) is the same as weighting wit
 P0 -> infinity, and costs a 50 x 50 factorisation instead of one of 4000 x 4000.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from awescli.simulation.groups import each_group
 
+PROBE = 0.5
+"""Size of the probes that average over the own unknowns, in standard deviations: small enough not to lose a segment."""
 CANCELLED = 1e8
 """Where eliminating the own unknowns takes away all but this share of a column's information, rounding is left: then the elimination
 is done again by projection, which loses half as many digits and cannot become indefinite. (A segment that all but diverges.)"""
@@ -24,6 +27,9 @@ class Information:
     H: (K, n, n) information on the global columns; b: (K, n) gradient J' r; cost: (K,) squared whitened residual that is left
     when the segment's own unknowns are at their best; dof: (K,) number of samples less number of own unknowns;
     back: per segment (factor, M_lg, M_lr) to recover the own unknowns for a change of the globals.
+    volume: (K,) log determinant of the Hessian of half the cost in the own unknowns: what integrating them out adds to the cost; and tilt:
+    (K, n) -1/2 of its gradient with respect to the globals: what that adds to b. Both are 0 where a fit does not integrate, nan where it
+    was not asked for or the own unknowns are too far from their best to say.
     """
 
     H: np.ndarray
@@ -31,6 +37,13 @@ class Information:
     cost: np.ndarray
     dof: np.ndarray
     back: list
+    volume: np.ndarray
+    tilt: np.ndarray
+
+    @property
+    def deviance(self) -> np.ndarray:
+        """(K,) -2 log likelihood up to a constant: the own unknowns integrated out (Laplace), not only at their best."""
+        return self.cost + self.volume
 
     def own(self, k: int, change: np.ndarray) -> np.ndarray:
         """The own unknowns of segment k that go with a change of the globals."""
@@ -77,7 +90,34 @@ def reduce(
             H[k], b[k], cost[k] = _projected(A, n_own, own_prior, own_value[k])
         dof[k] = np.count_nonzero(weight[k]) - np.count_nonzero(np.diag(own_prior) == 0)
         back.append((factor, M_lg, M_lr))
-    return Information(H, b, cost, dof, back)
+    return Information(H, b, cost, dof, back, np.zeros(K), np.zeros((K, n)))
+
+
+def integrated(information: Information, around: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], seed: int = 0) -> Information:
+    """The information with the own unknowns integrated out (Laplace's approximation) instead of taken at their best: its volume and tilt.
+
+    Unknowns that are many and known badly, as gusts are, pull the globals towards values under which they would matter more: the fit then
+    explains noise by them. What corrects that is the log determinant of the Hessian. With M = J'J + prior, d = PROBE M^(-1/2) z and random
+    signs z, E[cost(best + d) + cost(best - d) - 2 cost(best)] / 2 PROBE^2 is its trace in units of M, and the same difference of
+    b is, by Fisher's identity, -1/2 the gradient of the log determinant; both to second order in d, on average over z (Hutchinson).
+
+    around: change of the own unknowns (K, n_own) -> (cost (K,), gradient J'r less the pull of the prior (K, n_own + n)), nan where a
+    segment diverges.
+    """
+    factors = [factor for factor, _, _ in information.back]
+    n_own = len(factors[0][0])
+    signs = np.random.default_rng(seed).choice((-1.0, 1.0), (len(factors), n_own))
+    d = np.stack([PROBE * solve_triangular(c, z, trans=int(lower), lower=lower) for (c, lower), z in zip(factors, signs, strict=True)])
+    (cost, pull), (cost_there, pull_there), (cost_back, pull_back) = around(np.zeros_like(d)), around(d), around(-d)
+    trace = (cost_there + cost_back - 2 * cost) / (2 * PROBE**2)
+    bent = (pull_there + pull_back - 2 * pull) / (2 * PROBE**2)
+    log_det = np.array([2 * np.log(np.diag(c)).sum() for c, _ in factors])
+    volume, tilt = log_det + trace - n_own, np.full_like(information.b, np.nan)
+    known = np.isfinite(volume) & np.isfinite(bent).all(axis=1) & (cost - information.cost < PROBE**2 * n_own)
+    for k in np.flatnonzero(known):
+        factor, M_lg, _ = information.back[k]
+        tilt[k] = bent[k, n_own:] - M_lg.T @ cho_solve(factor, bent[k, :n_own])
+    return replace(information, volume=np.where(known, volume, np.nan), tilt=tilt)
 
 
 def _whitened(J: np.ndarray, r: np.ndarray, weight: np.ndarray) -> np.ndarray:

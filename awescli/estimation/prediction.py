@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.estimation.fit import fit
-from awescli.estimation.simulation_error import Gusts
+from awescli.estimation.nuisance_wind import RecordError
 from awescli.flightlog.split import segments as segment_starts
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES
@@ -90,7 +90,8 @@ def warmed_up(simulator: Simulator, observed: Observed, before: int, values=None
     sigma = observed.sigma.copy()
     sigma[:, before + 1 :] = np.inf
     table = simulator.kite.parameters.with_values(values or {})
-    warm = fit(simulator.holding(table), observed.with_sigma(sigma), table, (), gusts=Gusts(0.0), prior=False, iterations=8, tolerance=1.0)
+    how = {"gusts": RecordError(0.0), "prior": False, "iterations": 8, "tolerance": 1.0}
+    warm = fit(simulator.holding(table), observed.with_sigma(sigma), table, (), **how)
     return observed.segments.starting_at(warm.starts)
 
 

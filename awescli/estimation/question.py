@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.estimation.gust_level import gust_level
-from awescli.estimation.simulation_error import Gusts, with_gust_noise
+from awescli.estimation.nuisance_wind import Gusts, RecordError
+from awescli.estimation.simulation_error import with_gust_noise
 from awescli.flightlog.split import Split, segments
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
@@ -20,8 +21,8 @@ GUSTY = 0.15
 CALM_WINDOW = 1.25
 """[s] between the nodes of the recorded wind's own error in calm air: along a loop the kite passes heights at which stations erred
 differently, which one constant per segment cannot follow."""
-GUST_WINDOW = 0.5
-"""[s] between the nodes of a gust; 20 m of air at 40 m/s, short against Dryden's 60-150 m."""
+GUST_WINDOW = 0.1
+"""[s] between the nodes of a gust; 4 m of air at 40 m/s, short against Dryden's 60-150 m."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Question:
     kite: Kite
     fitted: Observed
     choice: Observed
-    gusts: Gusts
+    gusts: RecordError
     gust: float
     names: tuple[str, ...]
     prior: ParameterTable
@@ -56,10 +57,12 @@ def without_record(kite: Kite, table: ParameterTable) -> ParameterTable:
     return table.with_values(dict.fromkeys(kite.record, 0.0))
 
 
-def nuisance_wind(declaration: KiteDeclaration, log, kite: Kite) -> tuple[Gusts, float]:
-    """(Gusts, gust level [m/s]): the recorded wind's own error in calm air, gusts in windows otherwise."""
+def nuisance_wind(declaration: KiteDeclaration, log, kite: Kite) -> tuple[RecordError, float]:
+    """(nuisance wind, gust level [m/s]): the recorded wind's own error in calm air, gusts in windows otherwise."""
     level = gust_level(log, kite)
-    return (Gusts(level, GUST_WINDOW) if level > GUSTY else Gusts(declaration.wind.std, CALM_WINDOW)), level
+    if level <= GUSTY:
+        return RecordError(declaration.wind.std, CALM_WINDOW), level
+    return Gusts(level, GUST_WINDOW, airspeed=float(np.mean(log["V_a"]))), level
 
 
 def ask(

@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from awescli.estimation.coloured import coloured_information
-from awescli.estimation.fit import Fit, JointFit, Share, fit_together, with_residual_noise
+from awescli.estimation.fit import Fit, JointFit, Share, fit_together, settled
 from awescli.estimation.question import GUSTY, Question, ask
 from awescli.estimation.record_error import mid_times, record_influence
 from awescli.estimation.simulation_error import SimulationError
@@ -72,10 +72,10 @@ def fit_flights(
         questions = [replace(q, names=tuple(n for n in q.names if n not in q.kite.record)) for q in questions]
     tables = [q.simulator.kite.parameters.with_values(start or {}) for q in questions]
 
-    def fitted(asked: Sequence[Question], length: float, tolerance: float, owns: Sequence) -> JointFit:
+    def fitted(asked: Sequence[Question], length: float, tolerance: float, starts: Sequence[Fit | None]) -> JointFit:
         shares = [
-            _share(flight, question, cut, table, per_flight, own)
-            for flight, question, cut, table, own in zip(flights, questions, asked, tables, owns, strict=True)
+            _share(flight, question, cut, table, per_flight, begin)
+            for flight, question, cut, table, begin in zip(flights, questions, asked, tables, starts, strict=True)
         ]
         return fit_together(shares, prior=prior, tolerance=tolerance, on_iteration=lambda i, c: on_iteration(length, i, c))
 
@@ -88,7 +88,7 @@ def fit_flights(
     if any(q.gust > GUSTY for q in questions):
         tables = [f.parameters for f in result.flights]
         questions = [_settled(q, f) for q, f in zip(questions, result.flights, strict=True)]
-        result = fitted(questions, length, 0.01, [f.own for f in result.flights])
+        result = fitted(questions, length, 0.01, result.flights)
     return _widened(result, flights, questions), tuple(questions)
 
 
@@ -134,12 +134,12 @@ def _drawn(question: Question, random: np.random.Generator) -> dict[str, float]:
     return {p.name: float(np.clip(random.normal(p.value, p.prior_std), p.lower, p.upper)) for p in rows}
 
 
-def _share(flight: Flown, question: Question, cut: Question, table: ParameterTable, per_flight, own) -> Share:
+def _share(flight: Flown, question: Question, cut: Question, table: ParameterTable, per_flight, start: Fit | None) -> Share:
     """A flight's part of a fit to the segments of `cut`."""
     mine = own_names(question, per_flight) if flight.label else ()
     unknowns = tuple(f"{n}@{flight.label}" if n in mine else n for n in question.names)
     simulator = question.simulator.holding(table)
-    return Share(simulator, cut.fitted, question.gusts, question.names, table, question.prior, unknowns, own)
+    return Share(simulator, cut.fitted, question.gusts, question.names, table, question.prior, unknowns, start)
 
 
 def _shorter(flight: Flown, table: ParameterTable, horizon: float) -> Question:
@@ -150,13 +150,9 @@ def _shorter(flight: Flown, table: ParameterTable, horizon: float) -> Question:
 
 
 def _settled(question: Question, fit: Fit) -> Question:
-    """The question with its noise raised to what gusts have left in the residual."""
-    if question.gust <= GUSTY:
-        return question
-    raised = with_residual_noise(question.fitted, fit, question.simulator.holding(fit.parameters), question.gusts)
-    ratio = (raised.sigma / question.fitted.sigma)[0, 0]
-    ratio = np.where(np.isfinite(ratio), ratio, 1.0)
-    return replace(question, fitted=raised, choice=question.choice.with_sigma(question.choice.sigma * ratio))
+    """The question with the gusts and the noise that a fit tells, where the air is gusty."""
+    gusts, (fitted, choice) = settled(question.simulator, fit, question.gusts, question.fitted, question.choice)
+    return replace(question, gusts=gusts, fitted=fitted, choice=choice)
 
 
 def _widened(result: JointFit, flights: Sequence[Flown], questions: Sequence[Question]) -> JointFit:

@@ -170,12 +170,12 @@ class Kite:
             f"wind_{n.removeprefix('record.')}": inputs[f"wind_{n.removeprefix('record.')}"] + values[n] for n in self.record
         }
         wind = wind_vector(*declared_wind(self.declaration.wind, self.heights, -z.p_d, stations), inputs["density"])
-        # the estimated error of the recorded wind: a signal, and the parameters through which it is differentiated
+        for e in self._at("airflow"):
+            wind = e.airflow(wind, at, e.own(at))
+        # what is estimated beside it, a signal and the parameters through which it is differentiated; last, so that no effect scales it
         odd = inputs["gust_phase"]
         gust = {a: inputs[f"gust_{a}"] + ((1 - odd) * values[f"gust.{a}"] + odd * values[f"gust_odd.{a}"]) for a in "ned"}
         wind = wind._replace(**{axis: getattr(wind, axis) + gust[axis] for axis in "ned"})
-        for e in self._at("airflow"):
-            wind = e.airflow(wind, at, e.own(at))
         at.wind = wind
         at.air_velocity, at.V_a, at.alpha, at.beta = air_data(R, at.v_ned, wind)
         at.dynamic_pressure = wind.density * at.V_a * at.V_a / 2

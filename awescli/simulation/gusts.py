@@ -27,6 +27,16 @@ def dryden(samples: int, dt: float, airspeed: float, seed: int, length: float = 
     return np.stack([*horizontal_axes, _shaped(*_transversal(airspeed / vertical), samples, dt, random)], axis=1)
 
 
+def longitudinal(time, a: float):
+    """Correlation over a time difference >= 0 [s]; a = V/L [1/s]."""
+    return np.exp(-a * time)
+
+
+def transversal(time, a: float):
+    """Correlation over a time difference >= 0 [s]; a = V/L [1/s]."""
+    return (1 - a * time / 2) * np.exp(-a * time)
+
+
 def _longitudinal(a: float):
     """(A, B, C) of sqrt(2 a) / (s + a): unit variance; a = V/L [1/s]."""
     return np.array([[-a]]), np.array([[np.sqrt(2 * a)]]), np.array([1.0])

@@ -1,6 +1,6 @@
 """Cut a log into re-initialised segments: inputs, set-points, starts, measured outputs and their weights."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -19,23 +19,28 @@ class Observed:
     """Segments of a log with what was measured on them.
 
     segments: to simulate; outputs: names of the compared channels; measured: (K, N+1, n_out); sigma: (K, N+1, n_out) standard
-    deviation of the measurement noise, inf where a sample must not count.
+    deviation of the measurement noise, inf where a sample must not count; added: (n_out,) variance in it beside the sensors'.
     """
 
     segments: Segments
     outputs: tuple[str, ...]
     measured: np.ndarray
     sigma: np.ndarray
+    added: np.ndarray | float = 0.0
 
     def pick(self, which) -> "Observed":
-        return Observed(self.segments.pick(which), self.outputs, self.measured[which], self.sigma[which])
+        return replace(self, segments=self.segments.pick(which), measured=self.measured[which], sigma=self.sigma[which])
 
     def starting_at(self, starts: np.ndarray) -> "Observed":
-        return Observed(self.segments.starting_at(starts), self.outputs, self.measured, self.sigma)
+        return replace(self, segments=self.segments.starting_at(starts))
 
     def with_sigma(self, sigma: np.ndarray) -> "Observed":
         """The same observations with other noise standard deviations."""
-        return Observed(self.segments, self.outputs, self.measured, sigma)
+        return replace(self, sigma=sigma, added=0.0)
+
+    def with_noise(self, variance: np.ndarray) -> "Observed":
+        """The same observations with noise of `variance` (n_out,) beside that of the sensors, in the place of what was added before."""
+        return replace(self, sigma=np.sqrt(self.sigma**2 - self.added + variance), added=variance)
 
     def residual(self, trajectories) -> np.ndarray:
         """(measured - simulated) / sigma, (K, N+1, n_out); angles wrapped; 0 where a sample does not count or the rollout has ended."""

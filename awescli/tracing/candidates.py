@@ -53,8 +53,8 @@ def null_values(kite: Kite, keys: Sequence[str]) -> dict[str, float]:
     return {p.name: p.value for e in kite.effects if e.key in keys for p in e.rows()}
 
 
-def outputs_at(problem, x: np.ndarray, values: dict[str, float]):
+def outputs_at(problem, segments, x: np.ndarray, values: dict[str, float]):
     """Simulated outputs (K, N+1, n_out) of the compared channels with further parameter values, and which samples were reached."""
-    trajectories = problem.simulator.rollout(problem.segments(problem.own), {**problem.values(x), **values})
+    trajectories = problem.simulator.rollout(segments, {**problem.values(x), **values})
     index = [OUTPUTS.index(n) for n in problem.observed.outputs]
     return trajectories.outputs[:, :, index], trajectories.alive

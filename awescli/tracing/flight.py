@@ -37,6 +37,6 @@ def trace_flight(
     question = ask(simulator, log, parts, horizon, outputs or tuple(log.measured))
     progress("fitting the model as it is declared")
     fitted, question = fit_in_stages(question, log, parts, [h for h in curriculum if h < horizon], start=start)
-    null = run(contest_of(question), fitted.parameters, (), question.names, own=fitted.own)
+    null = run(contest_of(question), fitted.parameters, (), question.names, start=fitted)
     finding = investigate(question, null, keys, log, parts, horizon, rounds=rounds, progress=progress)
     return finding, simulator.holding(without_record(simulator.kite, null.table))

@@ -5,17 +5,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from awescli.estimation.fit import Fit, fit
+from awescli.estimation.fit import settled as fit_settled
+from awescli.estimation.nuisance_wind import RecordError
 from awescli.estimation.question import GUSTY, Question
-from awescli.estimation.simulation_error import Gusts
 from awescli.notation.parameters import ParameterTable
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
-from awescli.tracing.screen import Score
+from awescli.tracing.screen import Score, Screening
 
 MATERIAL = 0.002
 """Least relative fall of the choice cost that counts as a gain: 0.2 % is 50 units of chi-square on 30 s of flight, and below it no
 prediction error changes in its third digit ..."""
-GUSTY_MATERIAL = 0.01
+GUSTY_MATERIAL = 0.0005
 """... and in gusty air, where the noise is that of the residual itself and its level is not known to a per cent."""
 
 
@@ -27,7 +28,7 @@ class Contest:
     simulator: Simulator
     fitted: Observed
     choice: Observed
-    gusts: Gusts
+    gusts: RecordError
     prior: ParameterTable
     material: float
     iterations: int = 25
@@ -41,12 +42,13 @@ def contest_of(question: Question) -> Contest:
 
 @dataclass(frozen=True, eq=False)
 class Runner:
-    """A model in the race: parameters, which are free, its fit, and its cost on every choice segment."""
+    """A model in the race: parameters, which are free, its fit, and its cost and deviance on every choice segment."""
 
     keys: tuple[str, ...]
     names: tuple[str, ...]
     fit: Fit
     choice_cost: np.ndarray
+    choice_deviance: np.ndarray
     choice_dof: float
     prior: ParameterTable
 
@@ -59,6 +61,10 @@ class Runner:
         return self.fit.information.cost
 
     @property
+    def train_deviance(self) -> np.ndarray:
+        return self.fit.information.deviance
+
+    @property
     def choice_chi2(self) -> float:
         return float(self.choice_cost.sum() / max(self.choice_dof, 1))
 
@@ -67,11 +73,11 @@ HEAT = (15, 2.0)
 """Iterations and tolerance [chi-square] of a heat: enough to tell candidates apart; the winner is fitted on to the end."""
 
 
-def run(contest: Contest, table: ParameterTable, keys, names, own=None, iterations=None, tolerance=0.1) -> Runner:
+def run(contest: Contest, table: ParameterTable, keys, names, start=None, iterations=None, tolerance=0.1) -> Runner:
     """Fit one model on the fit segments, then let it explain the choice segments (only their own starts and wind are fitted there)."""
     fitted = fit(
         contest.simulator.holding(table), contest.fitted, table, names, gusts=contest.gusts, prior_table=contest.prior,
-        iterations=iterations or contest.iterations, tolerance=tolerance, own=own,
+        iterations=iterations or contest.iterations, tolerance=tolerance, start=start,
     )  # fmt: skip
     judged = fit(
         contest.simulator.holding(fitted.parameters), contest.choice, fitted.parameters, (), gusts=contest.gusts, prior=False,
@@ -79,29 +85,43 @@ def run(contest: Contest, table: ParameterTable, keys, names, own=None, iteratio
     )  # fmt: skip
     diverged = judged.alive <= contest.choice.segments.steps
     cost = np.where(diverged, 25.0 * contest.choice.measured[0].size, judged.information.cost)
-    return Runner(tuple(keys), tuple(names), fitted, cost, float(judged.information.dof.sum()), contest.prior)
+    deviance = cost + judged.information.volume
+    return Runner(tuple(keys), tuple(names), fitted, cost, deviance, float(judged.information.dof.sum()), contest.prior)
 
 
-def enter(contest: Contest, null: Runner, score: Score) -> Runner:
-    """The null model with one candidate added, started from the one-step size of its score test."""
+def enter(contest: Contest, null: Runner, screening: Screening, score: Score) -> Runner:
+    """The null model with one candidate added, started from the one-step estimate of its score test."""
     rows = null.table
     own = list(score.moving)
-    start = {}
+    start, size = {}, np.zeros(len(score.moving))
     for i, name in enumerate(score.moving):
         p = rows[name]
-        step = score.variant.at[name] * np.clip(score.size[i], 0.3, 3.0) if score.variant.secant else score.size[i]
-        start[name] = float(np.clip(p.value + step, p.lower, p.upper))
+        unit = score.variant.at[name] if score.variant.secant else 1.0
+        step = np.clip(score.size[i], 0.3, 3.0) if score.variant.secant else score.size[i]
+        start[name] = float(np.clip(p.value + unit * step, p.lower, p.upper))
+        size[i] = (start[name] - p.value) / unit
     for name, value in score.variant.at.items():
         if name not in start:
             start[name] = value
             if value != rows[name].value:
                 own.append(name)
-    table = rows.with_values(start)
+    change, along = screening.step(score, size)
+    free = {n: float(np.clip(rows[n].value + d, rows[n].lower, rows[n].upper)) for n, d in zip(null.names, change, strict=True)}
+    table = rows.with_values({**free, **start})
     table = table.with_rows(replace(table[n], free=True) for n in own)
     names = tuple(dict.fromkeys((*null.names, *own)))
-    return run(contest, table, (*null.keys, score.key), names, null.fit.own, *HEAT)
+    return run(contest, table, (*null.keys, score.key), names, replace(null.fit, own=null.fit.own + along), *HEAT)
 
 
 def finish(contest: Contest, best: Runner) -> Runner:
     """The winner of a heat, fitted on until it has converged."""
-    return run(contest, best.table, best.keys, best.names, best.fit.own)
+    return run(contest, best.table, best.keys, best.names, best.fit)
+
+
+def settled(contest: Contest, winner: Runner) -> tuple[Contest, Runner]:
+    """The contest with the gusts that its winner tells, and the winner fitted to it: what was missing before stood in the gusts."""
+    gusts, (fitted, choice) = fit_settled(contest.simulator, winner.fit, contest.gusts, contest.fitted, contest.choice)
+    if gusts is contest.gusts:
+        return contest, winner
+    contest = replace(contest, gusts=gusts, fitted=fitted, choice=choice)
+    return contest, finish(contest, winner)

@@ -7,11 +7,13 @@ import numpy as np
 
 from awescli.estimation.simulation_error import SimulationError
 from awescli.physics.kite import Kite
-from awescli.tracing.race import Contest, Runner, enter, finish, run
+from awescli.tracing.race import Contest, Runner, enter, finish, run, settled
 from awescli.tracing.screen import Score, Screening, holm, screen
 
 COMPETITORS = 5
 """How many of the best screened candidates are re-fitted in a round."""
+AGREE = 0.05
+"""Level of the test that not a few segments alone speak for a candidate. No stricter: an effect may show on few of them, as stall does."""
 CLOSE = 3
 """How many of a round's runners are tried again once a later effect is in the model."""
 ROUNDS = 3
@@ -92,6 +94,8 @@ def trace(
         finalists = _unbeaten(admissible) + [r for r in _close(admissible, here) if _unfinished(kite, r)]
         best, rivals = _decide([_refined(contest, kite, finish(contest, r)) for r in dict.fromkeys(finalists)])
         accepted, chi2 = best.keys[-1] if best else "", here.choice_chi2
+        if best:
+            contest, best = settled(contest, best)
         record.append(Round(entries, accepted, rivals, screening.untestable, chi2, best.choice_chi2 if best else chi2))
         if best is None:
             break
@@ -166,7 +170,7 @@ def _swapped(contest: Contest, final: Runner, place: int, other: Runner) -> Runn
     table = final.table.with_values({**null, **{n: other.table[n].value for n in own}})
     table = table.with_rows([*(replace(table[n], free=False) for n in null), *(replace(table[n], free=True) for n in own)])
     keys = tuple(new if k == out else k for k in final.keys)
-    return run(contest, table, keys, (*(n for n in final.names if n not in null), *own), own=final.fit.own)
+    return run(contest, table, keys, (*(n for n in final.names if n not in null), *own), start=final.fit)
 
 
 def _screened(contest: Contest, here: Runner, kite: Kite, keys: list[str]) -> Screening:
@@ -193,10 +197,10 @@ def _race(contest: Contest, here: Runner, kite: Kite, screening: Screening, prog
     switched = [s for s in scores if s.key in abrupt and s not in leaders and _gap(here) > FLOOR_ERROR]
     for s in leaders + near[:3] + switched:
         # far from the floor the choice segments decide; near it, chance must be ruled out first
-        if not significant[s.key] and _gap(here) < FLOOR_ERROR:
+        if not (significant[s.key] and s.agreement < AGREE) and _gap(here) < FLOOR_ERROR:
             continue
         progress(f"re-fitting with {s.key}")
-        runners[s.key] = enter(contest, here, s)
+        runners[s.key] = enter(contest, here, screening, s)
     entries = tuple(_entry(here, s, runners.get(s.key)) for s in scores)
     plausible = [runners[s.key] for s, e in zip(scores, entries, strict=True) if s.key in runners and e.plausible]
     return entries, sorted((r for r in plausible if _material(contest, here, r)), key=_whole)
@@ -204,7 +208,8 @@ def _race(contest: Contest, here: Runner, kite: Kite, screening: Screening, prog
 
 def _gap(r: Runner) -> float:
     """Distance of the chi-square per degree of freedom from its floor, fit and choice segments together."""
-    return _whole(r) / (r.fit.information.dof.sum() + r.choice_dof) - 1
+    cost = r.train_cost.sum() + r.choice_cost.sum()
+    return float(cost / (r.fit.information.dof.sum() + r.choice_dof) - 1)
 
 
 def _refined(contest: Contest, kite: Kite, best: Runner) -> Runner:
@@ -218,14 +223,15 @@ def _refined(contest: Contest, kite: Kite, best: Runner) -> Runner:
             if value == best.table[name].value:
                 continue
             table = best.table.with_values({name: value})
-            trial = run(contest, table, best.keys, (*best.names, name), own=best.fit.own)
-            if _whole(trial) < _whole(best) - DECISIVE and trial.choice_cost.sum() < best.choice_cost.sum():
+            trial = run(contest, table, best.keys, (*best.names, name), start=best.fit)
+            if _whole(trial) < _whole(best) - DECISIVE and trial.choice_deviance.sum() < best.choice_deviance.sum():
                 best = trial
     return best
 
 
 def _whole(r: Runner) -> float:
-    return float(r.train_cost.sum() + r.choice_cost.sum())
+    """Deviance of all loops."""
+    return float(r.train_deviance.sum() + r.choice_deviance.sum())
 
 
 def _entry(here: Runner, s: Score, r: Runner | None) -> Entry:
@@ -238,8 +244,8 @@ def _entry(here: Runner, s: Score, r: Runner | None) -> Entry:
 
     if r is None:
         return Entry(s.key, s.drop, s.p_value, share(s.drop), True, 0.0, here.choice_chi2, "not raced")
-    before, after = here.choice_cost.sum(), r.choice_cost.sum()
-    explained, gain = share(float(here.train_cost.sum() - r.train_cost.sum())), float((before - after) / before)
+    explained = share(float((here.train_deviance - r.train_deviance).sum()))
+    gain = float((here.choice_deviance - r.choice_deviance).sum() / here.choice_cost.sum())
     return Entry(s.key, s.drop, s.p_value, explained, _plausible(s, r), gain, r.choice_chi2, r.fit.solution.outcome)
 
 
@@ -256,19 +262,21 @@ def _plausible(s: Score, r: Runner) -> bool:
 
 def _material(contest: Contest, here: Runner, r: Runner) -> bool:
     """A gain on unseen loops that is certain (block-wise), worth having, and a good part of what is missing."""
-    before, after = here.choice_cost, r.choice_cost
-    gain = before - after
+    before, gain = here.choice_cost, here.choice_deviance - r.choice_deviance
     total = gain.sum()
     K = len(gain)
     # a log ratio per block: a few loud blocks must not decide alone
-    ratio = np.log(np.maximum(before, 1e-9) / np.maximum(after, 1e-9))
+    ratio = np.log(np.maximum(before, 1e-9) / np.maximum(before - gain, 1e-9))
     certain = ratio.mean() > CERTAIN * ratio.std(ddof=1) / np.sqrt(K) if K > 2 else bool((ratio > 0).all())
+    if _gap(here) < FLOOR_ERROR:
+        # at the floor the noise is what the model says, and a gain as certain as its likelihood, unless one block carries it alone
+        certain |= K > 2 and total - gain.max() > DECISIVE
     gap = max(before.sum() - here.choice_dof, 0.0)
     return bool(certain and total > max(contest.material * before.sum(), SHARE_OF_GAP * gap, DECISIVE))
 
 
 def _ahead(best: Runner, rival: Runner) -> bool:
     """Is the winner's lead more than chance, and more than a matter of form?"""
-    d = np.concatenate([rival.train_cost - best.train_cost, rival.choice_cost - best.choice_cost])
+    d = np.concatenate([rival.train_deviance - best.train_deviance, rival.choice_deviance - best.choice_deviance])
     lead, chance = d.sum(), d.std(ddof=1) * np.sqrt(len(d))
     return bool(lead > max(DECISIVE, chance))

@@ -68,7 +68,7 @@ def investigate(
     library = trace(contest, question.kite, keys, null, rounds=rounds, progress=progress)
     rivals = {r.accepted: r.rivals for r in library.rounds if r.accepted}
     bank, bank_simulator, unexplained = None, None, False
-    if question.gust <= GUSTY and (_left(library.final) > NEAR_FLOOR or len(rivals) > 1):
+    if _left(library.final) > NEAR_FLOOR or len(rivals) > 1:
         # several effects at once, or a rest that they leave: would fewer empirical terms do better?
         progress("weighing empirical terms against the library")
         most = rounds if _left(library.final) > NEAR_FLOOR else len(rivals) - 1
@@ -137,7 +137,7 @@ def _bank(question: Question, start: Runner, log, split, horizon, rounds, progre
         replace(simulator.kite.parameters[n], value=question.prior[n].value) for n in question.prior if n in simulator.kite.parameters
     )
     contest = contest_of(replace(asked, prior=prior))
-    here = run(contest, simulator.kite.parameters, (), start.names, own=start.fit.own)
+    here = run(contest, simulator.kite.parameters, (), start.names, start=start.fit)
     return trace(contest, simulator.kite, keys, here, rounds=rounds, progress=progress), simulator
 
 
@@ -164,7 +164,7 @@ def _suspects(contest: Contest, null: Runner, kite: Kite, keys) -> tuple[tuple[s
             if cosine < COLLINEAR or len(effect.parameters) > 1:
                 continue
             trial = run(
-                contest, null.table.with_rows([replace(null.table[name], free=True)]), (effect.key,), (*null.names, name), null.fit.own
+                contest, null.table.with_rows([replace(null.table[name], free=True)]), (effect.key,), (*null.names, name), null.fit
             )
             # the parameter comes back from its bound, and the whole is more likely than before
             if not _at_bound(trial.table[bound]) and trial.fit.solution.cost < null.fit.solution.cost - LIKELIER:

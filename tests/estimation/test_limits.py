@@ -9,7 +9,7 @@ from kites import DEVELOPMENT, lively, truly
 from awescli.estimation.answer import describe
 from awescli.estimation.fit import Share, fit_together
 from awescli.estimation.limits import limits_of, scaling
-from awescli.estimation.simulation_error import Gusts
+from awescli.estimation.nuisance_wind import RecordError
 from awescli.notation.constraints import parse_constraint
 from awescli.notation.errors import BadInput
 from awescli.physics.declaration import kite_text, read_kite
@@ -63,7 +63,7 @@ def observed(kite, calm):
 
 
 def joint(kite, observed, start, names):
-    share = Share(Simulator(kite).holding(start), observed, Gusts(0.0), names, start, start, names)
+    share = Share(Simulator(kite).holding(start), observed, RecordError(0.0), names, start, start, names)
     return fit_together([share], prior=False, tolerance=1e-9, iterations=60)
 
 

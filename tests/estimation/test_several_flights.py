@@ -6,13 +6,13 @@ from kites import DEVELOPMENT, declared, flight, lively, truly
 
 from awescli.estimation.answer import describe
 from awescli.estimation.fit import Share, fit, fit_together
-from awescli.estimation.simulation_error import Gusts
+from awescli.estimation.nuisance_wind import RecordError
 from awescli.estimation.staged_fit import Optimum, spread_of
 from awescli.notation.constraints import parse_constraint
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 
-CALM = Gusts(0.0)
+CALM = RecordError(0.0)
 SHARED, OWN = ("CLa", "CD0", "CYb", "Clp", "Cnb"), ("dl", "Cm0")
 TRIMS = ({"dl": 0.78, "Cm0": 0.106}, {"dl": 0.83, "Cm0": 0.117})
 

@@ -9,12 +9,13 @@ from scipy import stats
 
 from awescli.estimation.answer import describe
 from awescli.estimation.fit import JointFit, fit
-from awescli.estimation.simulation_error import DIVERGED_COST, Gusts, SimulationError
+from awescli.estimation.nuisance_wind import RecordError
+from awescli.estimation.simulation_error import DIVERGED_COST, SimulationError
 from awescli.simulation.campaign_flights import perturbed
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
 
-CALM = Gusts(0.0)
+CALM = RecordError(0.0)
 FREE = DEVELOPMENT.table().free
 
 
@@ -47,11 +48,11 @@ def from_afar(simulator, observed, names, seed, share):
     """A fit from a guess that is off by `share`, short horizons first; rows off the list stay at the truth."""
     guess = perturbed(DEVELOPMENT, seed, (share, share)).table()
     table = declared = simulator.kite.parameters.with_rows(guess[n] for n in names)
-    own = None
+    start = None
     for seconds, tolerance in ((0.5, 1.0), (1.0, 1.0), (2.5, 1e-12)):
         found = fit(simulator.holding(table), upto(observed, seconds), table, names, gusts=CALM, prior=False, tolerance=tolerance,
-                    iterations=60, own=own)  # fmt: skip
-        table, own = found.parameters, found.own
+                    iterations=60, start=start)  # fmt: skip
+        table, start = found.parameters, found
     return found, declared
 
 
@@ -93,7 +94,7 @@ def test_the_factor_that_no_flight_can_tell_is_reported_as_unseen(simulator, obs
 def test_the_gradient_is_that_of_the_cost(simulator, observed):
     """Guards b: minus half the derivative of the cost in every parameter, own unknowns held, by central differences."""
     names = ("CLa", "Cmq", "rtz", "dl")
-    problem = SimulationError(simulator, truly(observed, simulator, noise_seed=3), names, Gusts(0.5, 0.5))
+    problem = SimulationError(simulator, truly(observed, simulator, noise_seed=3), names, RecordError(0.5, 0.5))
     x = np.array([simulator.kite.parameters[n].value for n in names]) * 1.02
     problem.own[:, 12:] = 0.3
     info, _ = problem.information(x)
@@ -111,7 +112,7 @@ def test_the_gradient_is_that_of_the_cost(simulator, observed):
 def test_nodes_of_wind_share_every_sample():
     """Guards the nuisance wind: hats sum to one up to the last sample, the columns of one parameter never overlap and reach just as far
     as its hats, three axes each; its prior is a covariance."""
-    gusts = Gusts(0.8, 0.5, 3.0)
+    gusts = RecordError(0.8, 0.5, 3.0)
     columns, hats = gusts.columns(120, 0.02), gusts.hats(120, 0.02)
     assert len(columns) == 3 * hats.shape[1] == 18 and np.allclose(hats.sum(axis=1), 1.0, atol=1e-14)
     for name in {n for n, _, _ in columns}:
@@ -123,13 +124,13 @@ def test_nodes_of_wind_share_every_sample():
     P = np.linalg.inv(gusts.precision(120, 0.02))
     assert np.diag(P) == pytest.approx(0.64)
     assert P[0, 3] == pytest.approx(0.64 * np.exp(-24 * 0.02 / 3.0)) and P[0, 1] == pytest.approx(0, abs=1e-12)
-    assert Gusts(0.0).columns(120, 0.02) == ()
-    assert Gusts(0.1).columns(120, 0.02) == tuple((f"gust.{axis}", 0, 121) for axis in "ned")
+    assert RecordError(0.0).columns(120, 0.02) == ()
+    assert RecordError(0.1).columns(120, 0.02) == tuple((f"gust.{axis}", 0, 121) for axis in "ned")
 
 
 def test_a_gust_in_the_truth_is_found_at_its_nodes(simulator, observed, kite):
     """Guards own unknowns beyond the start: wind that the record does not know comes back, node by node, from noise-free data."""
-    gusts = Gusts(20.0, 1.0, 0.01)
+    gusts = RecordError(20.0, 1.0, 0.01)
     first, steps, dt = kite.input_names.index("gust_n"), observed.segments.steps, observed.segments.dt
     nodes = np.random.default_rng(3).uniform(-0.6, 0.6, (len(observed.segments), len(gusts.nodes(steps, dt)), 3))
     wind = np.einsum("tj,kja->kta", gusts.hats(steps, dt), nodes)

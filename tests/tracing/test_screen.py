@@ -7,7 +7,8 @@ import pytest
 from kites import DEVELOPMENT, lively, sizes, truly
 
 from awescli.estimation.fit import fit
-from awescli.estimation.simulation_error import Gusts, SimulationError
+from awescli.estimation.nuisance_wind import RecordError
+from awescli.estimation.simulation_error import SimulationError
 from awescli.physics.kite import GUSTS, ODD_GUSTS, Kite, make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.candidates import variants
@@ -33,8 +34,8 @@ def cut(library, calm):
 def screened(library, observed, names=FREE):
     """The screening at the null model's own fit."""
     table = library.kite.parameters
-    null = fit(library, observed, table, names, gusts=Gusts(0.0), tolerance=1e-3)
-    problem = SimulationError(library.holding(null.parameters), observed, names, Gusts(0.0))
+    null = fit(library, observed, table, names, gusts=RecordError(0.0), tolerance=1e-3)
+    problem = SimulationError(library.holding(null.parameters), observed, names, RecordError(0.0))
     problem.own = null.own
     x = np.array([null.parameters[n].value for n in names])
     precision = np.array([1 / table[n].prior_std ** 2 for n in names])

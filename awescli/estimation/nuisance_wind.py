@@ -1,0 +1,117 @@
+"""Nuisance wind: what the recorded wind leaves out, as unknowns of a segment with a Gaussian prior.
+
+Two kinds: the error of the record in calm air, and gusts. Both are linear in time between nodes (a step at a node would make any lag
+look like an explanation).
+"""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from awescli.simulation.gusts import LENGTH, VERTICAL_SHARE, longitudinal, transversal
+
+LENGTHS = (20.0, 800.0)
+"""[m] between which the length scale of gusts is looked for: MIL-F-8785C has 60 m to 530 m."""
+
+
+@dataclass(frozen=True)
+class RecordError:
+    """The recorded wind's own error: per axis with standard deviation `std` [m/s], nodes some `window` seconds apart, correlated as
+    exp(-|dt| / memory). A window longer than the segment: one constant. std 0: no nuisance wind.
+    """
+
+    std: float
+    window: float = np.inf
+    memory: float = 3.0
+    random: ClassVar[bool] = False
+    """Does it move so much from node to node that a fit has to average over what it may have been (see `SimulationError.averaged`)?"""
+
+    def correlation(self, time) -> np.ndarray:
+        """(3, ...) correlation per axis over a time difference [s]."""
+        return np.stack([np.exp(-np.abs(time) / self.memory)] * 3)
+
+    def nodes(self, steps: int, dt: float) -> np.ndarray:
+        """Samples of the nodes: evenly spaced over a segment, ends included; the first alone for a constant."""
+        if self.std <= 0:
+            return np.zeros(0, int)
+        count = int(round(steps * dt / self.window)) if np.isfinite(self.window) else 0
+        return np.round(np.linspace(0, steps, count + 1)).astype(int) if count else np.zeros(1, int)
+
+    def columns(self, steps: int, dt: float) -> tuple[tuple[str, int, int], ...]:
+        """(parameter, first step, last step) of every node and axis: from the node before to the node behind. Even and odd nodes have
+        parameters of their own, because neighbours overlap."""
+        nodes = self.nodes(steps, dt)
+        edges = [0, *(int(n) for n in nodes), steps + 1]
+        names = ("gust", "gust_odd")
+        return tuple((f"{names[j % 2]}.{axis}", edges[j], edges[j + 2]) for j in range(len(nodes)) for axis in "ned")
+
+    def hats(self, steps: int, dt: float) -> np.ndarray:
+        """(N+1, n_nodes) weights of the nodes at every sample."""
+        nodes = self.nodes(steps, dt)
+        rows = [np.interp(np.arange(steps + 1), nodes, row) for row in np.eye(len(nodes))]
+        return np.stack(rows, axis=1) if rows else np.zeros((steps + 1, 0))
+
+    def precision(self, steps: int, dt: float) -> np.ndarray:
+        """Prior precision of the nodes, in the order of `columns`."""
+        time = self.nodes(steps, dt) * dt
+        result = np.zeros((3 * len(time),) * 2)
+        for axis, C in enumerate(self.correlation(time[:, None] - time) if len(time) else ()):
+            result[axis::3, axis::3] = np.linalg.inv(C + self._lasting(axis, C, steps * dt)) / self.std**2
+        return result
+
+    def _lasting(self, axis: int, C: np.ndarray, length: float) -> float:
+        """Further variance of the mean over a segment of `length` [s], over std^2."""
+        return 0.0
+
+    def between_nodes(self, steps: int, dt: float) -> np.ndarray:
+        """(3,) standard deviation per axis of what the wind does beside the best line from node to node [m/s]: the trace of the process'
+        covariance outside of the space of the hats."""
+        q, _ = np.linalg.qr(self.hats(steps, dt))
+        time = np.arange(steps + 1) * dt
+        C = self.correlation(time[:, None] - time)
+        return self.std * np.sqrt(np.maximum(1 - np.einsum("ti,ats,si->a", q, C, q) / len(time), 0.0))
+
+
+@dataclass(frozen=True)
+class Gusts(RecordError):
+    """Dryden gusts: the horizontal axes with the longitudinal form, the vertical one with the transversal (`simulation.gusts`).
+
+    std: of every axis [m/s]; length, vertical_length: scales [m]; airspeed: through the field [m/s].
+    """
+
+    airspeed: float = 40.0
+    length: float = LENGTH
+    vertical_length: float = VERTICAL_SHARE * LENGTH
+    random: ClassVar[bool] = True
+
+    def correlation(self, time) -> np.ndarray:
+        time = np.abs(time)
+        horizontal = longitudinal(time, self.airspeed / self.length)
+        return np.stack([horizontal, horizontal, transversal(time, self.airspeed / self.vertical_length)])
+
+    def _lasting(self, axis: int, C: np.ndarray, length: float) -> float:
+        """Gusts last from one segment into the next, and segments are fitted as if they were independent: the mean over a segment gets
+        the variance that makes its mean over many segments right, integral of the correlation / length."""
+        integral = (2 * self.length, 2 * self.length, self.vertical_length)[axis] / self.airspeed
+        return max(integral / length - float(C.mean()), 0.0)
+
+    def likeliest(self, moments: np.ndarray, steps: int, dt: float) -> "Gusts":
+        """The lengths under which estimated gusts of this level are likeliest; moments: (3, n, n) E[g g'] per axis, mean over segments.
+
+        Only differences between neighbours count, as in restricted maximum likelihood: a slow error of the wind is no gust.
+        """
+        time = self.nodes(steps, dt) * dt
+        D = np.diff(np.eye(len(time)), axis=0)
+        tau = np.abs(time[:, None] - time)
+
+        def length(form, level: float, S: np.ndarray) -> float:
+            def deviance(log_length: float) -> float:
+                C = level**2 * D @ form(tau, self.airspeed / np.exp(log_length)) @ D.T
+                return np.linalg.slogdet(C)[1] + np.trace(np.linalg.solve(C, D @ S @ D.T))
+
+            return float(np.exp(minimize_scalar(deviance, bounds=np.log(LENGTHS), method="bounded", options={"xatol": 1e-3}).x))
+
+        horizontal = length(longitudinal, self.std, (moments[0] + moments[1]) / 2)
+        return replace(self, length=horizontal, vertical_length=length(transversal, self.std, moments[2]))
