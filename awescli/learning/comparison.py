@@ -12,8 +12,9 @@ import numpy as np
 
 from awescli.learning.optimisers import Adam
 
-AdamRound = Callable[[np.ndarray, Adam, int], tuple[np.ndarray, Adam, float]]
-"""(weights, optimiser, number of the round) -> (weights, optimiser, gradients of all segments that were spent)"""
+AdamRound = Callable[[np.ndarray, Adam, int], tuple[np.ndarray, Adam, float, tuple[np.ndarray, float]]]
+"""(weights, optimiser, number of the round) -> (weights, optimiser, gradients of all segments that were spent, (weights of the lowest
+validation error on the way, that error))"""
 
 
 @dataclass(frozen=True)
@@ -28,19 +29,18 @@ class Alone:
 
 
 def adam_alone(
-    start: tuple[np.ndarray, Adam], one_round: AdamRound, validation: Callable[[np.ndarray], float], gradients: float, seconds: float,
-    clock: Callable[[], float],
+    start: tuple[np.ndarray, Adam], one_round: AdamRound, lowest: float, gradients: float, seconds: float, clock: Callable[[], float],
 ) -> tuple[Alone, Alone]:  # fmt: skip
-    """(at equal gradients, at equal wall time) of Adam going on from `start` = (weights, optimiser)."""
+    """(at equal gradients, at equal wall time) of Adam going on from `start` = (weights, optimiser), whose validation error is
+    `lowest`."""
     weights, adam = start
-    best, lowest, spent, number = weights, validation(weights), 0.0, 0
+    best, spent, number = weights, 0.0, 0
     began = clock()
     reached: list[Alone | None] = [None, None]
     while None in reached:
-        weights, adam, more = one_round(weights, adam, number)
+        weights, adam, more, (passed_by, cost) = one_round(weights, adam, number)
         spent, number = spent + more, number + 1
-        cost = validation(weights)
-        best, lowest = (weights, cost) if cost < lowest else (best, lowest)
+        best, lowest = (passed_by, cost) if cost < lowest else (best, lowest)
         passed = clock() - began
         for i, over in enumerate((spent >= gradients, passed >= seconds)):
             if over and reached[i] is None:

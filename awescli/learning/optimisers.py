@@ -30,15 +30,28 @@ class Adam:
         return replace(self, first=m, second=v, count=t), x - step
 
 
-def lbfgs(
-    cost: Callable[[np.ndarray], tuple[float, np.ndarray]], x: np.ndarray, iterations: int, memory: int = 20
-) -> tuple[np.ndarray, float, int]:
-    """(x, cost there, evaluations): scipy's L-BFGS-B without bounds.
+class Lowest:
+    """Keeps the point of lowest cost among those it is shown; what is no number never wins."""
 
-    Its line search (More & Thuente 1994) meets the strong Wolfe conditions.
+    def __init__(self, cost: Callable[[np.ndarray], float]):
+        self.cost, self.x, self.lowest = cost, None, np.inf
+
+    def __call__(self, x: np.ndarray) -> None:
+        cost = self.cost(x)
+        if cost < self.lowest:
+            self.x, self.lowest = x.copy(), cost
+
+
+def lbfgs(
+    cost: Callable[[np.ndarray], tuple[float, np.ndarray]], x: np.ndarray, iterations: int, watch: Callable[[np.ndarray], None],
+    memory: int = 100,
+) -> tuple[np.ndarray, float, int]:  # fmt: skip
+    """(x, cost there, evaluations): scipy's L-BFGS-B without bounds. watch(x) is called after every iteration.
+
+    Its line search (More & Thuente 1994) meets the strong Wolfe conditions; memory as in the seed.
     """
     from scipy.optimize import minimize
 
     options = {"maxiter": iterations, "maxcor": memory, "maxfun": 3 * iterations, "ftol": 1e-9, "gtol": 1e-9}
-    found = minimize(cost, x, jac=True, method="L-BFGS-B", options=options)
+    found = minimize(cost, x, jac=True, method="L-BFGS-B", options=options, callback=watch)
     return found.x, float(found.fun), int(found.nfev)

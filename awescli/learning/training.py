@@ -1,7 +1,8 @@
 """Train f_nn (seed section 5.1): Adam over growing horizons to a plateau of the validation error, then L-BFGS; the best weights win.
 
-Training is a list of rounds. A round estimates the segments' starts anew with the present weights, runs one optimiser for some
-iterations, and looks at validation. Between rounds all there is to know stands in `State`, so an interrupted run goes on exactly.
+Training is a list of rounds. A round estimates the segments' starts anew with the present weights and runs one optimiser for some
+iterations; at the last horizon it looks at validation after each of them, for L-BFGS passes the best point on its way into the noise.
+Between rounds all there is to know stands in `State`, so an interrupted run goes on exactly.
 """
 
 import time
@@ -15,7 +16,7 @@ from awescli.learning.comparison import adam_alone
 from awescli.learning.correction import Correction, HybridKite
 from awescli.learning.network_inputs import DEFAULT_INPUTS
 from awescli.learning.normalisation import drifting, outside_share, untrained
-from awescli.learning.optimisers import Adam, lbfgs
+from awescli.learning.optimisers import Adam, Lowest, lbfgs
 from awescli.learning.orthogonality import parametric
 from awescli.learning.problem import Data, Problem
 from awescli.notation.errors import BadInput, NumericalFailure
@@ -38,10 +39,10 @@ class TrainingConfig:
     batch: int = 32
     rate: float = 0.01
     clip: float = 5.0
-    decay: float = 1e-4
+    decay: float = 1e-3
     orthogonality: float = 0.0
     adam_iterations: int = 40
-    lbfgs_iterations: int = 30
+    lbfgs_iterations: int = 50
     rounds: int = 5
     patience: int = 2
     material: float = 0.03
@@ -106,7 +107,8 @@ class State:
 
 
 HISTORY = ("phase", "round", "horizon", "train", "validation", "validation_last_horizon", "diverged", "evaluations", "seconds")
-"""Columns of `State.history`. Costs are in units of the physics' own squared error, 1 is pure physics."""
+"""Columns of `State.history`. Costs are in units of the physics' own squared error, 1 is pure physics. validation: where the round ended;
+at the last horizon the lowest on its way."""
 
 
 @dataclass(frozen=True)
@@ -218,6 +220,16 @@ class _Horizon:
         """(K, n_out)"""
         return self.problem.costs(self.validation(weights), weights)
 
+    def lowest(self, weights: np.ndarray) -> Lowest:
+        """Watches validation during a round. Starts are held at what they are for these weights, as those of training are: anew at
+        every iteration they would cost more than the gradient."""
+        held = self.validation(weights)
+        return Lowest(lambda w: float(self.problem.costs(held, w).mean()))
+
+    def best_of(self, *points: np.ndarray | None) -> tuple[np.ndarray, float]:
+        """(point, validation cost) of the lowest, each with its own starts."""
+        return min(((w, float(self.validation_costs(w).mean())) for w in points if w is not None), key=lambda found: found[1])
+
 
 def predictions(ranges, steps: int, warmup: int, stride: int, valid: np.ndarray) -> np.ndarray:
     """First predicted samples of segments whose warm-up and horizon lie inside one range and are valid for the most part."""
@@ -234,16 +246,17 @@ def _round(problem: Problem, sets: list[_Horizon], state: State, config: Trainin
     if second_order and state.switch is None:
         # L-BFGS begins at the best point that Adam has found
         state = replace(state, weights=state.best, switch=(state.best, state.adam))
-    data = stage.train(state.weights)
+    data, last = stage.train(state.weights), sets[-1]
+    watch = stage.lowest(state.weights) if stage is last else Lowest(lambda w: np.inf)
     weights, adam, spent, diverged = state.weights, state.adam, 0.0, 0
     if second_order:
-        weights, cost, evaluations = lbfgs(lambda w: problem.gradient(data, w)[:2], weights, config.lbfgs_iterations)
+        weights, cost, evaluations = lbfgs(lambda w: problem.gradient(data, w)[:2], weights, config.lbfgs_iterations, watch)
         spent = float(evaluations)
     else:
-        weights, adam, cost, spent, diverged = _adam(problem, data, weights, adam, config, [state.phase, state.round])
-    here = float(stage.validation_costs(weights).mean())
-    final = here if stage is sets[-1] else float(sets[-1].validation_costs(weights).mean())
-    best, best_cost = (weights, final) if final < state.best_cost else (state.best, state.best_cost)
+        weights, adam, cost, spent, diverged = _adam(problem, data, weights, adam, config, [state.phase, state.round], watch)
+    passed, final = last.best_of(weights, watch.x)
+    here = final if stage is last else float(stage.validation_costs(weights).mean())
+    best, best_cost = (passed, final) if final < state.best_cost else (state.best, state.best_cost)
     better = here < 0.99 * state.reference
     idle, reference = (0, here) if better else (state.idle + 1, state.reference)
     # floats, as a checkpoint gives them back: a resumed run leaves the same bytes
@@ -257,7 +270,7 @@ def _round(problem: Problem, sets: list[_Horizon], state: State, config: Trainin
     return state
 
 
-def _adam(problem: Problem, data: Data, weights, adam: Adam, config: TrainingConfig, place: Sequence[int]):
+def _adam(problem: Problem, data: Data, weights, adam: Adam, config: TrainingConfig, place: Sequence[int], watch: Lowest):
     """A round of Adam on minibatches of lane groups, drawn by (seed, phase, round): no random state to carry."""
     from awescli.engine.machine import LANES
 
@@ -271,6 +284,7 @@ def _adam(problem: Problem, data: Data, weights, adam: Adam, config: TrainingCon
         cost, gradient, lost = problem.gradient(data, weights, None if len(batch) >= groups else batch)
         if np.isfinite(gradient).all():
             adam, weights = adam.step(weights, gradient)
+            watch(weights)
         costs.append(cost)
         diverged = max(diverged, lost)
         spent += len(batch) / groups
@@ -326,8 +340,9 @@ def compare(problem: Problem, last: _Horizon, phase: int, state: State, config: 
 
     def one_round(weights, adam, number):
         # rounds that no phase has used: batches of their own
-        weights, adam, _, spent, _ = _adam(problem, last.train(weights), weights, adam, config, [phase, number])
-        return weights, adam, spent
+        watch = last.lowest(weights)
+        weights, adam, _, spent, _ = _adam(problem, last.train(weights), weights, adam, config, [phase, number], watch)
+        return weights, adam, spent, last.best_of(weights, watch.x)
 
     training = lambda w: float(problem.costs(last.train(w), w).mean())  # noqa: E731
     validation = lambda w: float(last.validation_costs(w).mean())  # noqa: E731
@@ -337,7 +352,7 @@ def compare(problem: Problem, last: _Horizon, phase: int, state: State, config: 
         "training": {"switch": training(start), "adam_lbfgs": training(state.weights)},
         "validation": {"switch": validation(start), "adam_lbfgs": validation(best)},
     }  # fmt: skip
-    found = adam_alone(state.switch, one_round, validation, gradients, seconds, clock)
+    found = adam_alone(state.switch, one_round, validation(start), gradients, seconds, clock)
     corrections = {"adam_lbfgs": correction.with_weights(state.best)}
     for name, run in zip(("adam", "adam_equal_time"), found, strict=True):
         corrections[name] = correction.with_weights(run.best)

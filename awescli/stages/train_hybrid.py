@@ -28,7 +28,7 @@ class TrainHybridConfig(StageConfig):
     batch: int = Field(32, ge=8, description="segments per Adam step")
     rate: float = Field(0.01, gt=0, le=1, description="Adam's step size")
     clip: float = Field(5.0, gt=0, description="greatest norm of a gradient")
-    decay: float = Field(1e-4, ge=0, description="weight decay: physics explains first")
+    decay: float = Field(1e-3, ge=0, description="weight decay: physics explains first")
     orthogonality: float = Field(0.0, ge=0, description="weight of the penalty on what the free parameters could do instead")
     rounds: int = Field(5, ge=1, le=100, description="most rounds per horizon, and of L-BFGS")
     patience: int = Field(2, ge=1, description="rounds without progress that make a plateau")

@@ -10,7 +10,7 @@ from awescli.learning.acceptance import OUTCOMES, gate, verdict
 from awescli.learning.correction import Correction
 from awescli.learning.ensemble import spread, train_ensemble
 from awescli.learning.explain import along, distil
-from awescli.learning.training import State, TrainingConfig, train
+from awescli.learning.training import HISTORY, State, TrainingConfig, train
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import OUTPUTS
@@ -37,6 +37,10 @@ def test_missing_effect_is_learned(learned):
     assert trained.outcome == "trained"
     ratio = trained.metrics["validation_rmse_ratio"]
     assert np.mean(list(ratio.values())) < 0.6 and max(ratio.values()) < 1.02
+    # what is kept is the best that any iteration at the last horizon passed, not the best end of a round
+    lowest = min(row[HISTORY.index("validation_last_horizon")] for row in trained.history)
+    assert trained.state.best_cost == lowest
+    assert trained.metrics["validation"]["prediction"]["hybrid"] == pytest.approx(lowest, rel=1e-12)
 
 
 def test_what_was_learned_is_drag(learned, draggy):
