@@ -8,13 +8,17 @@ import numpy as np
 from awescli.estimation.gauss_newton import Solution, covariance, minimise
 from awescli.estimation.information import Information
 from awescli.estimation.limits import limits_of
-from awescli.estimation.nuisance_wind import Gusts, RecordError
+from awescli.estimation.nuisance_wind import SETTLED_WINDOW, Gusts, RecordError
 from awescli.estimation.quadratic_program import Limits
 from awescli.estimation.simulation_error import DIVERGED_COST, SimulationError, with_gust_noise
 from awescli.notation.constraints import LinearConstraint
 from awescli.notation.parameters import ParameterTable
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
+
+SWINGS, SWING = 5, 25.0
+"""How often the own unknowns are integrated out anew after a small step (its square, in standard deviations), at most: in a direction that
+is hardly seen what that adds may change as fast as the cost, and the fit would swing for ever."""
 
 
 @dataclass(frozen=True)
@@ -121,14 +125,15 @@ class _Problem:
                 start = share.parameters.vector(share.names)
                 error.own, _ = error.at_best(start, share.start.own)
         self.integrals = [_Integral.of(share, error) for share, error in zip(shares, self.errors, strict=True)]
-        self.x, self.integrated_at = None, None
+        self.x, self.integrated_at, self.swings = None, None, 0
 
     def _due(self, x) -> bool:
         """Is it time to integrate the own unknowns out anew: never done, or the parameters have moved by a standard deviation since?"""
         if self.integrated_at is None or any(i.unknown for i in self.integrals):
             return True
-        moved = x - self.integrated_at
-        return bool(moved @ self.H @ moved > 1.0)
+        moved = float((x - self.integrated_at) @ self.H @ (x - self.integrated_at))
+        self.swings += 1.0 < moved < SWING
+        return moved > 1.0 and self.swings < SWINGS
 
     def linearise(self, x):
         step, self.x = 0 * x if self.x is None else x - self.x, x
@@ -307,10 +312,12 @@ def likeliest_gusts(observed: Observed, fit: Fit, gusts: Gusts, rounds: int = 20
 
 
 def settled(simulator: Simulator, fit: Fit, gusts: RecordError, *observed: Observed) -> tuple[RecordError, list[Observed]]:
-    """(nuisance wind, observations) with the lengths of gusts that a fit to the first of `observed` tells, and the noise that these leave
-    in its model; in calm air both as they were."""
-    if not gusts.random:
+    """(nuisance wind, observations) with the lengths of gusts that a fit to the first of `observed` tells, their nodes close together, and
+    the noise that these leave in its model. Both as they were in calm air; and where no air has gusts of that length: then they stand in
+    for what the model lacks, and nodes close together would do so the better."""
+    likeliest = likeliest_gusts(observed[0], fit, gusts) if gusts.random else gusts
+    if not gusts.random or not likeliest.possible:
         return gusts, list(observed)
-    gusts = likeliest_gusts(observed[0], fit, gusts)
+    gusts = replace(likeliest, window=SETTLED_WINDOW)
     found = simulator.holding(fit.parameters)
     return gusts, [with_gust_noise(found, o, gusts) for o in observed]

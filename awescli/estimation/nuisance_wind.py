@@ -12,6 +12,8 @@ from scipy.optimize import minimize_scalar
 
 from awescli.simulation.gusts import LENGTH, VERTICAL_SHARE, longitudinal, transversal
 
+SETTLED_WINDOW = 0.1
+"""[s] between the nodes of a gust once the parameters are near: 4 m of air at 40 m/s, short against Dryden's 60-150 m."""
 LENGTHS = (20.0, 800.0)
 """[m] between which the length scale of gusts is looked for: MIL-F-8785C has 60 m to 530 m."""
 
@@ -96,6 +98,11 @@ class Gusts(RecordError):
         the variance that makes its mean over many segments right, integral of the correlation / length."""
         integral = (2 * self.length, 2 * self.length, self.vertical_length)[axis] / self.airspeed
         return max(integral / length - float(C.mean()), 0.0)
+
+    @property
+    def possible(self) -> bool:
+        """Are the lengths those of air, and not at the short end of where they are looked for?"""
+        return min(self.length, self.vertical_length) > 1.05 * LENGTHS[0]
 
     def likeliest(self, moments: np.ndarray, steps: int, dt: float) -> "Gusts":
         """The lengths under which estimated gusts of this level are likeliest; moments: (3, n, n) E[g g'] per axis, mean over segments.

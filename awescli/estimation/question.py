@@ -18,11 +18,14 @@ from awescli.simulation.segments import Observed, observe
 
 GUSTY = 0.15
 """[m/s] above this the pitot says that the air was not calm: gusts are estimated in windows."""
+GUSTY_TOLERANCE = 0.5
+"""[chi-square] what a fit in gusty air need not gain any more: what integrating gusts out adds is known to no better."""
 CALM_WINDOW = 1.25
 """[s] between the nodes of the recorded wind's own error in calm air: along a loop the kite passes heights at which stations erred
 differently, which one constant per segment cannot follow."""
-GUST_WINDOW = 0.1
-"""[s] between the nodes of a gust; 4 m of air at 40 m/s, short against Dryden's 60-150 m."""
+GUST_WINDOW = 0.5
+"""[s] between the nodes of a gust at first: enough to find the parameters' neighbourhood, too few to stand in for what a poor guess gets
+wrong. A fit settles them closer, see `fit.settled`."""
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,15 @@ import numpy as np
 
 from awescli.estimation.coloured import coloured_information
 from awescli.estimation.fit import Fit, JointFit, Share, fit_together, settled
-from awescli.estimation.question import GUSTY, Question, ask
+from awescli.estimation.question import GUSTY, GUSTY_TOLERANCE, Question, ask
 from awescli.estimation.record_error import mid_times, record_influence
 from awescli.estimation.simulation_error import SimulationError
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Split
 from awescli.notation.parameters import ParameterTable
 
+SETTLINGS = 2
+"""How often gusts are settled: their nodes move together first, then the fit that knows them says how long gusts are."""
 SAME_OPTIMUM = 1.0
 """Difference in cost (chi-square) below which two starts have led to the same optimum."""
 
@@ -83,12 +85,15 @@ def fit_flights(
     for horizon in horizons:
         short = [_shorter(flight, table, horizon) for flight, table in zip(flights, tables, strict=True)]
         tables = [f.parameters for f in fitted(short, horizon, 1.0, none).flights]
-    length = max(f.length for f in flights)
-    result = fitted(questions, length, 0.01, none)
-    if any(q.gust > GUSTY for q in questions):
-        tables = [f.parameters for f in result.flights]
+    length, gusty = max(f.length for f in flights), any(q.gust > GUSTY for q in questions)
+    result = fitted(questions, length, 1.0 if gusty else 0.01, none)
+    for _ in range(SETTLINGS if gusty else 0):
+        tables, before = [f.parameters for f in result.flights], questions
         questions = [_settled(q, f) for q, f in zip(questions, result.flights, strict=True)]
-        result = fitted(questions, length, 0.01, result.flights)
+        if all(q is b for q, b in zip(questions, before, strict=True)):
+            break
+        same = all(q.gusts.window == b.gusts.window for q, b in zip(questions, before, strict=True))
+        result = fitted(questions, length, GUSTY_TOLERANCE, result.flights if same else none)
     return _widened(result, flights, questions), tuple(questions)
 
 
@@ -152,6 +157,8 @@ def _shorter(flight: Flown, table: ParameterTable, horizon: float) -> Question:
 def _settled(question: Question, fit: Fit) -> Question:
     """The question with the gusts and the noise that a fit tells, where the air is gusty."""
     gusts, (fitted, choice) = settled(question.simulator, fit, question.gusts, question.fitted, question.choice)
+    if gusts is question.gusts:
+        return question
     return replace(question, gusts=gusts, fitted=fitted, choice=choice)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from awescli.estimation.fit import Fit, fit
 from awescli.estimation.fit import settled as fit_settled
 from awescli.estimation.nuisance_wind import RecordError
-from awescli.estimation.question import GUSTY, Question
+from awescli.estimation.question import GUSTY, GUSTY_TOLERANCE, Question
 from awescli.notation.parameters import ParameterTable
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
@@ -17,13 +17,15 @@ MATERIAL = 0.002
 """Least relative fall of the choice cost that counts as a gain: 0.2 % is 50 units of chi-square on 30 s of flight, and below it no
 prediction error changes in its third digit ..."""
 GUSTY_MATERIAL = 0.0005
-"""... and in gusty air, where the noise is that of the residual itself and its level is not known to a per cent."""
+"""... and in gusty air, where estimated gusts take up most of what an effect does, so that little of it is left to be gained."""
+TOLERANCE = 0.1
+"""[chi-square] what a fit in calm air need not gain any more."""
 
 
 @dataclass(frozen=True)
 class Contest:
     """Everything a re-fit needs: the compiled library simulator, segments to fit and to choose on, nuisance wind, prior; material: the
-    least relative gain that counts."""
+    least relative gain that counts; tolerance: what a fit need not gain."""
 
     simulator: Simulator
     fitted: Observed
@@ -31,13 +33,14 @@ class Contest:
     gusts: RecordError
     prior: ParameterTable
     material: float
+    tolerance: float
     iterations: int = 25
 
 
 def contest_of(question: Question) -> Contest:
     """The contest that answers a question."""
-    material = GUSTY_MATERIAL if question.gust > GUSTY else MATERIAL
-    return Contest(question.simulator, question.fitted, question.choice, question.gusts, question.prior, material)
+    material, tolerance = (GUSTY_MATERIAL, GUSTY_TOLERANCE) if question.gust > GUSTY else (MATERIAL, TOLERANCE)
+    return Contest(question.simulator, question.fitted, question.choice, question.gusts, question.prior, material, tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +76,11 @@ HEAT = (15, 2.0)
 """Iterations and tolerance [chi-square] of a heat: enough to tell candidates apart; the winner is fitted on to the end."""
 
 
-def run(contest: Contest, table: ParameterTable, keys, names, start=None, iterations=None, tolerance=0.1) -> Runner:
+def run(contest: Contest, table: ParameterTable, keys, names, start=None, iterations=None, tolerance=None) -> Runner:
     """Fit one model on the fit segments, then let it explain the choice segments (only their own starts and wind are fitted there)."""
     fitted = fit(
         contest.simulator.holding(table), contest.fitted, table, names, gusts=contest.gusts, prior_table=contest.prior,
-        iterations=iterations or contest.iterations, tolerance=tolerance, start=start,
+        iterations=iterations or contest.iterations, tolerance=tolerance or contest.tolerance, start=start,
     )  # fmt: skip
     judged = fit(
         contest.simulator.holding(fitted.parameters), contest.choice, fitted.parameters, (), gusts=contest.gusts, prior=False,
