@@ -126,5 +126,6 @@ def settled(contest: Contest, winner: Runner) -> tuple[Contest, Runner]:
     gusts, (fitted, choice) = fit_settled(contest.simulator, winner.fit, contest.gusts, contest.fitted, contest.choice)
     if gusts is contest.gusts:
         return contest, winner
+    same = gusts.window == contest.gusts.window
     contest = replace(contest, gusts=gusts, fitted=fitted, choice=choice)
-    return contest, finish(contest, winner)
+    return contest, run(contest, winner.table, winner.keys, winner.names, winner.fit if same else None)

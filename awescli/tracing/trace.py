@@ -134,14 +134,14 @@ def _decide(finalists: list[Runner], place: int = -1) -> tuple[Runner | None, tu
 
 def _credible(models: list[Runner], record: list[Round]) -> tuple[list[Runner], list[Round]]:
     """Without the last effects where they explain little and the floor is not reached: there they mend the form of the first one; and
-    without any where all together leave more than half of what is missing."""
+    without any where all together leave more than half of what is missing and do not reach the floor."""
     models, record = list(models), list(record)
     while len(models) > 2 and _gap(models[-1]) > FLOOR_ERROR:
         if _gap(models[-2]) - _gap(models[-1]) >= SHARE_OF_GAP * _gap(models[0]):
             break
         models.pop()
     excess, left = (max(m.choice_chi2 - 1, 0.0) for m in (models[0], models[-1]))
-    if excess > FLOOR_ERROR and left > (1 - EXPLAINS) * excess:
+    if left > max((1 - EXPLAINS) * excess, FLOOR_ERROR):
         models = models[:1]
     for at in [i for i, r in enumerate(record) if r.accepted][len(models) - 1 :]:
         record[at] = replace(record[at], accepted="", rivals=(), chi2_after=record[at].chi2_before, dropped=record[at].accepted)

@@ -99,3 +99,10 @@ def traced(*after: float) -> Trace:
 def test_empirical_terms_are_weighed_at_equal_numbers(bank, library, better):
     """Guards both errors: a wrong name where terms do better, and `unexplained` where a named effect has not quite the library's form."""
     assert _better(traced(*bank), traced(*library)) is better
+
+
+@pytest.mark.parametrize("before, after, kept", [(1.3, 1.2, 1), (1.3, 1.1, 2), (1.021, 1.015, 2)])
+def test_what_leaves_more_than_half_is_no_answer_unless_it_reaches_the_floor(before, after, kept):
+    """Guards an effect that explains a third of a large residual, and a small one whose rest is within what the floor is known to."""
+    left, record = _credible([runner(before), runner(after, "a")], rounds(("a", before, after)))
+    assert len(left) == kept and [r.accepted for r in record] == ["a" if kept == 2 else ""]
