@@ -54,7 +54,7 @@ def verdict(
         name, p = min(evidence.items(), key=lambda test: (test[1]["physics"] - test[1]["hybrid"]) / max(test[1]["needed_gain"], 1e-300))
         gain = p["physics"] - p["hybrid"]
         sentence += (
-            f": on {segments} validation segments {TESTS[name]} falls by {gain / p['physics']:.0%}, "
+            f": on {segments} validation segments {TESTS[name]} {'falls' if gain > 0 else 'rises'} by {abs(gain) / p['physics']:.0%}, "
             f"{gain / max(p['standard_error'], 1e-12):.1f} standard errors where {CERTAIN:g} are asked"
         )
         if training is not None:
