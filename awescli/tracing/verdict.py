@@ -136,7 +136,9 @@ def _bank(question: Question, start: Runner, log, split, horizon, rounds, progre
     prior = simulator.kite.parameters.with_rows(
         replace(simulator.kite.parameters[n], value=question.prior[n].value) for n in question.prior if n in simulator.kite.parameters
     )
-    contest = contest_of(replace(asked, prior=prior))
+    # the same gusts and noise as the library's
+    fitted, choice = (new.with_noise(old.added) for new, old in ((asked.fitted, question.fitted), (asked.choice, question.choice)))
+    contest = contest_of(replace(asked, prior=prior, gusts=question.gusts, fitted=fitted, choice=choice))
     here = run(contest, simulator.kite.parameters, (), start.names, start=start.fit)
     return trace(contest, simulator.kite, keys, here, rounds=rounds, progress=progress), simulator
 

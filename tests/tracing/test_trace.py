@@ -40,6 +40,18 @@ def test_one_missing_effect_is_named_with_its_size(key, values, seed):
     assert after < 0.5 * before and after < 1.5 * floor, (before, after, floor)
 
 
+def test_a_missing_effect_is_named_in_gusts():
+    """Guards tracing in turbulence, where an abrupt effect leaves a residual that starts from gusts far apart and ends with gusts close
+    together, the weighing of empirical terms included: name, size, and no effect made up for the gusts."""
+    keys = ("tether_elasticity", "tether_drag", "wind_offset", "mass_offset")
+    truth = {"tether_elasticity": {"EA": 6e5, "zeta": 120.0}, "turbulence": {"sigma": 0.6, "L": 150.0}}
+    account, _ = traced(truth, seed=21, candidates=keys, horizon=3.0, curriculum=(1.0,))
+    assert named(account) == [("tether_elasticity", "line")]
+    size = account["effects"][0]["parameters"]["EA"]
+    assert abs(size["value"] - 6e5) < 3.5 * size["std"] and size["std"] < 0.05 * 6e5
+    assert account["chi2"]["train_after"] == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.slow
 def test_two_missing_effects_are_both_named():
     """Guards the stepwise search: the second effect is found once the first is in the model."""
