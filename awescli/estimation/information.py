@@ -1,8 +1,8 @@
 """What each segment knows: Gram matrices of whitened sensitivities and residuals, with the segment's own unknowns eliminated.
 
-A segment k has unknowns of its own: its initial state z0 (nothing known beforehand) and the wind's error in short windows (known to be
-small). Eliminating them exactly (Schur complement) is the same as weighting with R_k = R_y + S_x0 P0 S_x0' + S_w P_w S_w' with
-P0 -> infinity, and costs a 50 x 50 factorisation instead of one of 4000 x 4000.
+A segment k has unknowns of its own: its initial state z0 (nothing known beforehand) and the wind beside the record (with a Gaussian
+prior). Eliminating them exactly (Schur complement) is the same as weighting with R_k = R_y + S_x0 P0 S_x0' + S_w P_w S_w' with
+P0 -> infinity, and costs a factorisation of 50 x 50, in gusts 165 x 165, instead of one of 4000 x 4000.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from awescli.simulation.groups import each_group
 
 PROBE = 0.5
-"""Size of the probes that average over the own unknowns, in standard deviations: small enough not to lose a segment."""
+"""Size of the probes that integrate over the own unknowns, in standard deviations: small enough not to lose a segment."""
 CANCELLED = 1e8
 """Where eliminating the own unknowns takes away all but this share of a column's information, rounding is left: then the elimination
 is done again by projection, which loses half as many digits and cannot become indefinite. (A segment that all but diverges.)"""

@@ -28,7 +28,7 @@ class RecordError:
     window: float = np.inf
     memory: float = 3.0
     random: ClassVar[bool] = False
-    """Does it move so much from node to node that a fit has to average over what it may have been (see `SimulationError.averaged`)?"""
+    """Are there so many nodes, each known so badly, that a fit has to integrate them out (see `information.integrated`)?"""
 
     def correlation(self, time) -> np.ndarray:
         """(3, ...) correlation per axis over a time difference [s]."""
@@ -113,12 +113,12 @@ class Gusts(RecordError):
         D = np.diff(np.eye(len(time)), axis=0)
         tau = np.abs(time[:, None] - time)
 
-        def length(form, level: float, S: np.ndarray) -> float:
+        def length(form, S: np.ndarray) -> float:
             def deviance(log_length: float) -> float:
-                C = level**2 * D @ form(tau, self.airspeed / np.exp(log_length)) @ D.T
+                C = self.std**2 * D @ form(tau, self.airspeed / np.exp(log_length)) @ D.T
                 return np.linalg.slogdet(C)[1] + np.trace(np.linalg.solve(C, D @ S @ D.T))
 
             return float(np.exp(minimize_scalar(deviance, bounds=np.log(LENGTHS), method="bounded", options={"xatol": 1e-3}).x))
 
-        horizontal = length(longitudinal, self.std, (moments[0] + moments[1]) / 2)
-        return replace(self, length=horizontal, vertical_length=length(transversal, self.std, moments[2]))
+        horizontal = length(longitudinal, (moments[0] + moments[1]) / 2)
+        return replace(self, length=horizontal, vertical_length=length(transversal, moments[2]))

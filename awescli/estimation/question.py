@@ -65,7 +65,7 @@ def nuisance_wind(declaration: KiteDeclaration, log, kite: Kite) -> tuple[Record
     level = gust_level(log, kite)
     if level <= GUSTY:
         return RecordError(declaration.wind.std, CALM_WINDOW), level
-    return Gusts(level, GUST_WINDOW, airspeed=float(np.mean(log["V_a"]))), level
+    return Gusts(level, GUST_WINDOW, airspeed=float(log["V_a"][log.valid].mean())), level
 
 
 def ask(

@@ -49,6 +49,17 @@ def test_a_gain_that_two_blocks_carry_alone_is_none():
     assert after.choice_deviance.sum() < 0.9 * runner(3.0).choice_cost.sum() and not _material(CALM, runner(3.0), after)
 
 
+def test_at_the_floor_a_gain_on_few_blocks_counts_unless_one_carries_it():
+    """Guards effects that show on few loops, as stall does; far from the floor the same gain is none."""
+    def after(before: float, gains: list[float]):
+        r = runner(before)
+        r.choice_deviance = r.choice_cost - np.array([*gains, *[-1.0] * (BLOCKS - len(gains))])
+        return r
+
+    assert _material(GUSTY, runner(1.0), after(1.0, [25.0, 20.0])) and not _material(GUSTY, runner(1.0), after(1.0, [45.0]))
+    assert not _material(GUSTY, runner(1.3), after(1.3, [25.0, 20.0]))
+
+
 @pytest.mark.parametrize("last, kept", [(1.005, 3), (1.3, 2)])
 def test_what_only_mends_the_form_of_an_effect_is_dropped(last, kept):
     """Guards a second name for the rest of a form that is not the library's: kept where the floor is reached, dropped where not."""
