@@ -63,7 +63,7 @@ FORMS = {
     "drag with the fourth power of sideslip": ("sideslip_drag", {}, {"CD": {"beta^4": ("CDb4", 250.0)}}),
     "pitch moment with the cube of alpha": ("pitch_curvature", {}, {"Cm": {"alpha^3": ("Cma3", -30.0)}}),
     "lift with the cube of alpha": ("lift_stall", {}, {"CL": {"alpha^3": ("CLa3", -100.0)}}),
-    "second-order lag": ("actuator_lag", {"actuator_lag:rudder": {"tau": 0.12, "tau_2": 0.12}}, {}),
+    "second-order lag": ("actuator_lag", {"actuator_lag:rudder": {"tau": 0.24, "inertia": 0.25}}, {}),
 }
 """Effects whose form is not exactly the library's first one: the name that is right, and effects or aerodynamic terms that are flown."""
 

@@ -42,7 +42,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "surface_bias": {"b": 0.002},
     "surface_effectiveness": {"s": 0.5, "threshold": 0.03},
     "surface_dead_band": {"d": 0.01},
-    "actuator_lag": {"tau": 0.1, "rate": 0.5, "tau_2": 0.05},
+    "actuator_lag": {"tau": 0.1, "rate": 0.5, "inertia": 0.2},
     "actuator_delay": {"tau": 0.12},
     "vane_bias": {"b": 0.026, "k": 0.1},
     "airspeed_scale": {"s": 0.95, "b": 0.5},

@@ -19,6 +19,8 @@ from awescli.simulation.segments import Observed
 SWINGS, SWING = 5, 25.0
 """How often the own unknowns are integrated out anew after a small step (its square, in standard deviations), at most: in a direction that
 is hardly seen what that adds may change as fast as the cost, and the fit would swing for ever."""
+FAR = 1000.0
+"""After a step as large as this (its square, as above) the fit is far away, and what integrating out adds is small beside the cost."""
 
 
 @dataclass(frozen=True)
@@ -131,14 +133,17 @@ class _Problem:
         """Is it time to integrate the own unknowns out anew: never done, or the parameters have moved by a standard deviation since?"""
         if self.integrated_at is None or any(i.unknown for i in self.integrals):
             return True
+        step = x - self.x
+        if float(step @ self.H @ step) > FAR:
+            return False
         moved = float((x - self.integrated_at) @ self.H @ (x - self.integrated_at))
         self.swings += 1.0 < moved < SWING
-        return moved > 1.0 and self.swings < SWINGS
+        return moved > SWING or (moved > 1.0 and self.swings < SWINGS)
 
     def linearise(self, x):
-        step, self.x = 0 * x if self.x is None else x - self.x, x
         if due := self._due(x):
             self.integrated_at = x
+        step, self.x = 0 * x if self.x is None else x - self.x, x
         found = [error.information(x[place], integrate=due) for error, place in zip(self.errors, self.places, strict=True)]
         self.information, self.alive = [i for i, _ in found], [t.alive for _, t in found]
         self.flies = [alive > e.observed.segments.steps for alive, e in zip(self.alive, self.errors, strict=True)]

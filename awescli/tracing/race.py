@@ -45,11 +45,12 @@ def contest_of(question: Question) -> Contest:
 
 @dataclass(frozen=True, eq=False)
 class Runner:
-    """A model in the race: parameters, which are free, its fit, and its cost and deviance on every choice segment."""
+    """A model in the race: parameters, which are free, its fit, what it makes of the choice segments, and its cost and deviance there."""
 
     keys: tuple[str, ...]
     names: tuple[str, ...]
     fit: Fit
+    judged: Fit
     choice_cost: np.ndarray
     choice_deviance: np.ndarray
     choice_dof: float
@@ -76,24 +77,30 @@ HEAT = (15, 2.0)
 """Iterations and tolerance [chi-square] of a heat: enough to tell candidates apart; the winner is fitted on to the end."""
 
 
-def run(contest: Contest, table: ParameterTable, keys, names, start=None, iterations=None, tolerance=None) -> Runner:
-    """Fit one model on the fit segments, then let it explain the choice segments (only their own starts and wind are fitted there)."""
+def run(
+    contest: Contest, table: ParameterTable, keys, names, start=None, iterations=None, tolerance=None, judged: Fit | None = None
+) -> Runner:
+    """Fit one model on the fit segments, then let it explain the choice segments (only their own starts and wind are fitted there).
+
+    start, judged: an earlier fit to the fit segments and one to the choice segments, to begin from.
+    """
     fitted = fit(
         contest.simulator.holding(table), contest.fitted, table, names, gusts=contest.gusts, prior_table=contest.prior,
         iterations=iterations or contest.iterations, tolerance=tolerance or contest.tolerance, start=start,
     )  # fmt: skip
     judged = fit(
         contest.simulator.holding(fitted.parameters), contest.choice, fitted.parameters, (), gusts=contest.gusts, prior=False,
-        iterations=6, tolerance=1.0,
+        iterations=6, tolerance=1.0, start=judged,
     )  # fmt: skip
     diverged = judged.alive <= contest.choice.segments.steps
     cost = np.where(diverged, 25.0 * contest.choice.measured[0].size, judged.information.cost)
     deviance = cost + judged.information.volume
-    return Runner(tuple(keys), tuple(names), fitted, cost, deviance, float(judged.information.dof.sum()), contest.prior)
+    return Runner(tuple(keys), tuple(names), fitted, judged, cost, deviance, float(judged.information.dof.sum()), contest.prior)
 
 
 def enter(contest: Contest, null: Runner, screening: Screening, score: Score) -> Runner:
-    """The null model with one candidate added, started from the one-step estimate of its score test."""
+    """The null model with one candidate added, started from the one-step estimate of its score test. Shapes stay where they were probed:
+    while a strength is small they are all but free, and a fit of both goes astray."""
     rows = null.table
     own = list(score.moving)
     start, size = {}, np.zeros(len(score.moving))
@@ -104,21 +111,18 @@ def enter(contest: Contest, null: Runner, screening: Screening, score: Score) ->
         start[name] = float(np.clip(p.value + unit * step, p.lower, p.upper))
         size[i] = (start[name] - p.value) / unit
     for name, value in score.variant.at.items():
-        if name not in start:
-            start[name] = value
-            if value != rows[name].value:
-                own.append(name)
+        start.setdefault(name, value)
     change, along = screening.step(score, size)
     free = {n: float(np.clip(rows[n].value + d, rows[n].lower, rows[n].upper)) for n, d in zip(null.names, change, strict=True)}
-    table = rows.with_values({**free, **start})
+    table, begin = rows.with_values({**free, **start}), replace(null.fit, own=null.fit.own + along)
     table = table.with_rows(replace(table[n], free=True) for n in own)
     names = tuple(dict.fromkeys((*null.names, *own)))
-    return run(contest, table, (*null.keys, score.key), names, replace(null.fit, own=null.fit.own + along), *HEAT)
+    return run(contest, table, (*null.keys, score.key), names, begin, *HEAT, null.judged)
 
 
 def finish(contest: Contest, best: Runner) -> Runner:
     """The winner of a heat, fitted on until it has converged."""
-    return run(contest, best.table, best.keys, best.names, best.fit)
+    return run(contest, best.table, best.keys, best.names, best.fit, judged=best.judged)
 
 
 def settled(contest: Contest, winner: Runner) -> tuple[Contest, Runner]:
@@ -128,4 +132,5 @@ def settled(contest: Contest, winner: Runner) -> tuple[Contest, Runner]:
         return contest, winner
     same = gusts.window == contest.gusts.window
     contest = replace(contest, gusts=gusts, fitted=fitted, choice=choice)
-    return contest, run(contest, winner.table, winner.keys, winner.names, winner.fit if same else None)
+    begin = {"start": winner.fit, "judged": winner.judged} if same else {}
+    return contest, run(contest, winner.table, winner.keys, winner.names, **begin)

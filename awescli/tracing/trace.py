@@ -115,8 +115,8 @@ def _unbeaten(admissible: list[Runner]) -> list[Runner]:
 
 
 def _unfinished(kite: Kite, r: Runner) -> bool:
-    """Has its last effect a form that is tried only once it is accepted? Then being beaten in its plain form decides nothing."""
-    return any(e.refinements for e in kite.effects if e.key == r.keys[-1])
+    """Has its last effect shapes that are not fitted yet? Then being beaten as it stands decides nothing."""
+    return any(e.shapes for e in kite.effects if e.key == r.keys[-1])
 
 
 def _close(admissible: list[Runner], here: Runner) -> list[Runner]:
@@ -170,7 +170,7 @@ def _swapped(contest: Contest, final: Runner, place: int, other: Runner) -> Runn
     table = final.table.with_values({**null, **{n: other.table[n].value for n in own}})
     table = table.with_rows([*(replace(table[n], free=False) for n in null), *(replace(table[n], free=True) for n in own)])
     keys = tuple(new if k == out else k for k in final.keys)
-    return run(contest, table, keys, (*(n for n in final.names if n not in null), *own), start=final.fit)
+    return run(contest, table, keys, (*(n for n in final.names if n not in null), *own), start=final.fit, judged=final.judged)
 
 
 def _screened(contest: Contest, here: Runner, kite: Kite, keys: list[str]) -> Screening:
@@ -203,7 +203,17 @@ def _race(contest: Contest, here: Runner, kite: Kite, screening: Screening, prog
         runners[s.key] = enter(contest, here, screening, s)
     entries = tuple(_entry(here, s, runners.get(s.key)) for s in scores)
     plausible = [runners[s.key] for s, e in zip(scores, entries, strict=True) if s.key in runners and e.plausible]
-    return entries, sorted((r for r in plausible if _material(contest, here, r)), key=_whole)
+    return entries, _admissible(contest, here, plausible)
+
+
+def _admissible(contest: Contest, here: Runner, plausible: list[Runner]) -> list[Runner]:
+    """Those with a material gain, likeliest first. Once there is one something is missing, and what it is likelihood decides: who is
+    likelier than the best of them, and gains on unseen loops too, is as good as they are."""
+    material = [r for r in plausible if _material(contest, here, r)]
+    if material:
+        least, unseen = min(map(_whole, material)), here.choice_deviance.sum()
+        material += [r for r in plausible if _whole(r) < least and r.choice_deviance.sum() < unseen]
+    return sorted(material, key=_whole)
 
 
 def _gap(r: Runner) -> float:
@@ -213,18 +223,22 @@ def _gap(r: Runner) -> float:
 
 
 def _refined(contest: Contest, kite: Kite, best: Runner) -> Runner:
-    """The accepted effect with its shape parameters tried too: kept free where that lowers the cost decisively."""
+    """The finalist with its shape parameters tried free: one that stands where it was probed is as uncertain as the strength, and stays
+    free unless that does worse; one that stands at null, only where that lowers the cost decisively."""
     effect = next(e for e in kite.effects if e.key == best.keys[-1])
     for shape in effect.shapes:
-        name = f"{effect.key}.{shape}"
-        if name in best.names:
-            continue
-        for value in (*effect.probes.get(shape, ()), *effect.refinements.get(shape, ())):
-            if value == best.table[name].value:
+        name, null = f"{effect.key}.{shape}", next(p.value for p in effect.parameters if p.name == shape)
+        probed = best.table[name].value != null
+        starts = (best.table[name].value,) if probed else (*effect.probes.get(shape, ()), *effect.refinements.get(shape, ()))
+        worse = DECISIVE if probed else 0.0
+        for value in starts:
+            if value == null:
                 continue
             table = best.table.with_values({name: value})
-            trial = run(contest, table, best.keys, (*best.names, name), start=best.fit)
-            if _whole(trial) < _whole(best) - DECISIVE and trial.choice_deviance.sum() < best.choice_deviance.sum():
+            table = table.with_rows([replace(table[name], free=True)])
+            trial = run(contest, table, best.keys, (*best.names, name), start=best.fit, judged=best.judged)
+            unseen = trial.choice_deviance.sum() - best.choice_deviance.sum()
+            if _whole(trial) - _whole(best) < (worse or -DECISIVE) and unseen < worse:
                 best = trial
     return best
 

@@ -139,7 +139,7 @@ def _bank(question: Question, start: Runner, log, split, horizon, rounds, progre
     # the same gusts and noise as the library's
     fitted, choice = (new.with_noise(old.added) for new, old in ((asked.fitted, question.fitted), (asked.choice, question.choice)))
     contest = contest_of(replace(asked, prior=prior, gusts=question.gusts, fitted=fitted, choice=choice))
-    here = run(contest, simulator.kite.parameters, (), start.names, start=start.fit)
+    here = run(contest, simulator.kite.parameters, (), start.names, start=start.fit, judged=start.judged)
     return trace(contest, simulator.kite, keys, here, rounds=rounds, progress=progress), simulator
 
 

@@ -160,3 +160,15 @@ def test_own_unknowns_follow_a_step_of_the_parameters(question):
     info, _ = problem.information(x)
     assert cost.sum() - info.cost.sum() < 0.5 * len(own)
     assert np.isfinite([cho_solve(f, np.ones(len(f[0]))) for f, _, _ in info.back]).all()
+
+
+def test_what_integrating_adds_is_known_anew_after_a_long_way():
+    """Guards the volume against being carried on along its old slope: ten standard deviations on, it promised hundreds of units of cost
+    that are not there. Small steps to and fro end, a step from far away waits."""
+    from awescli.estimation.fit import SWINGS, _Problem
+
+    problem = _Problem.__new__(_Problem)
+    problem.integrals, problem.H, problem.x, problem.integrated_at = (), np.eye(1), np.zeros(1), np.zeros(1)
+    problem.swings = 0
+    assert [problem._due(np.array([2.0])) for _ in range(SWINGS)] == [True] * (SWINGS - 1) + [False]
+    assert problem._due(np.array([6.0])) and not problem._due(np.array([0.5])) and not problem._due(np.array([40.0]))

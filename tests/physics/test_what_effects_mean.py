@@ -226,13 +226,31 @@ def test_an_actuator_lag_is_first_order(calm):
 
 
 def test_an_actuator_lag_of_second_order(calm):
-    """Guards the step response of two lags in a row, 1 - (tau e^(-t/tau) - tau_2 e^(-t/tau_2)) / (tau - tau_2)."""
+    """Guards the step response of lags of a = 0.2 s and b = 0.1 s in a row, 1 - (a e^(-t/a) - b e^(-t/b)) / (a - b)."""
     step = np.where(np.arange(101) >= 10, 0.1, 0.0)
-    values = {"actuator_lag:rudder.tau": 0.2, "actuator_lag:rudder.tau_2": 0.1}
+    values = {"actuator_lag:rudder.tau": 0.3, "actuator_lag:rudder.inertia": 0.2 * 0.1 / 0.3**2}
     case = flown("actuator_lag:rudder", calm, values, setpoint=step)
     t = 0.02 * np.maximum(np.arange(101) - 10, 0)
     response = 1 - (0.2 * np.exp(-t / 0.2) - 0.1 * np.exp(-t / 0.1)) / 0.1
     assert deflection(*case, values)[11:] == pytest.approx(0.1 * response[11:], abs=1e-3)
+
+
+@pytest.mark.parametrize("key", ["actuator_lag:rudder", "actuator_delay:rudder", "unsteady_lift", "load_cell_lag"])
+def test_a_lag_comes_out_of_null_without_a_step(calm, key):
+    """Guards the lags that are too short to be stepped through: what a flight reports moves in proportion to the lag, from null past the
+    shortest one (a step there is a wall for a fit: nothing that it tries beyond is better)."""
+    from awescli.physics.effects.lag import SHORTEST
+
+    setpoint = 0.05 * np.sin(3.0 * 0.02 * np.arange(101))
+    taus = SHORTEST * np.array([0.0, 0.5, 1.0 - 1e-9, 1.0 + 1e-9, 1.5])
+    runs = [flown(key, calm, {f"{key}.tau": tau}, setpoint=setpoint)[1].outputs[0] for tau in taus]
+    # the first ten samples are the start's own transient
+    moved = np.array([np.abs(run - runs[0])[10:].max(axis=0) for run in runs])
+    seen = moved[-1] > 1e-6
+    assert seen.any()
+    assert moved[3, seen] == pytest.approx(moved[2, seen], rel=1e-4)
+    assert (moved[1, seen] / moved[2, seen]) == pytest.approx(0.5, abs=0.25)
+    assert (moved[4, seen] / moved[2, seen]) == pytest.approx(1.5, abs=0.25)
 
 
 def test_a_lagging_surface_is_behind_from_the_start(calm):

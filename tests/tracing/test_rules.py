@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from awescli.tracing.race import GUSTY_MATERIAL, MATERIAL
-from awescli.tracing.trace import Round, Trace, _credible, _decide, _material, _unbeaten
+from awescli.tracing.trace import Round, Trace, _admissible, _credible, _decide, _material, _unbeaten
 from awescli.tracing.verdict import _better
 
 DOF, BLOCKS = 1000.0, 10
@@ -58,6 +58,19 @@ def test_at_the_floor_a_gain_on_few_blocks_counts_unless_one_carries_it():
 
     assert _material(GUSTY, runner(1.0), after(1.0, [25.0, 20.0])) and not _material(GUSTY, runner(1.0), after(1.0, [45.0]))
     assert not _material(GUSTY, runner(1.3), after(1.3, [25.0, 20.0]))
+
+
+def test_who_is_likelier_than_the_answer_is_heard():
+    """Guards the name against a worse one that alone is material: once something is missing, likelihood says what; who gains on the fit
+    segments alone still does not count, nor anybody where nothing is material."""
+    def after(train: float, choice: float):
+        r = runner(1.0)
+        r.train_deviance, r.choice_deviance = r.train_cost - train / BLOCKS, r.choice_cost - choice / BLOCKS
+        return r
+
+    material, likelier, overfitted, worse = after(20.0, 15.0), after(40.0, 8.0), after(90.0, -5.0), after(5.0, 8.0)
+    assert _admissible(GUSTY, runner(1.0), [material, overfitted, worse, likelier]) == [likelier, material]
+    assert _admissible(GUSTY, runner(1.0), [likelier, overfitted, worse]) == []
 
 
 @pytest.mark.parametrize("last, kept", [(1.005, 3), (1.3, 2)])

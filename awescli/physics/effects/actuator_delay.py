@@ -30,7 +30,7 @@ class ActuatorDelay(Effect):
         target = deflections[self.target]
         at.states[f"{self.key}.target"] = target
         _, x2 = self.own_states(at)
-        return {**deflections, self.target: select(own.tau - SHORTEST, target - own.tau * x2, target)}
+        return {**deflections, self.target: target - own.tau * x2}
 
     def rates(self, at, own):
         (x1, x2), tau = self.own_states(at), self._tau(own)

@@ -3,16 +3,17 @@
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import SURFACES
 from awescli.physics.effects.base import Effect
-from awescli.physics.effects.lag import clipped, lag_rate, lagged
+from awescli.physics.effects.lag import clipped, lag_rate, lag_time, lagged
 
 FASTEST = 50.0
 """[rad/s] a rate limit that no actuator reaches: none."""
 
 
 class ActuatorLag(Effect):
-    """d(delta)/dt = (y - delta)/tau, limited to +-rate; tau_2 dy/dt = set-point - y makes the lag one of second order.
+    """inertia tau^2 d2(delta)/dt2 + tau d(delta)/dt + delta = set-point, with |d(delta)/dt| at most rate.
 
-    Source: 0.1 s, 2 rad/s (MegAWES actuators); two time constants are a second-order actuator without overshoot.
+    Of first order where inertia is 0; 1/4 is critical damping, damping ratio 1/(2 sqrt(inertia)) = 1. (Two lags in a row have the sum tau
+    and the product inertia tau^2, but a fit of the two cannot tell which is which.) Source: 0.1 s, 2 rad/s (MegAWES actuators).
     """
 
     name = "actuator_lag"
@@ -20,30 +21,27 @@ class ActuatorLag(Effect):
     parameters = (
         Parameter("tau", 0.0, "s", 0.0, 1.0, source="0.1 s"),
         Parameter("rate", FASTEST, "rad/s", 0.05, FASTEST, source="2 rad/s (MegAWES)"),
-        Parameter("tau_2", 0.0, "s", 0.0, 0.5, source="no slower than the first; gives form only"),
+        Parameter("inertia", 0.0, "-", 0.0, 0.25, source="from first order to critical damping; gives form only"),
     )
     targets = SURFACES
-    states = ("command", "deflection")
+    states = ("deflection", "speed")
     probes = {"tau": (0.06, 0.15, 0.3), "rate": (FASTEST, 0.8)}
-    shapes = ("rate", "tau_2")
-    refinements = {"tau_2": (0.08,)}
+    shapes = ("rate", "inertia")
+    refinements = {"inertia": (0.15,)}
 
     def actuate(self, deflections, at, own):
-        command, deflection = self.own_states(at)
-        setpoint = deflections[self.target]
-        command = lagged(command, setpoint, own.tau_2)
-        at.states[f"{self.key}.setpoint"], at.states[f"{self.key}.followed"] = setpoint, command
-        return {**deflections, self.target: lagged(deflection, command, own.tau)}
+        deflection, _ = self.own_states(at)
+        at.states[f"{self.key}.setpoint"] = deflections[self.target]
+        return {**deflections, self.target: lagged(deflection, deflections[self.target], own.tau)}
 
     def rates(self, at, own):
-        command, deflection = self.own_states(at)
-        return (
-            lag_rate(command, at.states[f"{self.key}.setpoint"], own.tau_2),
-            clipped(lag_rate(deflection, at.states[f"{self.key}.followed"], own.tau), own.rate),
-        )
+        deflection, speed = self.own_states(at)
+        tau = lag_time(own.tau)
+        towards = (at.states[f"{self.key}.setpoint"] - deflection) / tau
+        # the speed follows what a first-order lag would do
+        return clipped(lagged(speed, towards, own.inertia * tau), own.rate), lag_rate(speed, towards, own.inertia * tau)
 
     def initial(self, at, own):
         # where a lagging surface is when its set-point has been moving steadily
-        setpoint, rate = at.states[f"{self.key}.setpoint"], at.inputs[f"{self.target}_rate"]
-        command = setpoint - own.tau_2 * rate
-        return command, command - own.tau * clipped(rate, own.rate)
+        speed = clipped(at.inputs[f"{self.target}_rate"], own.rate)
+        return at.states[f"{self.key}.setpoint"] - lag_time(own.tau) * speed, speed

@@ -3,17 +3,23 @@
 from awescli.notation.scalars import select
 
 SHORTEST = 0.012
-"""[s] a lag below this is taken as none: with 20 ms steps RK4 cannot tell them apart (stable to h/tau = 2.78)."""
+"""[s] the shortest lag that is stepped through: with 20 ms steps RK4 is stable to h/tau = 2.78. What lags by less is a mixture of this lag
+and none, late by tau on average: a fit can go to null and come back from it, and the cost has no step on the way."""
+
+
+def lag_time(tau):
+    """[s] The lag with which the state follows: tau, or the shortest one."""
+    return select(tau - SHORTEST, tau, SHORTEST + 0.0 * tau)
 
 
 def lagged(x, value, tau):
-    """The lagged value: the state x where there is a lag, `value` itself (to the last bit) where tau is null."""
-    return select(tau - SHORTEST, x, value)
+    """The lagged value: the state x, towards null ever more of `value` itself, and `value` to the last bit at null."""
+    return select(tau - SHORTEST, x, value + (x - value) * (tau / SHORTEST))
 
 
 def lag_rate(x, value, tau):
-    """dx/dt = (value - x) / tau; the state follows at the shortest lag where tau is null."""
-    return (value - x) / select(tau - SHORTEST, tau, SHORTEST + 0.0 * tau)
+    """dx/dt = (value - x) / tau."""
+    return (value - x) / lag_time(tau)
 
 
 def clipped(x, limit):

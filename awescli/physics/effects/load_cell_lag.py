@@ -2,7 +2,7 @@
 
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
-from awescli.physics.effects.lag import lag_rate, lagged
+from awescli.physics.effects.lag import lag_rate, lag_time, lagged
 
 
 class LoadCellLag(Effect):
@@ -22,4 +22,4 @@ class LoadCellLag(Effect):
 
     def initial(self, at, own):
         # the measured rate of the load stands for the true one: both are slow against the filter
-        return (at.tension - own.tau * at.inputs["tension_rate"],)
+        return (at.tension - lag_time(own.tau) * at.inputs["tension_rate"],)
