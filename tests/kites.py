@@ -12,7 +12,7 @@ from awescli.physics.declaration import KiteDeclaration, read_kite
 from awescli.physics.effects import EFFECTS
 from awescli.physics.kite import Kite
 from awescli.simulation.campaign_flights import CampaignFlight, dev_like
-from awescli.simulation.gusts import dryden
+from awescli.simulation.gusts import dryden, roll_gust
 from awescli.simulation.segments import Observed, observe
 
 ROOT = Path(__file__).parents[1]
@@ -23,7 +23,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "wind_veer": {"k": 4.4e-4},  # 2.5 deg per 100 m
     "wind_offset": {"dN": 1.5, "dE": -1.0, "dD": 0.5},
     "air_density": {"c": 1.037},
-    "turbulence": {"sigma": 0.9},
+    "turbulence": {"sigma": 0.9, "roll": 0.1},
     "tether_drag": {"dC": 0.3, "lateral": 1.0},
     "tether_weight": {"mu": 0.0074},
     "tether_elasticity": {"EA": 6e5, "zeta": 120.0},
@@ -124,6 +124,7 @@ def lively(kite: Kite, log: FlightLog, count: int = 8, seconds: float = 5.0, see
     at = kite.input_names.index("turbulence_n")
     for k in range(count):
         inputs[k, :, at : at + 3] = dryden(steps + 1, log.dt, 40.0, seed + k)
+        inputs[k, :, kite.input_names.index("turbulence_p")] = roll_gust(steps + 1, log.dt, 40.0, 5.0, seed + k)
     moved = segments.__class__(segments.first, segments.starts, setpoints, inputs, segments.dt, segments.values)
     return Observed(moved, observed.outputs, observed.measured, observed.sigma)
 

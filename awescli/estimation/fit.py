@@ -294,24 +294,26 @@ def fit(
 
 
 def likeliest_gusts(observed: Observed, fit: Fit, gusts: Gusts, rounds: int = 20) -> Gusts:
-    """The lengths of gusts under which those of a fit are likeliest (expectation-maximisation at the fit's linearisation)."""
+    """The lengths of gusts, and the level of roll gusts, under which those of a fit are likeliest (expectation-maximisation at the fit's
+    linearisation)."""
     segments = observed.segments
     steps, dt = segments.steps, segments.dt
     prior = gusts.precision(steps, dt)
     factors = [factor for factor, _, _ in fit.information.back]
     whole = [np.triu(c).T @ np.triu(c) if not lower else np.tril(c) @ np.tril(c).T for c, lower in factors]
+    n = len(gusts.axes)
     for _ in range(rounds):
         new = gusts.precision(steps, dt)
-        moments = np.zeros((3, len(new) // 3, len(new) // 3))
+        moments = np.zeros((n, len(new) // n, len(new) // n))
         for M, own in zip(whole, fit.own, strict=True):
             M = M.copy()
             M[12:, 12:] += new - prior
             spread = np.linalg.inv(M)
             wind = (own + spread[:, 12:] @ ((prior - new) @ own[12:]))[12:]
-            for axis in range(3):
-                moments[axis] += np.outer(wind[axis::3], wind[axis::3]) + spread[12 + axis :: 3, 12 + axis :: 3]
+            for axis in range(n):
+                moments[axis] += np.outer(wind[axis::n], wind[axis::n]) + spread[12 + axis :: n, 12 + axis :: n]
         before, gusts = gusts, gusts.likeliest(moments / len(whole), steps, dt)
-        if np.allclose([gusts.length, gusts.vertical_length], [before.length, before.vertical_length], rtol=0.01):
+        if all(np.allclose(getattr(gusts, what), getattr(before, what), rtol=0.01) for what in ("stds", "length", "vertical_length")):
             break
     return gusts
 

@@ -12,7 +12,7 @@ from awescli.flightlog.split import Split, segments
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import GUSTS, ODD_GUSTS, Kite
+from awescli.physics.kite import GUSTS, ODD_GUSTS, ROLL_GUSTS, Kite
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed, observe
 
@@ -51,7 +51,7 @@ def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), l
     heights = log.wind.height if log.wind is not None else (10.0,)
     kite = Kite(declaration, heights, extra)
     own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
-    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in (*GUSTS, *ODD_GUSTS, *kite.record)]
+    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in (*GUSTS, *ODD_GUSTS, *ROLL_GUSTS, *kite.record)]
     return Simulator(kite, wrt, law)
 
 
@@ -65,7 +65,8 @@ def nuisance_wind(declaration: KiteDeclaration, log, kite: Kite) -> tuple[Record
     level = gust_level(log, kite)
     if level <= GUSTY:
         return RecordError(declaration.wind.std, CALM_WINDOW), level
-    return Gusts(level, GUST_WINDOW, airspeed=float(log["V_a"][log.valid].mean())), level
+    airspeed, span = float(log["V_a"][log.valid].mean()), kite.parameters["b"].value
+    return Gusts(level, GUST_WINDOW, airspeed=airspeed, span=span), level
 
 
 def ask(

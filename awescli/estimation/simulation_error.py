@@ -29,9 +29,10 @@ def with_gust_noise(simulator: Simulator, observed: Observed, gusts: RecordError
     """
     nodes = gusts.nodes(observed.segments.steps, observed.segments.dt)
     between = gusts.between_nodes(observed.segments.steps, observed.segments.dt)
-    windows = tuple((f"gust.{axis}", int(a), int(a) + 1) for a in nodes for axis in "ned")
+    windows = tuple((f"gust.{axis}", int(a), int(a) + 1) for a in nodes for axis in gusts.axes)
     _, J = simulator.sensitivities(observed.segments, Columns((), (), windows), observed.outputs, values)
-    direct = J[:, np.repeat(nodes, 3), :, np.arange(len(windows))].reshape(len(nodes), 3, *J.shape[:1], J.shape[2])
+    axes = len(gusts.axes)
+    direct = J[:, np.repeat(nodes, axes), :, np.arange(len(windows))].reshape(len(nodes), axes, *J.shape[:1], J.shape[2])
     variance = np.einsum("a,jakc->c", between**2, direct**2) / (len(nodes) * J.shape[0])
     return observed.with_noise(variance)
 
@@ -48,8 +49,7 @@ class SimulationError:
         self.windows = gusts.columns(segments.steps, segments.dt)
         self.own_prior = block_diag(np.zeros((12, 12)), gusts.precision(segments.steps, segments.dt))
         self.own = np.concatenate([segments.starts, np.zeros((len(segments), len(self.windows)))], axis=1)
-        first = simulator.kite.input_names.index("gust_n")
-        self._gust_inputs = slice(first, first + 4)
+        self._gust_inputs = [simulator.kite.input_names.index(f"gust_{axis}") for axis in (*gusts.axes, "phase")]
         self._hats = gusts.hats(segments.steps, segments.dt)
         self.integrates = gusts.random and bool(self.windows)
 
@@ -65,7 +65,7 @@ class SimulationError:
         segments = self.observed.segments.starting_at(own[:, :12])
         if not self.windows:
             return segments
-        wind = np.einsum("tj,kja->kta", self._hats, own[:, 12:].reshape(len(own), -1, 3))
+        wind = np.einsum("tj,kja->kta", self._hats, own[:, 12:].reshape(len(own), -1, len(self._gust_inputs) - 1))
         phase = np.broadcast_to(self._hats[:, 1::2].sum(axis=1)[:, None], (*wind.shape[:2], 1))
         return segments.with_inputs(self._gust_inputs, np.concatenate([wind, phase], axis=2))
 

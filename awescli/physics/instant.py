@@ -8,12 +8,14 @@ Number = Any
 
 
 class Wind(NamedTuple):
-    """Air at the kite: velocity NED [m/s] and density [kg/m3]."""
+    """Air at the kite: velocity NED [m/s], density [kg/m3], and the roll gust [rad/s]: the gradient of the vertical gust along the span,
+    which rolls the wing as a roll rate of minus that would (MIL-F-8785C's p_g)."""
 
     n: Number
     e: Number
     d: Number
     density: Number
+    roll: Number = 0.0
 
 
 class Body(NamedTuple):

@@ -25,9 +25,11 @@ GUSTS = ("gust.n", "gust.e", "gust.d")
 ODD_GUSTS = ("gust_odd.n", "gust_odd.e", "gust_odd.d")
 """As GUSTS, with weight `gust_phase`, an input between 0 and 1, where GUSTS have the rest: two rows of hats make a wind that is linear in
 time between nodes. The phase is 0 unless somebody fills it."""
+ROLL_GUSTS = ("gust.p", "gust_odd.p")
+"""The same of the roll gust [rad/s]."""
 _SIGNALS = (
     "tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate",
-    "turbulence_n", "turbulence_e", "turbulence_d", "gust_n", "gust_e", "gust_d",
+    "turbulence_n", "turbulence_e", "turbulence_d", "turbulence_p", "gust_n", "gust_e", "gust_d", "gust_p",
     "gust_phase",
 )  # fmt: skip
 
@@ -136,6 +138,7 @@ class Kite:
         table = declaration.table()
         own = [p for effect in self.effects for p in effect.rows() if p.name not in table]
         gusts = [Parameter(n, 0.0, "m/s", std=max(declaration.wind.std, 1e-6), source="nuisance") for n in (*GUSTS, *ODD_GUSTS)]
+        gusts += [Parameter(n, 0.0, "rad/s", std=1e-6, source="nuisance") for n in ROLL_GUSTS]
         record = record_errors(declaration, len(self.heights))
         self.record = tuple(p.name for p in record)
         self.parameters: ParameterTable = table.with_rows([*own, *gusts, *record])
@@ -174,8 +177,8 @@ class Kite:
             wind = e.airflow(wind, at, e.own(at))
         # what is estimated beside it, a signal and the parameters through which it is differentiated; last, so that no effect scales it
         odd = inputs["gust_phase"]
-        gust = {a: inputs[f"gust_{a}"] + ((1 - odd) * values[f"gust.{a}"] + odd * values[f"gust_odd.{a}"]) for a in "ned"}
-        wind = wind._replace(**{axis: getattr(wind, axis) + gust[axis] for axis in "ned"})
+        gust = {a: inputs[f"gust_{a}"] + ((1 - odd) * values[f"gust.{a}"] + odd * values[f"gust_odd.{a}"]) for a in "nedp"}
+        wind = wind._replace(roll=wind.roll + gust["p"], **{axis: getattr(wind, axis) + gust[axis] for axis in "ned"})
         at.wind = wind
         at.air_velocity, at.V_a, at.alpha, at.beta = air_data(R, at.v_ned, wind)
         at.dynamic_pressure = wind.density * at.V_a * at.V_a / 2

@@ -35,7 +35,8 @@ def lead(evidence: Evidence) -> str:
         "detectable": link("detectable", "what would have been seen"),
     }
     known = LEADS.get(evidence.effects["verdict"])
-    return known.format(**places) if known else esc(evidence.effects["sentence"])
+    rolls = f" What is left {link('fig-roll', 'rolls the kite')} as gusts across its span do." if evidence.effects.get("roll_gusts") else ""
+    return known.format(**places) + rolls if known else esc(evidence.effects["sentence"])
 
 
 def worth(evidence: Evidence) -> str:

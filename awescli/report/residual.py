@@ -5,7 +5,7 @@ import numpy as np
 from awescli.report.evidence import Evidence
 from awescli.report.headline import lead, shows_phase
 from awescli.report.marks import Body, Cell, Section, absent, bar, chip, esc, folded, keys, paragraph, table
-from awescli.report.plots import Figure, Shared, axis, bars, dots, grid, line
+from awescli.report.plots import Figure, Shared, axis, bars, dots, grid, line, log_axis
 from awescli.report.words import COLOURS, channel, effect_words, listed, number, percent, scale_of, short, with_std
 
 PANELS = 6
@@ -22,6 +22,7 @@ def residual(evidence: Evidence) -> Section:
     if evidence.effects is None:
         return Section("residual", title, absent("awes trace-residual", "the residual was not traced"))
     found = paragraph(f"{verdict_chip(evidence)} {lead(evidence)}"), sizes(evidence), before_after(evidence), over_loop(evidence)
+    found = (*found, roll_gusts(evidence), rolled_parameters(evidence))
     return Section("residual", title, (found, unexplained(evidence), ranking(evidence), shifts(evidence)))
 
 
@@ -214,26 +215,65 @@ def _key(key: str) -> tuple[str, str]:
 def shifts(evidence: Evidence) -> Body:
     """How far each parameter lay from its prior before and after: what parameters had swallowed returns."""
     moved = evidence.effects.get("parameter_shifts") or {}
-    if not moved:
-        return ""
+    note = (
+        "A parameter that stood in for the missing effect goes back towards its prior once the effect is there. "
+        "Shaded: ± 1 prior standard deviation."
+    )
+    note = note if evidence.tracing_added else "Nothing was added, so nothing moved."
+    return _shifted("fig-shifts", "What the parameters had swallowed", moved, evidence.tracing_added, note) if moved else ""
+
+
+def _shifted(id: str, title: str, moved: dict, added: bool, note: str) -> Figure:
+    """Distances from the prior before, and after where something was added."""
     names = sorted(moved, key=lambda n: -abs(moved[n]["before_in_prior_std"]))
     before, after = ([moved[n][f"{w}_in_prior_std"] for n in names] for w in ("before", "after"))
     y = [esc(n) for n in names]
     ways = [v for b, a in zip(before, after, strict=True) for v in (b, a, None)]
     data = [line(ways, [v for n in y for v in (n, n, None)], "", "@grey/0.6", width=2, showlegend=False, hoverinfo="skip")]
     data.append(dots(before, y, "before", COLOURS["identified"], size=8, hovertemplate="%{y} before: %{x:.2f} prior std<extra></extra>"))
-    if evidence.tracing_added:
+    if added:
         data.append(dots(after, y, "after", COLOURS["with_effects"], size=8, hovertemplate="%{y} after: %{x:.2f} prior std<extra></extra>"))
     layout = {
         "xaxis": axis("distance from the prior, in prior standard deviations", zeroline=True),
         "yaxis": {"autorange": "reversed", "type": "category", "categoryorder": "array", "categoryarray": y, "dtick": 1},
         "shapes": [{"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": -1, "x1": 1, "fillcolor": "@grey/0.12", "line": {"width": 0}}],
     }
+    return Figure(id, title, data, layout, split="fitted to train", note=note, height=90 + 17 * len(names))
+
+
+def roll_gusts(evidence: Evidence) -> Body:
+    """What roll gusts explain of every channel on unseen segments."""
+    roll = evidence.effects.get("roll_gusts")
+    if not roll:
+        return ""
+    names = list(roll["channels"])
+    before, after = ([roll["channels"][n][which] for n in names] for which in ("before", "after"))
+    more = {"text": [channel(n) for n in names], "hovertemplate": "%{text}: %{x:.3g} times the noise<extra></extra>"}
+    y = [short(n) for n in names]
+    data = [
+        dots(before, y, "gusts that move the kite", COLOURS["identified"], **more),
+        dots(after, y, "and gusts that roll it", COLOURS["with_effects"], **more),
+    ]
+    layout = {
+        "xaxis": log_axis("squared residual over that of the noise", before, after),
+        "yaxis": {"autorange": "reversed", "type": "category", "dtick": 1},
+    }
     note = (
-        "A parameter that stood in for the missing effect goes back towards its prior once the effect is there. "
-        "Shaded: ± 1 prior standard deviation."
+        f"Gusts of {number(roll['std_rad_s'])} rad/s that roll the kite, {number(roll['of_specification'])} times what MIL-F-8785C "
+        f"expects of these gusts and this span, each lasting {number(roll['lasts_s'])} s. Both models are fitted alike, with gusts of the "
+        "same level; on the segments shown only starts and gusts are fitted."
     )
-    return Figure(
-        "fig-shifts", "What the parameters had swallowed", data, layout, split="fitted to train",
-        note=note if evidence.tracing_added else "Nothing was added, so nothing moved.", height=90 + 17 * len(names),
-    )  # fmt: skip
+    return Figure("fig-roll", "What roll gusts explain", data, layout, split=roll["split"], note=note, height=110 + 20 * len(names))
+
+
+def rolled_parameters(evidence: Evidence) -> Body:
+    """What the derivatives are once roll gusts are in the model."""
+    roll = evidence.effects.get("roll_gusts")
+    if not roll:
+        return ""
+    note = (
+        "The controller answers roll gusts. A model without them sees surfaces move, a kite that does not follow, and takes its "
+        "derivatives for small. After: fitted with roll gusts. The kite file keeps the values before, which predict recorded flight "
+        "better: recorded surfaces hold the answer to gusts that nobody can predict. Shaded: ± 1 prior standard deviation."
+    )
+    return _shifted("fig-rolled", "What roll gusts do to the derivatives", roll["parameter_shifts"], True, note)

@@ -7,7 +7,12 @@ field with airspeed V_a. The horizontal axes take the longitudinal form, the ver
     R_trans(t) = (1 - t V/(2 L)) exp(-t V/L)              the form (1 + sqrt(3) s L/V) / (1 + s L/V)^2
 
 Stepped exactly (matrix exponential and the stationary covariance), so the variance does not depend on the sampling interval and
-the first sample is as turbulent as the last. A kite turns and the gusts' axes do not: what is lost is the difference between the two forms.
+the first sample is as turbulent as the last. Across the span the vertical gust has a gradient, the roll gust p_g (the specification's
+sigma_p and corner frequency pi V / 4 b):
+
+    R_roll(t) = exp(-t pi V / 4 b)
+
+A kite turns and the gusts' axes do not: what is lost is the difference between the two forms.
 """
 
 import numpy as np
@@ -25,6 +30,22 @@ def dryden(samples: int, dt: float, airspeed: float, seed: int, length: float = 
     vertical = VERTICAL_SHARE * length if vertical_length is None else vertical_length
     horizontal_axes = [_shaped(*_longitudinal(airspeed / length), samples, dt, random) for _ in range(2)]
     return np.stack([*horizontal_axes, _shaped(*_transversal(airspeed / vertical), samples, dt, random)], axis=1)
+
+
+def roll_gust(samples: int, dt: float, airspeed: float, span: float, seed: int) -> np.ndarray:
+    """(samples,) roll gust of unit variance [-]. dt [s], airspeed [m/s], span [m]."""
+    return _shaped(*_longitudinal(roll_corner(airspeed, span)), samples, dt, np.random.default_rng(seed))
+
+
+def roll_corner(airspeed: float, span: float) -> float:
+    """[rad/s] corner frequency of the roll gust's spectrum."""
+    return np.pi * airspeed / (4 * span)
+
+
+def roll_level(span: float, vertical_length: float) -> float:
+    """[rad/m] standard deviation of the roll gust over that of the vertical gust: the integral of MIL-F-8785C's spectrum
+    0.8 (pi L/4 b)^(1/3) / (V L (1 + (4 b w/pi V)^2))."""
+    return float(np.sqrt(0.8 * (np.pi * vertical_length / (4 * span)) ** (1 / 3) * np.pi**2 / (8 * span * vertical_length)))
 
 
 def longitudinal(time, a: float):

@@ -8,7 +8,7 @@ import numpy as np
 
 from awescli.engine.machine import Program, compile_program
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
-from awescli.physics.kite import GUSTS, ODD_GUSTS, Kite
+from awescli.physics.kite import GUSTS, ODD_GUSTS, ROLL_GUSTS, Kite
 
 _INDEX = {name: i for i, name in enumerate(OUTPUTS)}
 
@@ -45,7 +45,7 @@ class Segments:
         """The same segments from other starts."""
         return replace(self, starts=starts)
 
-    def with_inputs(self, columns: slice, signals: np.ndarray) -> "Segments":
+    def with_inputs(self, columns: Sequence[int], signals: np.ndarray) -> "Segments":
         """The same segments with some input columns replaced by `signals` (K, N+1, n)."""
         inputs = self.inputs.copy()
         inputs[:, :, columns] = signals
@@ -94,7 +94,7 @@ class Simulator:
 
     def __init__(self, kite: Kite, wrt: Sequence[str] | None = None, law: Callable | None = None, substeps: int = 1):
         self.kite, self.substeps = kite, substeps
-        self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *GUSTS, *ODD_GUSTS])
+        self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *GUSTS, *ODD_GUSTS, *ROLL_GUSTS])
         self.n_s = len(kite.state_names)
         self.f, self.g = (self._compiled(fn, linearised=False) for fn in (kite.derivative, self._at_sample))
         self.initial = self._compiled(kite.initial)
@@ -188,7 +188,7 @@ def inputs_of(log, kite: Kite) -> np.ndarray:
         "density": wind["density"],
         "tension": tension,
         "tension_rate": _smooth_rate(tension, log.dt),
-        **{f"{kind}_{axis}": zero for kind in ("turbulence", "gust") for axis in "ned"},
+        **{f"{kind}_{axis}": zero for kind in ("turbulence", "gust") for axis in "nedp"},
         "gust_phase": zero,
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
         **wind,

@@ -16,7 +16,7 @@ from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
-from awescli.simulation.gusts import dryden
+from awescli.simulation.gusts import dryden, roll_gust
 from awescli.simulation.rollout import Segments, Simulator, Trajectories, inputs_of
 from awescli.simulation.segments import noise_std, wrap
 
@@ -172,6 +172,7 @@ def simulate_flight(
     if "turbulence.sigma" in kite.parameters:
         gusts = dryden(samples, dt, AIRSPEED, seed + 1, kite.parameters["turbulence.L"].value)
         inputs[:, [at[f"turbulence_{axis}"] for axis in "ned"]] = gusts
+        inputs[:, at["turbulence_p"]] = roll_gust(samples, dt, AIRSPEED, kite.parameters["b"].value, seed + 2)
     if start is None:
         if pattern is None:
             raise BadInput("without a start the kite needs a pattern to be put on")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from awescli.estimation.prediction import predict
+from awescli.estimation.question import ask, without_record
 from awescli.estimation.record_error import mid_times, with_record_errors
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.race import Runner
@@ -30,10 +31,11 @@ def account(finding: Finding, log, parts, horizon: float, before: Simulator, aft
         model = replace(model, fit=with_record_errors(model.fit, finding.simulator.kite.record, log.wind.time, times))
     error_before, error_after = (predict(s, log, parts.test, horizon) for s in (before, after))
     effects = [_effect(finding, key, model, log) for key in model.keys if not finding.effect(key).empirical]
+    roll = _roll_gusts(finding, log, parts)
     effects += [_suspect(key, bound, trial, log) for key, bound, trial in finding.suspects[:1]]
     return {
         "verdict": finding.verdict,
-        "sentence": SENTENCES[finding.verdict] + _rest(null, model),
+        "sentence": SENTENCES[finding.verdict] + _rest(null, model) + _rolled(roll),
         "effects": effects,
         "ranking": _ranking(finding),
         "unexplained": _unexplained(finding) if finding.verdict == "unexplained" else None,
@@ -45,6 +47,7 @@ def account(finding: Finding, log, parts, horizon: float, before: Simulator, aft
                  "validation_before": null.choice_chi2, "validation_after": model.choice_chi2},
         "left": _left(null, model),
         "gust_m_s": finding.gust,
+        "roll_gusts": roll,
         "detectable": finding.library.detectable,
         "not_testable": list(finding.library.rounds[0].untestable) if finding.library.rounds else [],
         "parameter_shifts": _shifts(finding, null, model),
@@ -58,6 +61,33 @@ def _rest(null: Runner, model: Runner) -> str:
     """The sentence that keeps an answer from promising too much."""
     left = _left(null, model)["share"]
     return f" It is not the whole of it: {left:.0%} of the excess is left on unseen loops." if model.keys and left > SPOKEN else ""
+
+
+def _roll_gusts(finding: Finding, log, parts) -> dict | None:
+    """What roll gusts are worth on test segments, and what the parameters are with them: without, feedback against them hides in these."""
+    roll, segments = finding.roll_gusts, finding.fitted.segments
+    if roll is None:
+        return None
+    simulator, horizon = finding.simulator, segments.steps * segments.dt
+    test = ask(simulator, log, parts, horizon, finding.fitted.outputs, ("test",)).fitted
+    models = {"before": roll.before, "after": roll.after}
+    clean = {which: simulator.holding(without_record(simulator.kite, r.table)) for which, r in models.items()}
+    return {
+        "std_rad_s": roll.level, "of_specification": roll.gusts.roll, "lasts_s": roll.memory, "split": "test",
+        **roll.on(simulator, test), "nrmse": {which: predict(s, log, parts.test, horizon).nrmse()["mean"] for which, s in clean.items()},
+        "parameter_shifts": _shifts(finding, roll.before, roll.after),
+    }  # fmt: skip
+
+
+def _rolled(roll: dict | None) -> str:
+    """The sentence on roll gusts, where there are any."""
+    if roll is None:
+        return ""
+    before, after = roll["chi2"]["before"], roll["chi2"]["after"]
+    return (
+        f" Roll gusts of {roll['std_rad_s']:.2g} rad/s, {roll['of_specification']:.1f} times MIL-F-8785C's, take chi-square per degree of "
+        f"freedom on unseen segments from {before:.3g} to {after:.3g}; `roll_gusts` says what the derivatives are with them."
+    )
 
 
 def _left(null: Runner, model: Runner) -> dict:

@@ -15,6 +15,7 @@ from awescli.physics.kite import Kite, candidates, make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
 from awescli.tracing.race import Contest, Runner, contest_of, run
+from awescli.tracing.roll_gusts import RollGusts, roll_gusts
 from awescli.tracing.trace import Trace, trace
 
 NEAR_FLOOR = 0.02
@@ -33,7 +34,8 @@ COLLINEAR = 0.95
 
 @dataclass(frozen=True)
 class Finding:
-    """verdict: one of the contract's five; model: the final model; effects: accepted keys with their rivals; traces: library and bank."""
+    """verdict: one of the contract's five; model: the final model; effects: accepted keys with their rivals; traces: library and bank;
+    roll_gusts: what of the gusts was missing too, where nothing but gusts is."""
 
     verdict: str
     model: Runner
@@ -44,6 +46,7 @@ class Finding:
     bank: Trace | None
     suspects: tuple[tuple[str, str], ...]
     gust: float
+    roll_gusts: RollGusts | None = None
 
     def effect(self, key: str):
         """An effect of the library or the bank by its key."""
@@ -92,7 +95,11 @@ def investigate(
         return Finding(verdict, library.final, question.simulator, question.fitted, rivals, library, bank, (), question.gust)
     if suspects:
         return Finding("cannot_tell", null, question.simulator, question.fitted, {}, library, bank, suspects, question.gust)
-    verdict = "not_deterministic" if question.gust > GUSTY else "unexplained" if _left(null) > 10 * NEAR_FLOOR else "none"
+    if question.gust > GUSTY:
+        progress("looking for roll gusts")
+        found = roll_gusts(contest, null)
+        return Finding("not_deterministic", null, question.simulator, question.fitted, {}, library, bank, (), question.gust, found)
+    verdict = "unexplained" if _left(null) > 10 * NEAR_FLOOR else "none"
     return Finding(verdict, null, question.simulator, question.fitted, {}, library, bank, (), question.gust)
 
 

@@ -50,7 +50,7 @@ def test_wind_veer():
 def test_wind_offset_and_density():
     """Guards addition in NED, and that a factor on the density is one on the dynamic pressure."""
     with_it, without = both("wind_offset")
-    assert np.subtract(with_it.wind, without.wind) == pytest.approx([1.5, -1.0, 0.5, 0.0])
+    assert np.subtract(with_it.wind, without.wind) == pytest.approx([1.5, -1.0, 0.5, 0.0, 0.0])
     with_it, without = both("air_density")
     assert with_it.dynamic_pressure / without.dynamic_pressure == pytest.approx(1.037)
 
@@ -58,7 +58,15 @@ def test_wind_offset_and_density():
 def test_turbulence_scales_its_input():
     """Guards sigma: the unit series times sigma is added to the wind."""
     with_it, without = both("turbulence", {"sigma": 0.9}, turbulence_n=1.0, turbulence_d=-2.0)
-    assert np.subtract(with_it.wind, without.wind) == pytest.approx([0.9, 0.0, -1.8, 0.0])
+    assert np.subtract(with_it.wind, without.wind) == pytest.approx([0.9, 0.0, -1.8, 0.0, 0.0])
+
+
+def test_a_roll_gust_rolls_as_the_opposite_roll_rate_would():
+    """Guards sign and place: air that rolls at 0.2 rad/s makes the coefficients of a kite that rolls at -0.2 rad/s, and no other load."""
+    with_it, still = both("turbulence", {"roll": 0.2}, turbulence_p=1.0)
+    _, opposite = both("turbulence", p=still.z.p - 0.2)
+    assert with_it.coefficients == pytest.approx(opposite.coefficients) and with_it.coefficients != pytest.approx(still.coefficients)
+    assert with_it.V_a == still.V_a and with_it.alpha == still.alpha
 
 
 # --- line ---

@@ -52,6 +52,20 @@ def test_a_missing_effect_is_named_in_gusts():
     assert account["chi2"]["train_after"] == pytest.approx(1.0, abs=0.1)
 
 
+def test_roll_gusts_are_found_where_they_are():
+    """Guards the one finding in air that hides all else: gusts that roll the kite show on unseen segments with their level, and none are
+    made up for gusts that only move it."""
+    air = {"sigma": 0.8, "L": 150.0}
+    how = {"candidates": ("tether_drag", "wind_offset"), "horizon": 3.0, "curriculum": (1.0,)}
+    account, _ = traced({"turbulence": {**air, "roll": 0.12}}, seed=23, **how)
+    found = account["roll_gusts"]
+    assert account["verdict"] == "not_deterministic" and "Roll gusts" in account["sentence"]
+    assert found["std_rad_s"] == pytest.approx(0.12, rel=0.25)
+    assert found["chi2"]["after"] < found["chi2"]["before"] and found["channels"]["p"]["after"] < found["channels"]["p"]["before"]
+    account, _ = traced({"turbulence": air}, seed=23, **how)
+    assert account["verdict"] == "not_deterministic" and account["roll_gusts"] is None
+
+
 @pytest.mark.slow
 def test_two_missing_effects_are_both_named():
     """Guards the stepwise search: the second effect is found once the first is in the model."""

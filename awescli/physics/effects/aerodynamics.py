@@ -50,7 +50,7 @@ class Aerodynamics(Effect):
         x = {
             "alpha": alpha * unit,
             "beta": at.beta * unit,
-            "p_hat": at.z.p * b / (2 * V_a),
+            "p_hat": (at.z.p - at.wind.roll) * b / (2 * V_a),
             "q_hat": at.z.q * c / (2 * V_a),
             "r_hat": at.z.r * b / (2 * V_a),
             **{name: self.signs.get(name, 1) * unit * deflection for name, deflection in at.deflections.items()},
