@@ -2,7 +2,7 @@
 
 A segment k has unknowns of its own: its initial state z0 (nothing known beforehand) and the wind beside the record (with a Gaussian
 prior). Eliminating them exactly (Schur complement) is the same as weighting with R_k = R_y + S_x0 P0 S_x0' + S_w P_w S_w' with
-P0 -> infinity, and costs a factorisation of 50 x 50, in gusts 165 x 165, instead of one of 4000 x 4000.
+P0 -> infinity, and costs a factorisation of 50 x 50, in gusts 315 x 315, instead of one of 4000 x 4000.
 """
 
 from collections.abc import Callable
