@@ -13,8 +13,8 @@ from scipy.optimize import minimize_scalar
 from awescli.simulation.gusts import LENGTH, VERTICAL_SHARE, longitudinal, roll_corner, roll_level, transversal
 
 SETTLED_WINDOW = 0.05
-"""[s] between the nodes of a gust once the parameters are near: 2 m of air at 40 m/s. Between nodes a gust is taken for noise: with nodes at
-0.1 s, lags of a sample would explain a part of it."""
+"""[s] between the nodes of a gust once the parameters are near: 2 m of air at 40 m/s. Between nodes a gust is taken for noise: with nodes
+at 0.1 s, lags of a sample would explain a part of it."""
 LENGTHS = (20.0, 800.0)
 """[m] between which the length scale of gusts is looked for: MIL-F-8785C has 60 m to 530 m."""
 
