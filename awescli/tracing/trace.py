@@ -284,8 +284,8 @@ def _material(contest: Contest, here: Runner, r: Runner) -> bool:
     certain = ratio.mean() > CERTAIN * ratio.std(ddof=1) / np.sqrt(K) if K > 2 else bool((ratio > 0).all())
     gap = max(before.sum() - here.choice_dof, 0.0)
     if _gap(here) < FLOOR_ERROR:
-        # at the floor the noise is what the model says, and a gain as certain as its likelihood, unless one block carries it alone; there is
-        # no gap of which it could be a share
+        # at the floor the noise is what the model says, and a gain as certain as its likelihood, unless one block carries it alone;
+        # there is no gap of which it could be a share
         certain, gap = certain or (K > 2 and total - gain.max() > DECISIVE), 0.0
     return bool(certain and total > max(contest.material * before.sum(), SHARE_OF_GAP * gap, DECISIVE))
 
