@@ -60,6 +60,17 @@ def test_at_the_floor_a_gain_on_few_blocks_counts_unless_one_carries_it():
     assert not _material(GUSTY, runner(1.3), after(1.3, [25.0, 20.0]))
 
 
+@pytest.mark.parametrize("chi2, counts", [(1.015, True), (1.03, False)])
+def test_within_the_floors_own_error_there_is_no_gap_to_explain(chi2, counts):
+    """Guards effects in gusty air whose chi-square is 1.5 % above its floor, which is within the floor's error: what is certain counts
+    there without a tenth of that excess; above it the same gain does not."""
+    before, after = runner(chi2), runner(chi2)
+    for r in (before, after):
+        r.choice_cost, r.choice_deviance, r.choice_dof = 20 * r.choice_cost, 20 * r.choice_deviance, 20 * DOF
+    after.choice_deviance = before.choice_deviance - 2.2 + 0.3 * np.cos(np.arange(BLOCKS))
+    assert _material(GUSTY, before, after) is counts
+
+
 def test_who_is_likelier_than_the_answer_is_heard():
     """Guards the name against a worse one that alone is material: once something is missing, likelihood says what; who gains on the fit
     segments alone still does not count, nor anybody where nothing is material."""
