@@ -106,18 +106,18 @@ def integrated(information: Information, around: Callable[[np.ndarray], tuple[np
     """
     factors = [factor for factor, _, _ in information.back]
     n_own = len(factors[0][0])
-    unknown = np.full_like(information.cost, np.nan), np.full_like(information.b, np.nan)
+    unknown = replace(information, volume=np.full_like(information.cost, np.nan), tilt=np.full_like(information.b, np.nan))
     cost, pull = around(np.zeros((len(factors), n_own)))
     near = cost - information.cost < PROBE**2 * n_own
     if not near.any():
-        return replace(information, volume=unknown[0], tilt=unknown[1])
+        return unknown
     signs = np.random.default_rng(seed).choice((-1.0, 1.0), (len(factors), n_own))
     d = np.stack([PROBE * solve_triangular(c, z, trans=int(lower), lower=lower) for (c, lower), z in zip(factors, signs, strict=True)])
     (cost_there, pull_there), (cost_back, pull_back) = around(d), around(-d)
     trace = (cost_there + cost_back - 2 * cost) / (2 * PROBE**2)
     bent = (pull_there + pull_back - 2 * pull) / (2 * PROBE**2)
     log_det = np.array([2 * np.log(np.diag(c)).sum() for c, _ in factors])
-    volume, tilt = log_det + trace - n_own, unknown[1]
+    volume, tilt = log_det + trace - n_own, unknown.tilt
     known = near & np.isfinite(volume) & np.isfinite(bent).all(axis=1)
     for k in np.flatnonzero(known):
         factor, M_lg, _ = information.back[k]

@@ -71,7 +71,9 @@ def roll_gusts(contest: Contest, null: Runner) -> RollGusts | None:
     for _ in range(ROUNDS):
         here = _in_air(contest, null, gusts)
         after = run(here, null.table, (), null.names)
-        gusts = replace(gusts, roll=likeliest_gusts(here.fitted, after.fit, gusts).roll)
+        # the level alone: with other lengths the gusts that move the kite would no longer be those of the model without
+        level = likeliest_gusts(here.fitted, after.fit, gusts).stds[3]
+        gusts = replace(gusts, roll=float(gusts.roll * level / gusts.stds[3]))
         if gusts.roll < LEAST:
             return None
     after = run(_in_air(contest, null, gusts), after.table, (), null.names, start=after.fit, judged=after.judged)
