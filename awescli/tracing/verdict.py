@@ -77,7 +77,9 @@ def investigate(
         most = rounds if _left(library.final) > NEAR_FLOOR else len(rivals) - 1
         bank, bank_simulator = _bank(question, null, log, split, horizon, most, progress)
         unexplained = _better(bank, library)
-    suspects = () if rivals or unexplained or question.gust > GUSTY else _suspects(contest, null, question.kite, keys)
+    # who hides behind a parameter leaves nothing to see: where much is left, it is something else
+    elsewhere = bool(rivals) or unexplained or question.gust > GUSTY or _left(null) > 10 * NEAR_FLOOR
+    suspects = () if elsewhere else _suspects(contest, null, question.kite, keys)
     if unexplained:
         return Finding(
             "unexplained",
