@@ -16,13 +16,12 @@ from awescli.simulation.gusts import roll_corner
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
 from awescli.tracing.race import Contest, Runner, run
+from awescli.tracing.trace import DECISIVE
 
 ROUNDS = 2
 """How often model and level are fitted in turn."""
 LEAST = 0.2
 """Roll gusts of less than this share of the specification's level are none."""
-CERTAIN = 10.0
-"""Fall of the deviance on unseen segments (-2 log likelihood) from which on a roll gust counts, in all of them together."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def roll_gusts(contest: Contest, null: Runner) -> RollGusts | None:
     after = run(_in_air(contest, null, gusts), after.table, (), null.names, start=after.fit, judged=after.judged)
     without, with_them = (r.choice_deviance - _prior_volume(g, contest.choice) for r, g in ((before, plain), (after, gusts)))
     fall = without - with_them
-    if fall.sum() < CERTAIN or (fall > 0).mean() <= 0.5:
+    if fall.sum() < DECISIVE or (fall > 0).mean() <= 0.5:
         return None
     return RollGusts(gusts, plain, before, after)
 

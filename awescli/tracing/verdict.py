@@ -78,7 +78,8 @@ def investigate(
         bank, bank_simulator = _bank(question, null, log, split, horizon, most, progress)
         unexplained = _better(bank, library)
     # who hides behind a parameter leaves nothing to see: where much is left, it is something else
-    elsewhere = bool(rivals) or unexplained or question.gust > GUSTY or _left(null) > 10 * NEAR_FLOOR
+    much_left = _left(null) > 10 * NEAR_FLOOR
+    elsewhere = bool(rivals) or unexplained or question.gust > GUSTY or much_left
     suspects = () if elsewhere else _suspects(contest, null, question.kite, keys)
     if unexplained:
         return Finding(
@@ -101,7 +102,7 @@ def investigate(
         progress("looking for roll gusts")
         found = roll_gusts(contest, null)
         return Finding("not_deterministic", null, question.simulator, question.fitted, {}, library, bank, (), question.gust, found)
-    verdict = "unexplained" if _left(null) > 10 * NEAR_FLOOR else "none"
+    verdict = "unexplained" if much_left else "none"
     return Finding(verdict, null, question.simulator, question.fitted, {}, library, bank, (), question.gust)
 
 

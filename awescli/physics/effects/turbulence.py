@@ -13,7 +13,7 @@ class Turbulence(Effect):
     parameters = (
         Parameter("sigma", 0.0, "m/s", 0.0, 3.0, source="turbulence intensity 10 %"),
         Parameter("L", 150.0, "m", 10.0, 1000.0, source="MIL-F-8785C, low altitude"),
-        Parameter("roll", 0.0, "rad/s", 0.0, 1.0, source="MIL-F-8785C: see simulation/gusts.py; 0.09 for 1 m/s and 5.5 m of span"),
+        Parameter("roll", 0.0, "rad/s", 0.0, 1.0, source="MIL-F-8785C: see simulation/gusts.py; 0.08 for 1 m/s and 5.5 m of span"),
     )
     shapes = ("L", "roll")
     traceable = False
