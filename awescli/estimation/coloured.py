@@ -23,9 +23,10 @@ def coloured_information(problem: SimulationError, x: np.ndarray, information: I
 
     x: the fitted parameters; information: of `problem` there; flies: (K,) segments that count.
     """
-    own, columns, r, counted = problem.whitened(x)
-    projected = np.stack([J - S @ cho_solve(factor, M) for J, S, (factor, M, _) in zip(columns, own, information.back, strict=True)])
-    return excess(projected[flies], r[flies], counted[flies])
+    chain = problem.chain(x)
+    own = zip(chain.globals(), chain.own(), information.back, strict=True)
+    projected = np.stack([J - S @ cho_solve(factor, M) for J, S, (factor, M, _) in own])
+    return excess(projected[flies], chain.r[flies], chain.weight[flies] > 0)
 
 
 def excess(columns: np.ndarray, r: np.ndarray, counted: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from awescli.simulation.groups import each_group
+from awescli.estimation.chain import Chain
 
 PROBE = 0.5
 """Size of the probes that integrate over the own unknowns, in standard deviations: small enough not to lose a segment."""
@@ -51,45 +51,23 @@ class Information:
         return cho_solve(factor, M_lr - M_lg @ change)
 
 
-def reduce(
-    J: np.ndarray, r: np.ndarray, sigma: np.ndarray, n_own: int, own_prior: np.ndarray, own_value: np.ndarray, order=None
-) -> Information:
-    """Eliminate the first n_own columns of every segment.
+def reduce(chain: Chain, own_prior: np.ndarray, own_value: np.ndarray) -> Information:
+    """Eliminate the own unknowns of every segment.
 
-    J: (K, N, n_out, n_own + n) sensitivities; r: (K, N, n_out) whitened residual (0 where a sample does not count);
-    sigma: (K, N, n_out), inf where it does not; own_prior: (n_own, n_own) prior precision of the own unknowns (0: nothing known), mean 0;
-    own_value: (K, n_own) their present values; order: the columns of J in the order own, global, where they stand in another.
+    own_prior: (n_own, n_own) prior precision of the own unknowns (0: nothing known), mean 0; own_value: (K, n_own) their present values.
     """
-    K, columns = len(J), J.shape[-1]
-    order = np.arange(columns) if order is None else np.asarray(order)
-    place = np.r_[order, columns]
-    n = columns - n_own
-    weight = np.where(np.isfinite(sigma), 1 / sigma, 0.0)
-    H, b, cost, dof, back = np.zeros((K, n, n)), np.zeros((K, n)), np.zeros(K), np.zeros(K), []
-    grams = np.empty((K, columns + 1, columns + 1))
-
-    def gram(k):
-        A = _whitened(J[k], r[k], weight[k])
-        grams[k] = A.T @ A
-        yield
-
-    each_group(gram, K)
-    for k in range(K):
-        # the small Gram matrix is put in order, not the long columns
-        G = grams[k][np.ix_(place, place)]
-        M = G[:n_own, :n_own] + own_prior
-        factor = _factor(M)
-        pull = own_prior @ own_value[k]
-        M_lg, M_lr = G[:n_own, n_own:columns], G[:n_own, columns] - pull
-        X = cho_solve(factor, np.column_stack([M_lg, M_lr]))
-        H[k] = G[n_own:columns, n_own:columns] - M_lg.T @ X[:, :-1]
-        b[k] = G[n_own:columns, columns] - M_lg.T @ X[:, -1]
-        cost[k] = G[columns, columns] + own_value[k] @ pull - M_lr @ X[:, -1]
-        if (np.diag(G)[n_own:columns] > CANCELLED * np.diag(H[k])).any():
-            A = _whitened(J[k], r[k], weight[k])[:, place]
-            H[k], b[k], cost[k] = _projected(A, n_own, own_prior, own_value[k])
-        dof[k] = np.count_nonzero(weight[k]) - np.count_nonzero(np.diag(own_prior) == 0)
-        back.append((factor, M_lg, M_lr))
+    K, n = len(chain), chain.n
+    (of_own, cross, of_globals), pull = chain.gram(), own_value @ own_prior
+    cross[..., -1] -= pull
+    H, b, cost, back = np.zeros((K, n, n)), np.zeros((K, n)), np.zeros(K), []
+    for k, (M, M_l, G) in enumerate(zip(of_own, cross, of_globals, strict=True)):
+        factor = _factor(M + own_prior)
+        whole = G - M_l.T @ cho_solve(factor, M_l)
+        H[k], b[k], cost[k] = whole[:-1, :-1], whole[:-1, -1], whole[-1, -1] + own_value[k] @ pull[k]
+        if (np.diag(G)[:-1] > CANCELLED * np.diag(H[k])).any():
+            H[k], b[k], cost[k] = _projected(chain.pick([k]), own_prior, own_value[k])
+        back.append((factor, M_l[:, :-1], M_l[:, -1]))
+    dof = (chain.weight > 0).sum(axis=(1, 2)) - float(np.count_nonzero(np.diag(own_prior) == 0))
     return Information(H, b, cost, dof, back, np.zeros(K), np.zeros((K, n)))
 
 
@@ -125,22 +103,13 @@ def integrated(information: Information, around: Callable[[np.ndarray], tuple[np
     return replace(information, volume=np.where(known, volume, np.nan), tilt=tilt)
 
 
-def _whitened(J: np.ndarray, r: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """(N n_out, columns + 1): sensitivities over the noise, and the residual, of one segment."""
-    columns = J.shape[-1]
-    A = np.empty((r.size, columns + 1))
-    np.multiply(J.reshape(-1, columns), weight.reshape(-1, 1), out=A[:, :columns])
-    A[:, columns] = r.reshape(-1)
-    return A
-
-
-def _projected(A: np.ndarray, n_own: int, own_prior: np.ndarray, own_value: np.ndarray):
-    """(H, b, cost) of one segment with its own unknowns projected out of the whitened columns A = [own, globals, residual]."""
+def _projected(chain: Chain, own_prior: np.ndarray, own_value: np.ndarray):
+    """(H, b, cost) of one segment with its own unknowns projected out of the whitened columns of the globals and the residual."""
     values, vectors = np.linalg.eigh(own_prior)
     root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    own = np.vstack([A[:, :n_own], root])
-    rest = np.vstack([A[:, n_own:], np.zeros((n_own, A.shape[1] - n_own))])
-    rest[len(A) :, -1] = -root @ own_value
+    own = np.vstack([chain.own().reshape(-1, chain.n_own), root])
+    rest = np.vstack([np.column_stack([chain.globals().reshape(chain.r.size, -1), chain.r.ravel()]), np.zeros((len(root), chain.n + 1))])
+    rest[chain.r.size :, -1] = -root @ own_value
     U, s, _ = np.linalg.svd(own / np.maximum(np.linalg.norm(own, axis=0), 1e-300), full_matrices=False)
     U = U[:, s > 1e-11 * s[0]]
     for _ in range(2):

@@ -52,14 +52,6 @@ class RecordError:
         count = int(round(steps * dt / self.window)) if np.isfinite(self.window) else 0
         return np.round(np.linspace(0, steps, count + 1)).astype(int) if count else np.zeros(1, int)
 
-    def columns(self, steps: int, dt: float) -> tuple[tuple[str, int, int], ...]:
-        """(parameter, first step, last step) of every node and axis: from the node before to the node behind. Even and odd nodes have
-        parameters of their own, because neighbours overlap."""
-        nodes = self.nodes(steps, dt)
-        edges = [0, *(int(n) for n in nodes), steps + 1]
-        names = ("gust", "gust_odd")
-        return tuple((f"{names[j % 2]}.{axis}", edges[j], edges[j + 2]) for j in range(len(nodes)) for axis in self.axes)
-
     def hats(self, steps: int, dt: float) -> np.ndarray:
         """(N+1, n_nodes) weights of the nodes at every sample."""
         nodes = self.nodes(steps, dt)
@@ -67,7 +59,7 @@ class RecordError:
         return np.stack(rows, axis=1) if rows else np.zeros((steps + 1, 0))
 
     def precision(self, steps: int, dt: float) -> np.ndarray:
-        """Prior precision of the nodes, in the order of `columns`."""
+        """Prior precision of the nodes, in the order [node, axis]."""
         time = self.nodes(steps, dt) * dt
         n = len(self.axes)
         result = np.zeros((n * len(time),) * 2)

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from awescli.estimation.chain import Chain
 from awescli.estimation.information import integrated, reduce
 from awescli.estimation.nuisance_wind import RecordError
-from awescli.notation.quantities import STATES
 from awescli.simulation.rollout import Columns, Simulator
 from awescli.simulation.segments import Observed
 
@@ -46,12 +46,16 @@ class SimulationError:
     def __init__(self, simulator: Simulator, observed: Observed, names: Sequence[str], gusts: RecordError):
         self.simulator, self.observed, self.names = simulator, observed, tuple(names)
         segments = observed.segments
-        self.windows = gusts.columns(segments.steps, segments.dt)
         self.own_prior = block_diag(np.zeros((12, 12)), gusts.precision(segments.steps, segments.dt))
-        self.own = np.concatenate([segments.starts, np.zeros((len(segments), len(self.windows)))], axis=1)
+        self.own = np.zeros((len(segments), len(self.own_prior)))
+        self.own[:, :12] = segments.starts
+        nodes = gusts.nodes(segments.steps, segments.dt)
+        # links begin at all nodes but that at the end; a wind that is the same all the time, and none, make one link of the segment
+        self._nodes = nodes[:-1] if len(nodes) > 1 else np.zeros(1, int)
+        self._axes = gusts.axes if len(nodes) else ""
         self._gust_inputs = [simulator.kite.input_names.index(f"gust_{axis}") for axis in (*gusts.axes, "phase")]
         self._hats = gusts.hats(segments.steps, segments.dt)
-        self.integrates = gusts.random and bool(self.windows)
+        self.integrates = gusts.random and len(nodes) > 0
 
     @property
     def starts(self) -> np.ndarray:
@@ -63,7 +67,7 @@ class SimulationError:
     def segments(self, own: np.ndarray):
         """The segments from their own starts, in their own wind."""
         segments = self.observed.segments.starting_at(own[:, :12])
-        if not self.windows:
+        if not self._axes:
             return segments
         wind = np.einsum("tj,kja->kta", self._hats, own[:, 12:].reshape(len(own), -1, len(self._gust_inputs) - 1))
         phase = np.broadcast_to(self._hats[:, 1::2].sum(axis=1)[:, None], (*wind.shape[:2], 1))
@@ -86,51 +90,41 @@ class SimulationError:
         """
         names = self.names if parameters is None else tuple(parameters)
         values = {**self.values(x), **(values or {})}
-        found = self._sensitivities(self.own, names, values, extra)
-        trajectories, J, order, sigma = found
-        info = reduce(J, self.observed.residual(trajectories), sigma, len(self.own_prior), self.own_prior, self.own, order)
+        trajectories, chain = self._chain(self.own, names, values, extra)
+        info = reduce(chain, self.own_prior, self.own)
         if not self.integrates:
             return info, trajectories
         if not integrate:
             return replace(info, volume=np.full_like(info.volume, np.nan), tilt=np.full_like(info.tilt, np.nan)), trajectories
-        here = self._around(self.own, *found)
+        here = self._around(self.own, trajectories, chain)
 
         def around(change: np.ndarray):
             own = self.own + change
-            return self._around(own, *self._sensitivities(own, names, values, extra)) if change.any() else here
+            return self._around(own, *self._chain(own, names, values, extra)) if change.any() else here
 
         return integrated(info, around, seed), trajectories
 
-    def _around(self, own: np.ndarray, trajectories, J: np.ndarray, order, sigma) -> tuple[np.ndarray, np.ndarray]:
+    def _around(self, own: np.ndarray, trajectories, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
         """(cost (K,), gradient J'r less the pull of the prior (K, n_own + n)) at own unknowns `own`; nan where a segment diverged."""
-        K, n_own = len(own), len(self.own_prior)
-        r, prior = self.observed.residual(trajectories), own @ self.own_prior
-        cost = (r * r).sum(axis=(1, 2)) + (own * prior).sum(axis=1)
-        weighed = np.where(np.isfinite(sigma), r / sigma, 0.0)
-        pull = np.matmul(weighed.reshape(K, 1, -1), J.reshape(K, -1, J.shape[-1]))[:, 0, order]
-        pull[:, :n_own] -= prior
+        prior, pull = own @ self.own_prior, chain.gradient()
+        pull[:, : chain.n_own] -= prior
+        cost = (chain.r**2).sum(axis=(1, 2)) + (own * prior).sum(axis=1)
         lost = ~self._reached(trajectories).all(axis=1)
         return np.where(lost, np.nan, cost), np.where(lost[:, None], np.nan, pull)
 
-    def whitened(self, x: np.ndarray):
-        """(own (K, N+1, n_out, n_own), columns (K, N+1, n_out, n), r (K, N+1, n_out), counted): sensitivities to own unknowns and
-        parameters, and residual, over the noise; all 0 where a sample does not count."""
-        trajectories, J, order, sigma = self._sensitivities(self.own, self.names, self.values(x))
-        J, n_own = (J / sigma[..., None])[..., order], len(self.own_prior)
-        return J[..., :n_own], J[..., n_own:], self.observed.residual(trajectories), np.isfinite(sigma)
+    def chain(self, x: np.ndarray) -> Chain:
+        """What the segments say about their own unknowns and the fitted parameters, at parameter values x and the present own unknowns."""
+        return self._chain(self.own, self.names, self.values(x))[1]
 
-    def _sensitivities(self, own: np.ndarray, names: tuple[str, ...], values: dict[str, float], extra=None):
-        """(trajectories, J, order, sigma): columns of J are those of starts, parameters `names`, windows, `extra`; `order` puts own
-        unknowns first; sigma is infinite where a sample does not count."""
-        columns = Columns(STATES, names, self.windows)
-        trajectories, J = self.simulator.sensitivities(self.segments(own), columns, self.observed.outputs, values)
-        s, g = len(STATES), len(names)
-        order = np.r_[:s, s + g : s + g + len(self.windows), s : s + g]
+    def _chain(self, own: np.ndarray, names: tuple[str, ...], values: dict[str, float], extra=None):
+        """(trajectories, chain); globals are the parameters `names`, then `extra`."""
+        gusts = tuple(f"{kind}.{axis}" for kind in ("gust", "gust_odd") for axis in self._axes)
+        outputs, nodes = self.observed.outputs, self._nodes
+        trajectories, J, ends = self.simulator.links(self.segments(own), nodes, gusts, names, outputs, values)
         if extra is not None:
-            further = extra(own)
-            order = np.r_[order, J.shape[-1] : J.shape[-1] + further.shape[-1]]
-            J = np.concatenate([J, further], axis=-1)
-        return trajectories, J, order, np.where(self._reached(trajectories)[:, :, None], self.observed.sigma, np.inf)
+            J = np.concatenate([J, extra(own)], axis=-1)
+        weight = np.where(self._reached(trajectories)[:, :, None], 1 / self.observed.sigma, 0.0)
+        return trajectories, Chain(J, ends, self.observed.residual(trajectories), weight, nodes, len(self.own_prior))
 
     def _reached(self, trajectories) -> np.ndarray:
         return np.arange(self.observed.measured.shape[1])[None] < trajectories.alive[:, None]

@@ -59,6 +59,17 @@ def each_group(work: Callable[[int], Iterator], groups: int) -> None:
             raise
 
 
+def each_part(work: Callable[[slice], None], count: int) -> None:
+    """Run work(slice) on as many parts of `count` segments as there are cores."""
+    bounds = parts(count)
+
+    def run(i: int) -> Iterator:
+        work(slice(*bounds[i]))
+        yield
+
+    each_group(run, len(bounds))
+
+
 def _finish(work: Iterator, before: Future | None = None) -> None:
     if before:
         before.result()

@@ -156,17 +156,39 @@ class Simulator:
         self, segments: Segments, columns: Columns, outputs: Sequence[str] = MEASURED, values: Mapping[str, float] | None = None
     ) -> tuple[Trajectories, np.ndarray]:
         """Simulate, and differentiate exactly: J (K, N+1, len(outputs), len(columns))."""
+        trajectories, J, _ = self._sensitivities(segments, columns, outputs, values)
+        return trajectories, J
+
+    def links(
+        self, segments: Segments, nodes: np.ndarray, inputs: Sequence[str], parameters: Sequence[str], outputs=MEASURED, values=None
+    ) -> tuple[Trajectories, np.ndarray, np.ndarray]:
+        """Simulate, and differentiate from node to node: the state at a node is all that a segment knows of what came before it.
+
+        nodes: samples, the first of the segment among them; inputs: parameters that are differentiated from node to node too. Returns
+        (trajectories; J (K, N+1, len(outputs), n_s + len(inputs) + len(parameters)): with respect to the state at the last node up to a
+        sample, to `inputs` since then, and to `parameters` over the whole segment; ends (K, len(nodes) - 1, n_s, n_s + len(inputs)): the
+        first two of the state at the next node).
+        """
+        own = Columns(self.kite.state_names, tuple(inputs))
+        trajectories, J, ends = self._sensitivities(segments, own, outputs, values, tuple(parameters), nodes[1:])
+        return trajectories, J, ends[:, :, : self.n_s, : len(own)]
+
+    def _sensitivities(self, segments: Segments, columns: Columns, outputs, values, further: tuple[str, ...] = (), restarts=()):
+        """(trajectories, J, ends) of `columns`, which begin again at the samples `restarts`, and of `further` parameters, which do not."""
         from awescli.simulation.sensitivities import sensitivities
 
-        none, always = len(self.wrt), (0, segments.steps + 1)
-        asked = [(self.kite.x_names.index(name), none, *always) for name in columns.states]
-        asked += [(-1, self.wrt.index(name), *always) for name in columns.parameters]
-        asked += [(-1, self.wrt.index(name), first, last) for name, first, last in columns.windows]
+        none, samples, again = len(self.wrt), segments.steps + 1, int(len(restarts) > 0)
+        asked = [(self.kite.x_names.index(name), none, 0, samples, again) for name in columns.states]
+        asked += [(-1, self.wrt.index(name), 0, samples, again) for name in columns.parameters]
+        asked += [(-1, self.wrt.index(name), first, last, again) for name, first, last in columns.windows]
+        asked += [(-1, self.wrt.index(name), 0, samples, 0) for name in further]
         X, Y = self._room(segments)
-        J = np.empty((*X.shape[:2], len(outputs), len(columns)))
+        J, ends = np.empty((*X.shape[:2], len(outputs), len(asked))), np.empty((len(X), len(restarts), X.shape[2], len(asked)))
+        restart = np.full(samples, -1)
+        restart[list(restarts)] = np.arange(len(restarts))
         programs = (self._differentiating(tuple(outputs)), self.initial, self.law)
-        at = np.array(asked, dtype=np.int64).reshape(-1, 4).T.copy()
-        return Trajectories(X, Y, sensitivities(*programs, *self._inputs(segments, values), at, X, Y, J)), J
+        at = np.array(asked, dtype=np.int64).reshape(-1, 5).T.copy()
+        return Trajectories(X, Y, sensitivities(*programs, *self._inputs(segments, values), at, restart, X, Y, J, ends)), J, ends
 
 
 def setpoints_of(log, which=SURFACES) -> np.ndarray:

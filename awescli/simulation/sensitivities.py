@@ -14,7 +14,8 @@ from awescli.simulation.kernels import COMMON, Loop, compile_loop, on_segments
 
 _ARGUMENTS = (
     *COMMON, "ptr step", "ptr g_columns", "ptr initial_columns", "ptr law_columns", "i64 n_col", "i64 n_wrt", "ptr column_state",
-    "ptr column_parameter", "ptr column_first", "ptr column_last", "i64 n_rows", "i64 count", "i64 stride", "ptr J", "ptr parameter_of",
+    "ptr column_parameter", "ptr column_first", "ptr column_last", "ptr column_restarts", "ptr restart", "i64 n_rows", "i64 count",
+    "i64 stride", "ptr J", "i64 ends_stride", "ptr ends", "ptr parameter_of",
 )  # fmt: skip
 
 
@@ -50,15 +51,29 @@ class _Differentiated(Loop):
         self.columns(f"%{program}_columns", E, self.row(self.S, self.whole("mul", first, "%n_col")))
 
     def begin(self) -> None:
-        """S of the initial state: ones where a column differentiates with respect to it."""
+        """S of the initial state."""
         with self.loop("%n_col") as j:
-            state = self.number("%column_state", j)
-            with self.when(self.line(f"icmp sge i64 {state}, 0")):
-                place = self.row(self.S, self.whole("add", self.whole("mul", state, "%n_col"), j))
-                self.lines.append(f"  store {self.type} {self._splat(1.0)}, ptr {place}, align 8")
+            self._seed(j)
+
+    def _seed(self, j) -> None:
+        """A one where column j of S, zero so far, differentiates with respect to a state."""
+        state = self.number("%column_state", j)
+        with self.when(self.line(f"icmp sge i64 {state}, 0")):
+            place = self.row(self.S, self.whole("add", self.whole("mul", state, "%n_col"), j))
+            self.lines.append(f"  store {self.type} {self._splat(1.0)}, ptr {place}, align 8")
 
     def begin_sample(self, k) -> None:
-        """The parameter of each column that counts in this step."""
+        """Where columns start again: S so far goes to the ends. And the parameter of each column that counts in this step."""
+        number, size = self.number("%restart", k), self.whole("mul", self.n_x, "%n_col")
+        with self.when(self.line(f"icmp sge i64 {number}, 0")):
+            to = self.line(f"getelementptr double, ptr %ends, i64 {self.whole('mul', number, size)}")
+            self.call("@apart", f"ptr {to}", f"ptr {self.S}", f"i64 {size}", "i64 %ends_stride", "i64 %count")
+            with self.loop("%n_col") as j:
+                with self.when(self.line(f"icmp ne i64 {self.number('%column_restarts', j)}, 0")):
+                    with self.loop(self.n_x) as i:
+                        place = self.row(self.S, self.whole("add", self.whole("mul", i, "%n_col"), j))
+                        self.lines.append(f"  store {self.type} zeroinitializer, ptr {place}, align 8")
+                    self._seed(j)
         with self.loop("%n_col") as j:
             begun = self.line(f"icmp sle i64 {self.number('%column_first', j)}, {k}")
             on = self.line(f"icmp slt i64 {k}, {self.number('%column_last', j)}")
@@ -97,12 +112,15 @@ def _loop() -> Callable:
 
 
 def sensitivities(
-    g: Program, initial: Program, law: Program | None, n_s, X0, SP, U, C, h, substeps, columns: np.ndarray, X, Y, J
-) -> np.ndarray:
+    g: Program, initial: Program, law: Program | None, n_s, X0, SP, U, C, h, substeps, columns: np.ndarray, restart: np.ndarray, X, Y, J,
+    ends: np.ndarray,
+) -> np.ndarray:  # fmt: skip
     """`kernels.rollout`, and the exact derivative of those of its outputs that g differentiates: J (K, N+1, n_rows, n_col).
 
-    g: [derivative, outputs], its `rates` the derivative; columns (4, n_col): the state that a column differentiates with respect to at the
-    start, or -1; the parameter, or len(g.wrt); first, last: it counts in steps first..last-1.
+    g: [derivative, outputs], its `rates` the derivative; columns (5, n_col): the state that a column differentiates with respect to at the
+    start, or -1; the parameter, or len(g.wrt); first, last: it counts in steps first..last-1; 1 where it starts again at every restart, as
+    it did at the first sample. restart (N+1,): number of the restart at a sample, or -1. ends (K, restarts, n_x, n_col): the derivative of
+    the state there, before it.
     """
     n_x, n_sp, n_wrt, n_rows, n_col = X.shape[2], SP.shape[2], len(g.wrt), *J.shape[2:]
     width = n_x + n_wrt + 1
@@ -111,6 +129,7 @@ def sensitivities(
     more_programs = (g.step, g.columns, initial.columns, law.columns if law else 0)
 
     def more(here: slice) -> tuple:
-        return (*more_programs, n_col, n_wrt, *columns, n_rows, len(J[here]), J.strides[0] // 8, J[here], np.empty(n_col, np.int64))
+        to = (len(J[here]), J.strides[0] // 8, J[here], ends.strides[0] // 8, ends[here])
+        return (*more_programs, n_col, n_wrt, *columns, restart, n_rows, *to, np.empty(n_col, np.int64))
 
     return on_segments(_loop(), programs, n_s, (X0, SP, U, C), h, substeps, X, Y, rows, more)

@@ -4,9 +4,17 @@ import numpy as np
 import pytest
 from oracles import marginal_least_squares
 
+from awescli.estimation.chain import Chain
 from awescli.estimation.information import reduce
 
 K, N, OUT, OWN, GLOBAL = 3, 6, 4, 5, 3
+
+
+def eliminated(J, e, sigma, precision, own):
+    """`reduce` of J = [own, globals], all of it one link."""
+    n_own = own.shape[1]
+    r = np.where(np.isfinite(sigma), e / sigma, 0.0)
+    return reduce(Chain(J, np.zeros((len(J), 0, n_own, n_own)), r, 1 / sigma, np.zeros(1, int), n_own, n_own), precision, own)
 
 
 def case(seed):
@@ -22,7 +30,7 @@ def case(seed):
 def test_elimination_is_the_dense_covariance(seed):
     """Guards the Schur complement: H, b and cost equal those of R = R_y + S P S' written out, for a full prior and own values != 0."""
     J, e, sigma, precision, own = case(seed)
-    found = reduce(J, e / sigma, sigma, OWN, precision, own)
+    found = eliminated(J, e, sigma, precision, own)
     for k in range(K):
         flat = J[k].reshape(-1, OWN + GLOBAL)
         H, b, cost = marginal_least_squares(flat[:, :OWN], flat[:, OWN:], e[k].ravel(), sigma[k].ravel(), np.linalg.inv(precision), own[k])
@@ -33,7 +41,7 @@ def test_elimination_is_the_dense_covariance(seed):
 def test_unknowns_without_a_prior_are_projected_out():
     """Guards a start of which nothing is known: its columns take no share in H, and count as lost degrees of freedom."""
     J, e, sigma, _, own = case(7)
-    found = reduce(J, e / sigma, sigma, OWN, np.zeros((OWN, OWN)), own)
+    found = eliminated(J, e, sigma, np.zeros((OWN, OWN)), own)
     for k in range(K):
         A = (J[k] / sigma[k][..., None]).reshape(-1, OWN + GLOBAL)
         Q = np.linalg.qr(A[:, :OWN])[0]
@@ -47,7 +55,7 @@ def test_unknowns_without_a_prior_are_projected_out():
 def test_own_unknowns_are_recovered(seed):
     """Guards `own`: for any change of the globals, what the segment's unknowns do is the minimiser of the joint cost."""
     J, e, sigma, precision, own = case(seed)
-    found = reduce(J, e / sigma, sigma, OWN, precision, own)
+    found = eliminated(J, e, sigma, precision, own)
     change = np.random.default_rng(seed).standard_normal(GLOBAL)
     for k in range(K):
         A = (J[k] / sigma[k][..., None]).reshape(-1, OWN + GLOBAL)
@@ -61,9 +69,9 @@ def test_samples_that_do_not_count_do_not_count():
     J, e, sigma, precision, own = case(9)
     sigma[1, 2:5] = np.inf
     J[1, 2:5] *= 1e6
-    found = reduce(J, e / sigma, sigma, OWN, precision, own)
+    found = eliminated(J, e, sigma, precision, own)
     kept = np.r_[0, 1, 5]
-    shorter = reduce(J[1:2, kept], (e / sigma)[1:2, kept], sigma[1:2, kept], OWN, precision, own[1:2])
+    shorter = eliminated(J[1:2, kept], e[1:2, kept], sigma[1:2, kept], precision, own[1:2])
     assert found.H[1] == pytest.approx(shorter.H[0], rel=1e-9) and found.cost[1] == pytest.approx(shorter.cost[0], rel=1e-9)
     assert found.dof[1] == shorter.dof[0] == 3 * OUT
 
@@ -72,8 +80,8 @@ def test_an_unknown_that_nothing_sees_is_harmless():
     """Guards a state that no output reports: the elimination must not fail, nor change what the others say."""
     J, e, sigma, _, own = case(11)
     J[..., 2] = 0.0
-    found = reduce(J, e / sigma, sigma, OWN, np.zeros((OWN, OWN)), own)
-    without = reduce(np.delete(J, 2, axis=-1), e / sigma, sigma, OWN - 1, np.zeros((OWN - 1, OWN - 1)), np.delete(own, 2, axis=1))
+    found = eliminated(J, e, sigma, np.zeros((OWN, OWN)), own)
+    without = eliminated(np.delete(J, 2, axis=-1), e, sigma, np.zeros((OWN - 1, OWN - 1)), np.delete(own, 2, axis=1))
     assert found.H == pytest.approx(without.H, rel=1e-6) and np.isfinite(found.cost).all()
 
 
@@ -84,7 +92,7 @@ def test_a_segment_that_all_but_diverges_does_not_spoil_the_others():
     direction = np.random.default_rng(0).standard_normal(OWN + GLOBAL)
     J[0] = J[0] + 1e9 * np.linspace(0, 1, N)[:, None, None] ** 4 * direction
     for prior in (precision, np.zeros((OWN, OWN))):
-        found = reduce(J, e / sigma, sigma, OWN, prior, own)
+        found = eliminated(J, e, sigma, prior, own)
         A = (J[0] / sigma[0][..., None]).reshape(-1, OWN + GLOBAL)
         root = np.linalg.cholesky(prior).T if prior.any() else prior
         Q = np.linalg.qr(np.vstack([A[:, :OWN], root]))[0]
@@ -93,5 +101,5 @@ def test_a_segment_that_all_but_diverges_does_not_spoil_the_others():
         B = B - Q @ (Q.T @ B)
         assert found.H[0] == pytest.approx(B.T @ B, rel=1e-4)
         assert np.linalg.eigvalsh(found.H[0])[0] > 0
-        assert found.H[1:] == pytest.approx(reduce(J[1:], (e / sigma)[1:], sigma[1:], OWN, prior, own[1:]).H)
+        assert found.H[1:] == pytest.approx(eliminated(J[1:], e[1:], sigma[1:], prior, own[1:]).H)
         assert np.isfinite(found.own(0, np.zeros(GLOBAL))).all()

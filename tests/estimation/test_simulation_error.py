@@ -110,22 +110,17 @@ def test_the_gradient_is_that_of_the_cost(simulator, observed):
 
 
 def test_nodes_of_wind_share_every_sample():
-    """Guards the nuisance wind: hats sum to one up to the last sample, the columns of one parameter never overlap and reach just as far
-    as its hats, three axes each; its prior is a covariance."""
+    """Guards the nuisance wind: hats sum to one up to the last sample and are felt from the node before to the node behind; its prior is a
+    covariance."""
     gusts = RecordError(0.8, 0.5, 3.0)
-    columns, hats = gusts.columns(120, 0.02), gusts.hats(120, 0.02)
-    assert len(columns) == 3 * hats.shape[1] == 18 and np.allclose(hats.sum(axis=1), 1.0, atol=1e-14)
-    for name in {n for n, _, _ in columns}:
-        spans = [(a, b) for n, a, b in columns if n == name]
-        assert all(b <= a for (_, b), (a, _) in zip(spans, spans[1:], strict=False))
-    for (_, a, b), hat in zip(columns[::3], hats.T, strict=True):
-        felt = np.flatnonzero(hat)
-        assert a <= felt[0] and felt[-1] < b and felt[0] - a <= 1 and b - felt[-1] <= 1
+    nodes, hats = gusts.nodes(120, 0.02), gusts.hats(120, 0.02)
+    assert hats.shape == (121, 6) and nodes[[0, -1]].tolist() == [0, 120] and np.allclose(hats.sum(axis=1), 1.0, atol=1e-14)
+    for before, hat, behind in zip([-1, *nodes], hats.T, [*nodes[1:], 121], strict=False):
+        assert np.flatnonzero(hat)[[0, -1]].tolist() == [before + 1, behind - 1]
     P = np.linalg.inv(gusts.precision(120, 0.02))
     assert np.diag(P) == pytest.approx(0.64)
     assert P[0, 3] == pytest.approx(0.64 * np.exp(-24 * 0.02 / 3.0)) and P[0, 1] == pytest.approx(0, abs=1e-12)
-    assert RecordError(0.0).columns(120, 0.02) == ()
-    assert RecordError(0.1).columns(120, 0.02) == tuple((f"gust.{axis}", 0, 121) for axis in "ned")
+    assert RecordError(0.0).nodes(120, 0.02).tolist() == [] and RecordError(0.1).nodes(120, 0.02).tolist() == [0]
 
 
 def test_a_gust_in_the_truth_is_found_at_its_nodes(simulator, observed, kite):
