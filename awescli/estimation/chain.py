@@ -5,9 +5,10 @@ s_m the state at node m and g_m the wind there,
 
     ds_m+1 = E_m [ds_m, dg_m, dg_m+1],      dy = L_m [ds_m, dg_m, dg_m+1] in link m,
 
-so that nothing need be kept, or multiplied, for every node at every sample. T_m = L_m' L_m + E_m' Q_m+1 E_m is what link m and all behind
-it say of its three, Q_m the part of it that the state has: the backward pass of a smoother (Rauch, Tung & Striebel 1965) in information
-form. Nothing is left out: the Gram matrices are those of a column for every node at every sample.
+so that nothing need be kept, or multiplied, for every node at every sample. Two links that follow each other are one longer link, with the
+state at its begin and the wind at its three nodes: E and T = L'L of it come from theirs (`_joined`), and so on until one link is the whole
+segment, whose T is the Gram matrix of start and gusts. (The information form of a smoother's passes, Rauch, Tung & Striebel 1965, with the
+states between eliminated in pairs.) Nothing is left out: the Gram matrices are those of a column for every node at every sample.
 """
 
 from dataclasses import dataclass, replace
@@ -51,27 +52,17 @@ class Chain:
     def gram(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Gram matrices of the whitened columns: (K, n_own, n_own) of the own unknowns, of which only the upper triangle is filled; (K,
         n_own, n + 1) of them and [globals, residual]; (K, n + 1, n + 1) of these."""
-        n_s, width = self.ends.shape[2:]
-        K, k = len(self), self.n + 1
-        T, of_globals = np.empty((K, len(self.nodes), width, width + k)), np.empty((K, k, k))
+        width, k, own = self.ends.shape[3], self.n + 1, self.n_own
+        found = np.empty((len(self), own, own)), np.empty((len(self), own, k)), np.empty((len(self), k, k))
 
         def work(part: slice):
-            self.pick(part)._products(T[part], of_globals[part])
+            chain = self.pick(part)
+            T = np.empty((len(chain), len(self.nodes), width, width + k))
+            chain._products(T, found[2][part])
+            found[0][part], found[1][part] = chain._of_own(T, width)
 
-        each_part(work, K)
-        E = self._ends()
-        _add_what_follows(T, E, width)
-        of_own = np.zeros((K, self._room, self._room))
-        of_own[:, : self.n_start, : self.n_start] = T[:, 0, : self.n_start, : self.n_start]
-        for m, X in self._states(E):
-            here, past = self._at(m), X.shape[2]
-            first = slice(here.start, past)
-            known = np.matmul(X.swapaxes(1, 2), T[:, m, :n_s, n_s:width])
-            of_own[:, here, here] += T[:, m, n_s:, n_s:width]
-            of_own[:, :past, here] += known
-            # the wind at the first node of the link counts by the state too
-            of_own[:, first, first] += known[:, first, : self._axes].swapaxes(1, 2)
-        return of_own[:, : self.n_own, : self.n_own], self._of_own(T[..., width:])[:, : self.n_own], of_globals
+        each_part(work, len(self))
+        return found
 
     def _products(self, of_links: np.ndarray, of_globals: np.ndarray) -> None:
         """Fill in (K, links, width, width + n + 1) of the three of every link with themselves, the globals and the residual in it; and (K,
@@ -98,19 +89,23 @@ class Chain:
         products = np.matmul((self.r * self.weight)[:, :, None], self.J)[:, :, 0]
         T = np.add.reduceat(products[..., :width], self.nodes, axis=1)[..., None]
         T[:, 1::2, n_s:] = T[:, 1::2, _order(n_s, width, 1)]
-        _add_what_follows(T, self._ends(), 0)
-        return np.concatenate([self._of_own(T)[:, : self.n_own, 0], products[..., width:].sum(axis=1)], axis=1)
+        return np.concatenate([self._of_own(T, 0)[1][..., 0], products[..., width:].sum(axis=1)], axis=1)
 
     def own(self) -> np.ndarray:
         """(K, N, n_out, n_own) whitened sensitivities to every own unknown at every sample."""
         n_s, width = self.ends.shape[2:]
-        found = np.zeros((*self.r.shape, self._room))
-        edges = [*self.nodes, self.r.shape[1]]
-        for m, X in self._states(self._ends()):
-            link = slice(edges[m], edges[m + 1])
+        E, edges, axes = self._ends(), [*self.nodes, self.r.shape[1]], self._axes
+        room = self.n_start + (len(self.nodes) + 1) * axes
+        found, state = np.zeros((*self.r.shape, room)), np.zeros((len(self), n_s, room))
+        state[:, range(self.n_start), range(self.n_start)] = 1.0
+        for m in range(len(self.nodes)):
+            link, wind = slice(edges[m], edges[m + 1]), slice(self.n_start + m * axes, self.n_start + (m + 2) * axes)
             L = self.J[:, link, :, :width]
-            found[:, link, :, : X.shape[2]] = np.matmul(L[..., :n_s], X[:, None])
-            found[:, link, :, self._at(m)] += L[..., _order(n_s, width, m)]
+            found[:, link] = np.matmul(L[..., :n_s], state[:, None])
+            found[:, link, :, wind] += L[..., _order(n_s, width, m)]
+            if m < E.shape[1]:
+                state = np.matmul(E[:, m, :, :n_s], state)
+                state[:, :, wind] += E[:, m, :, n_s:]
         return found[..., : self.n_own] * self.weight[..., None]
 
     def globals(self) -> np.ndarray:
@@ -121,15 +116,6 @@ class Chain:
     def _axes(self) -> int:
         return (self.ends.shape[3] - self.ends.shape[2]) // 2
 
-    @property
-    def _room(self) -> int:
-        """Own unknowns up to the second node of the last link: with a wind that is the same all the time there is none."""
-        return self._at(len(self.nodes)).start + self._axes
-
-    def _at(self, m: int) -> slice:
-        """Where the wind at the two nodes of link m stands among the own unknowns."""
-        return slice(self.n_start + m * self._axes, self.n_start + (m + 2) * self._axes)
-
     def _ends(self) -> np.ndarray:
         """`ends` with the wind at the first node of every link before that at its second."""
         n_s, width = self.ends.shape[2:]
@@ -137,26 +123,30 @@ class Chain:
         E[:, 1::2, :, n_s:] = E[:, 1::2][..., _order(n_s, width, 1)]
         return E
 
-    def _states(self, E: np.ndarray):
-        """m, (K, n_s, unknowns up to node m): the sensitivity of the state at node m, for every link."""
-        n_s = E.shape[2]
-        room = np.zeros((len(self), n_s, self._room))
-        room[:, range(self.n_start), range(self.n_start)] = 1.0
-        for m in range(len(self.nodes)):
-            X = room[:, :, : self._at(m + 1).start]
-            yield m, X
-            if m < E.shape[1]:
-                X[:] = np.matmul(E[:, m, :, :n_s], X)
-                room[:, :, self._at(m)] += E[:, m, :, n_s:]
-
-    def _of_own(self, T: np.ndarray) -> np.ndarray:
-        """(K, own unknowns, k) from what every link and all behind it say of its three (K, links, width, k)."""
-        n_s = self.ends.shape[2]
-        found = np.zeros((len(self), self._room, T.shape[3]))
-        found[:, : self.n_start] = T[:, 0, : self.n_start]
-        for m in range(len(self.nodes)):
-            found[:, self._at(m)] += T[:, m, n_s:]
-        return found
+    def _of_own(self, T: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+        """(K, n_own, n_own) and (K, n_own, k) of the whole segment, from what every link says of its three (K, links, 3, width + k).
+        width 0: the second alone."""
+        n_s, axes = self.ends.shape[2], self._axes
+        # nothing follows the last link
+        E = np.concatenate([self._ends(), np.zeros((len(self), 1, *self.ends.shape[2:]))], axis=1)
+        behind = None
+        while T.shape[1] > 1:
+            if T.shape[1] % 2:
+                last = T[:, -1:], E[:, -1:]
+                behind = _joined(*last, *behind, axes, width > 0) if behind else last
+            T, E = _joined(T[:, :-1:2], E[:, :-1:2], T[:, 1::2], E[:, 1::2], axes, width > 0)
+        if behind:
+            T, E = _joined(T, E, *behind, axes, width > 0)
+        # what is free at the start, and the wind at the nodes that there are
+        own, k = E.shape[3] if width else 0, T.shape[3] - (E.shape[3] if width else 0)
+        found, at_start = T[:, 0], self.n_start
+        rows = ((slice(0, at_start), slice(0, at_start)), (slice(at_start, self.n_own), slice(n_s, n_s + self.n_own - at_start)))
+        of_own, cross = np.empty((len(T), self.n_own, self.n_own if width else 0)), np.empty((len(T), self.n_own, k))
+        for to, of in rows:
+            cross[:, to] = found[:, of, own:]
+            for to_column, of_column in rows if width else ():
+                of_own[:, to, to_column] = found[:, of, of_column]
+        return of_own, cross
 
 
 def _order(n_s: int, width: int, m: int) -> np.ndarray:
@@ -164,12 +154,26 @@ def _order(n_s: int, width: int, m: int) -> np.ndarray:
     return np.roll(np.arange(n_s, width), (width - n_s) // 2 * (m % 2))
 
 
-def _add_what_follows(T: np.ndarray, E: np.ndarray, width: int) -> None:
-    """Add to T (K, links, 3, width + k), products of a link's three with themselves (width 0: without) and with k others, those of all
-    links behind it, which know its three by the state at its end."""
-    n_s = E.shape[2]
-    for m in range(E.shape[1] - 1, -1, -1):
-        back, Q = E[:, m].swapaxes(1, 2), T[:, m + 1, :n_s]
-        if width:
-            T[:, m, :, :width] += np.matmul(back, np.matmul(Q[..., :n_s], E[:, m]))
-        T[:, m, :, width:] += np.matmul(back, Q[..., width:])
+def _joined(T: np.ndarray, E: np.ndarray, T_next: np.ndarray, E_next: np.ndarray, axes: int, of_own: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(T, E) of links (K, links, ...) and those that follow them as one: of [state, wind at all nodes], which share the node between them.
+
+    of_own: T has columns for the products of these with themselves, before those for others.
+    """
+    n_s, before, after = E.shape[2], E.shape[3], E_next.shape[3]
+    width, shared = before + after - n_s - axes, before - axes
+    k = T.shape[3] - (before if of_own else 0)
+    joined, ends = np.zeros((*T.shape[:2], width, k + (width if of_own else 0))), np.zeros((*E.shape[:3], width))
+    # the link that follows knows all that was before by the state
+    known = np.matmul(E.swapaxes(2, 3), T_next[:, :, :n_s])
+    others, of_others = slice(joined.shape[3] - k, None), slice(T_next.shape[3] - k, None)
+    joined[:, :, :before, others] = T[..., T.shape[3] - k :] + known[..., of_others]
+    joined[:, :, shared:, others] += T_next[:, :, n_s:, of_others]
+    if of_own:
+        wind = known[..., n_s:after]
+        joined[:, :, :before, :before] = T[..., :before] + np.matmul(known[..., :n_s], E)
+        joined[:, :, :before, shared:width] += wind
+        joined[:, :, shared:, :before] += wind.swapaxes(2, 3)
+        joined[:, :, shared:, shared:width] += T_next[:, :, n_s:, n_s:after]
+    ends[..., :before] = np.matmul(E_next[..., :n_s], E)
+    ends[..., shared:] += E_next[..., n_s:]
+    return joined, ends

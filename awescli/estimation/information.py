@@ -62,7 +62,9 @@ def reduce(chain: Chain, own_prior: np.ndarray, own_value: np.ndarray) -> Inform
     H, b, cost, back = np.zeros((K, n, n)), np.zeros((K, n)), np.zeros(K), []
     for k, (M, M_l, G) in enumerate(zip(of_own, cross, of_globals, strict=True)):
         factor = _factor(M + own_prior)
-        whole = G - M_l.T @ cho_solve(factor, M_l)
+        root, lower = factor
+        known = solve_triangular(root, M_l, trans=int(not lower), lower=lower, check_finite=False)
+        whole = G - known.T @ known
         H[k], b[k], cost[k] = whole[:-1, :-1], whole[:-1, -1], whole[-1, -1] + own_value[k] @ pull[k]
         if (np.diag(G)[:-1] > CANCELLED * np.diag(H[k])).any():
             H[k], b[k], cost[k] = _projected(chain.pick([k]), own_prior, own_value[k])

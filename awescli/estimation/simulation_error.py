@@ -69,7 +69,7 @@ class SimulationError:
         segments = self.observed.segments.starting_at(own[:, :12])
         if not self._axes:
             return segments
-        wind = np.einsum("tj,kja->kta", self._hats, own[:, 12:].reshape(len(own), -1, len(self._gust_inputs) - 1))
+        wind = np.matmul(self._hats, own[:, 12:].reshape(len(own), -1, len(self._gust_inputs) - 1))
         phase = np.broadcast_to(self._hats[:, 1::2].sum(axis=1)[:, None], (*wind.shape[:2], 1))
         return segments.with_inputs(self._gust_inputs, np.concatenate([wind, phase], axis=2))
 
@@ -138,7 +138,7 @@ class SimulationError:
         whole = reached.all(axis=1)
         squares, limit = (r * r).sum(axis=2), DIVERGED_COST * len(self.observed.outputs)
         squares[~whole] = np.where(reached[~whole], np.minimum(squares[~whole], limit), limit)
-        return squares.sum(axis=1) + np.einsum("ki,ij,kj->k", own, self.own_prior, own), whole
+        return squares.sum(axis=1) + ((own @ self.own_prior) * own).sum(axis=1), whole
 
     def at_best(self, x: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
         """(own, costs as of `costs`): own unknowns moved to their best at parameters x, where they are gusts; never worse than `own`."""
