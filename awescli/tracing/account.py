@@ -8,9 +8,9 @@ from awescli.estimation.prediction import predict
 from awescli.estimation.question import ask, without_record
 from awescli.estimation.record_error import mid_times, with_record_errors
 from awescli.simulation.rollout import Simulator
-from awescli.tracing.race import Runner
+from awescli.tracing.race import FLOOR_ERROR, Runner
 from awescli.tracing.residuals import residual_study
-from awescli.tracing.verdict import NEAR_FLOOR, Finding
+from awescli.tracing.verdict import Finding
 
 SPOKEN = 0.05
 """A rest of the excess that is worth a sentence."""
@@ -93,7 +93,7 @@ def _rolled(roll: dict | None) -> str:
 def _left(null: Runner, model: Runner) -> dict:
     """What the final model still leaves on unseen loops: chi-square per degree of freedom (1: noise), and the share of what was there."""
     before, after = (max(r.choice_chi2 - 1, 0.0) for r in (null, model))
-    return {"chi2": model.choice_chi2, "share": float(min(after / before, 1.0)) if before > NEAR_FLOOR else 0.0}
+    return {"chi2": model.choice_chi2, "share": float(min(after / before, 1.0)) if before > FLOOR_ERROR else 0.0}
 
 
 def _null_run(finding: Finding) -> dict | None:

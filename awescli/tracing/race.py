@@ -18,6 +18,10 @@ MATERIAL = 0.002
 prediction error changes in its third digit ..."""
 GUSTY_MATERIAL = 0.0005
 """... and in gusty air, where estimated gusts take up most of what an effect does, so that little of it is left to be gained."""
+FLOOR_ERROR = 0.02
+"""Relative error of the noise floor itself: a chi-square per degree of freedom within 1 +- this is at the floor ..."""
+GUSTY_FLOOR_ERROR = 0.04
+"""... and in gusty air, where the floor rests on what gusts are taken for: clean flights come to 1.03 (`benchmarks/README.md`)."""
 TOLERANCE = 0.1
 """[chi-square] what a fit in calm air need not gain any more."""
 
@@ -25,7 +29,7 @@ TOLERANCE = 0.1
 @dataclass(frozen=True)
 class Contest:
     """Everything a re-fit needs: the compiled library simulator, segments to fit and to choose on, nuisance wind, prior; material: the
-    least relative gain that counts; tolerance: what a fit need not gain."""
+    least relative gain that counts; floor_error: relative error of the noise floor; tolerance: what a fit need not gain."""
 
     simulator: Simulator
     fitted: Observed
@@ -33,14 +37,16 @@ class Contest:
     gusts: RecordError
     prior: ParameterTable
     material: float
+    floor_error: float
     tolerance: float
     iterations: int = 25
 
 
 def contest_of(question: Question) -> Contest:
     """The contest that answers a question."""
-    material, tolerance = (GUSTY_MATERIAL, GUSTY_TOLERANCE) if question.gust > GUSTY else (MATERIAL, TOLERANCE)
-    return Contest(question.simulator, question.fitted, question.choice, question.gusts, question.prior, material, tolerance)
+    calm, gusty = (MATERIAL, FLOOR_ERROR, TOLERANCE), (GUSTY_MATERIAL, GUSTY_FLOOR_ERROR, GUSTY_TOLERANCE)
+    limits = gusty if question.gust > GUSTY else calm
+    return Contest(question.simulator, question.fitted, question.choice, question.gusts, question.prior, *limits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +77,12 @@ class Runner:
     @property
     def choice_chi2(self) -> float:
         return float(self.choice_cost.sum() / max(self.choice_dof, 1))
+
+
+def above_floor(r: Runner) -> float:
+    """Distance of the chi-square per degree of freedom from its floor, fit and choice segments together."""
+    cost = r.train_cost.sum() + r.choice_cost.sum()
+    return float(cost / (r.fit.information.dof.sum() + r.choice_dof) - 1)
 
 
 HEAT = (15, 2.0)

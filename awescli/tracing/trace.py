@@ -7,7 +7,7 @@ import numpy as np
 
 from awescli.estimation.simulation_error import SimulationError
 from awescli.physics.kite import Kite
-from awescli.tracing.race import Contest, Runner, enter, finish, run, settled
+from awescli.tracing.race import Contest, Runner, above_floor, enter, finish, run, settled
 from awescli.tracing.screen import Score, Screening, holm, screen
 
 COMPETITORS = 5
@@ -23,8 +23,6 @@ SHARE_OF_GAP = 0.1
 that explains a few per cent of what is missing is not what is missing."""
 EXPLAINS = 0.5
 """Where the residual is above the floor, effects that leave more than half of the excess on unseen loops are no answer."""
-FLOOR_ERROR = 0.02
-"""Relative error of the noise floor itself: a chi-square per degree of freedom within 1 +- this is at the floor."""
 NO_EXCESS = 0.005
 """Relative excess of the cost below which there is nothing of which a share could be explained."""
 CERTAIN = 1.5
@@ -103,7 +101,7 @@ def trace(
         fields.append(_close(admissible, here))
         # what cannot be told from an accepted effect is its rival, not a further effect
         remaining = [k for k in remaining if k != accepted and k not in rivals]
-    models, record = _credible(models, record)
+    models, record = _credible(contest, models, record)
     progress("going back over what was accepted")
     final, record = _revisited(contest, models[-1], record, fields)
     return Trace(null, final, tuple(record), detectable)
@@ -132,16 +130,16 @@ def _decide(finalists: list[Runner], place: int = -1) -> tuple[Runner | None, tu
     return best, tuple(r.keys[place] for r in finalists if r is not best and not _ahead(best, r))
 
 
-def _credible(models: list[Runner], record: list[Round]) -> tuple[list[Runner], list[Round]]:
+def _credible(contest: Contest, models: list[Runner], record: list[Round]) -> tuple[list[Runner], list[Round]]:
     """Without the last effects where they explain little and the floor is not reached: there they mend the form of the first one; and
     without any where all together leave more than half of what is missing and do not reach the floor."""
     models, record = list(models), list(record)
-    while len(models) > 2 and _gap(models[-1]) > FLOOR_ERROR:
-        if _gap(models[-2]) - _gap(models[-1]) >= SHARE_OF_GAP * _gap(models[0]):
+    while len(models) > 2 and above_floor(models[-1]) > contest.floor_error:
+        if above_floor(models[-2]) - above_floor(models[-1]) >= SHARE_OF_GAP * above_floor(models[0]):
             break
         models.pop()
     excess, left = (max(m.choice_chi2 - 1, 0.0) for m in (models[0], models[-1]))
-    if left > max((1 - EXPLAINS) * excess, FLOOR_ERROR):
+    if left > max((1 - EXPLAINS) * excess, contest.floor_error):
         models = models[:1]
     for at in [i for i, r in enumerate(record) if r.accepted][len(models) - 1 :]:
         record[at] = replace(record[at], accepted="", rivals=(), chi2_after=record[at].chi2_before, dropped=record[at].accepted)
@@ -194,10 +192,10 @@ def _race(contest: Contest, here: Runner, kite: Kite, screening: Screening, prog
     near = [s for s in scores[COMPETITORS : COMPETITORS + 8] if any(screening.cosine(s, leader) > 0.9 for leader in leaders[:2])]
     runners: dict[str, Runner] = {}
     # an abrupt effect cannot be screened by a linear test: it races whenever there is something left to explain
-    switched = [s for s in scores if s.key in abrupt and s not in leaders and _gap(here) > FLOOR_ERROR]
+    switched = [s for s in scores if s.key in abrupt and s not in leaders and above_floor(here) > contest.floor_error]
     for s in leaders + near[:3] + switched:
         # far from the floor the choice segments decide; near it, chance must be ruled out first
-        if not (significant[s.key] and s.agreement < AGREE) and _gap(here) < FLOOR_ERROR:
+        if not (significant[s.key] and s.agreement < AGREE) and above_floor(here) < contest.floor_error:
             continue
         progress(f"re-fitting with {s.key}")
         runners[s.key] = enter(contest, here, screening, s)
@@ -214,12 +212,6 @@ def _admissible(contest: Contest, here: Runner, plausible: list[Runner]) -> list
         least, unseen = min(map(_whole, material)), here.choice_deviance.sum()
         material += [r for r in plausible if _whole(r) < least and r.choice_deviance.sum() < unseen]
     return sorted(material, key=_whole)
-
-
-def _gap(r: Runner) -> float:
-    """Distance of the chi-square per degree of freedom from its floor, fit and choice segments together."""
-    cost = r.train_cost.sum() + r.choice_cost.sum()
-    return float(cost / (r.fit.information.dof.sum() + r.choice_dof) - 1)
 
 
 def _refined(contest: Contest, kite: Kite, best: Runner) -> Runner:
@@ -283,7 +275,7 @@ def _material(contest: Contest, here: Runner, r: Runner) -> bool:
     ratio = np.log(np.maximum(before, 1e-9) / np.maximum(before - gain, 1e-9))
     certain = ratio.mean() > CERTAIN * ratio.std(ddof=1) / np.sqrt(K) if K > 2 else bool((ratio > 0).all())
     gap = max(before.sum() - here.choice_dof, 0.0)
-    if _gap(here) < FLOOR_ERROR:
+    if above_floor(here) < contest.floor_error:
         # at the floor the noise is what the model says, and a gain as certain as its likelihood, unless one block carries it alone;
         # there is no gap of which it could be a share
         certain, gap = certain or (K > 2 and total - gain.max() > DECISIVE), 0.0

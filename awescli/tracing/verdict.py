@@ -14,12 +14,10 @@ from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
 from awescli.physics.kite import Kite, candidates, make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
-from awescli.tracing.race import Contest, Runner, contest_of, run
+from awescli.tracing.race import Contest, Runner, above_floor, contest_of, run
 from awescli.tracing.roll_gusts import RollGusts, roll_gusts
 from awescli.tracing.trace import Trace, trace
 
-NEAR_FLOOR = 0.02
-"""A chi-square per degree of freedom this close to 1 leaves nothing to explain."""
 BETTER_SHARE = 0.05
 """By how much more of the gap empirical terms must explain than as many effects before the library's answer is doubted ..."""
 AS_GOOD = 0.02
@@ -71,14 +69,14 @@ def investigate(
     library = trace(contest, question.kite, keys, null, rounds=rounds, progress=progress)
     rivals = {r.accepted: r.rivals for r in library.rounds if r.accepted}
     bank, bank_simulator, unexplained = None, None, False
-    if _left(library.final) > NEAR_FLOOR or len(rivals) > 1:
+    if above_floor(library.final) > contest.floor_error or len(rivals) > 1:
         # several effects at once, or a rest that they leave: would fewer empirical terms do better?
         progress("weighing empirical terms against the library")
-        most = rounds if _left(library.final) > NEAR_FLOOR else len(rivals) - 1
+        most = rounds if above_floor(library.final) > contest.floor_error else len(rivals) - 1
         bank, bank_simulator = _bank(question, null, log, split, horizon, most, progress)
         unexplained = _better(bank, library)
     # who hides behind a parameter leaves nothing to see: where much is left, it is something else
-    much_left = _left(null) > 10 * NEAR_FLOOR
+    much_left = above_floor(null) > 10 * contest.floor_error
     elsewhere = bool(rivals) or unexplained or question.gust > GUSTY or much_left
     suspects = () if elsewhere else _suspects(contest, null, question.kite, keys)
     if unexplained:
@@ -120,12 +118,6 @@ def _explained(t: Trace) -> list[float]:
     """After each accepted effect: the share explained of the choice chi-square's excess over 1."""
     gap = max(t.null.choice_chi2 - 1, 1e-9)
     return [1 - max(r.chi2_after - 1, 0.0) / gap for r in t.rounds if r.accepted]
-
-
-def _left(r: Runner) -> float:
-    """Excess of the chi-square per degree of freedom over 1, fit and choice segments together."""
-    cost = r.train_cost.sum() + r.choice_cost.sum()
-    return float(max(cost / (r.fit.information.dof.sum() + r.choice_dof) - 1, 0.0))
 
 
 def bank_keys(declaration, moving) -> list[str]:

@@ -5,12 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from awescli.tracing.race import GUSTY_MATERIAL, MATERIAL
+from awescli.tracing.race import FLOOR_ERROR, GUSTY_FLOOR_ERROR, GUSTY_MATERIAL, MATERIAL
 from awescli.tracing.trace import Round, Trace, _admissible, _credible, _decide, _material, _unbeaten
 from awescli.tracing.verdict import _better
 
 DOF, BLOCKS = 1000.0, 10
-CALM, GUSTY = SimpleNamespace(material=MATERIAL), SimpleNamespace(material=GUSTY_MATERIAL)
+CALM = SimpleNamespace(material=MATERIAL, floor_error=FLOOR_ERROR)
+GUSTY = SimpleNamespace(material=GUSTY_MATERIAL, floor_error=GUSTY_FLOOR_ERROR)
 
 
 def runner(chi2: float, key: str = "", keys: tuple[str, ...] = (), wobble: float = 0.0, extra: float = 0.0):
@@ -60,15 +61,17 @@ def test_at_the_floor_a_gain_on_few_blocks_counts_unless_one_carries_it():
     assert not _material(GUSTY, runner(1.3), after(1.3, [25.0, 20.0]))
 
 
-@pytest.mark.parametrize("chi2, counts", [(1.015, True), (1.03, False)])
-def test_within_the_floors_own_error_there_is_no_gap_to_explain(chi2, counts):
-    """Guards effects in gusty air whose chi-square is 1.5 % above its floor, which is within the floor's error: what is certain counts
+@pytest.mark.parametrize(
+    "air, gain, chi2, counts", [(GUSTY, 2.2, 1.03, True), (GUSTY, 2.2, 1.05, False), (CALM, 5.0, 1.015, True), (CALM, 5.0, 1.03, False)]
+)
+def test_within_the_floors_own_error_there_is_no_gap_to_explain(air, gain, chi2, counts):
+    """Guards effects in gusty air whose chi-square is 3 % above its floor, which is within the floor's error there: what is certain counts
     there without a tenth of that excess; above it the same gain does not."""
     before, after = runner(chi2), runner(chi2)
     for r in (before, after):
         r.choice_cost, r.choice_deviance, r.choice_dof = 20 * r.choice_cost, 20 * r.choice_deviance, 20 * DOF
-    after.choice_deviance = before.choice_deviance - 2.2 + 0.3 * np.cos(np.arange(BLOCKS))
-    assert _material(GUSTY, before, after) is counts
+    after.choice_deviance = before.choice_deviance - gain + 0.3 * np.cos(np.arange(BLOCKS))
+    assert _material(air, before, after) is counts
 
 
 def test_who_is_likelier_than_the_answer_is_heard():
@@ -88,7 +91,7 @@ def test_who_is_likelier_than_the_answer_is_heard():
 def test_what_only_mends_the_form_of_an_effect_is_dropped(last, kept):
     """Guards a second name for the rest of a form that is not the library's: kept where the floor is reached, dropped where not."""
     models = [runner(9.0), runner(1.8, "a"), runner(last, "b", ("a",))]
-    left, record = _credible(models, rounds(("a", 9.0, 1.8), ("b", 1.8, last)))
+    left, record = _credible(CALM, models, rounds(("a", 9.0, 1.8), ("b", 1.8, last)))
     assert len(left) == kept and [r.accepted for r in record] == ["a", "b" if kept == 3 else ""]
     assert record[1].dropped == ("" if kept == 3 else "b")
 
@@ -96,15 +99,15 @@ def test_what_only_mends_the_form_of_an_effect_is_dropped(last, kept):
 def test_a_second_effect_of_its_own_size_stays_although_something_is_left():
     """Guards pairs: the second effect explains a third of all that was missing."""
     models = [runner(9.0), runner(4.0, "a"), runner(1.3, "b", ("a",))]
-    assert len(_credible(models, rounds(("a", 9.0, 4.0), ("b", 4.0, 1.3)))[0]) == 3
+    assert len(_credible(CALM, models, rounds(("a", 9.0, 4.0), ("b", 4.0, 1.3)))[0]) == 3
 
 
 def test_what_leaves_most_of_a_large_residual_is_no_answer():
     """Guards a real flight: gains on unseen loops that leave 60 % of the excess drop out, whatever their number."""
     models = [runner(9.0), runner(7.0, "a"), runner(5.8, "b", ("a",))]
-    left, record = _credible(models, rounds(("a", 9.0, 7.0), ("b", 7.0, 5.8)))
+    left, record = _credible(CALM, models, rounds(("a", 9.0, 7.0), ("b", 7.0, 5.8)))
     assert left == models[:1] and [r.dropped for r in record] == ["a", "b"] and not any(r.accepted for r in record)
-    assert len(_credible([runner(1.15), runner(1.06, "a")], rounds(("a", 1.15, 1.06)))[0]) == 2
+    assert len(_credible(CALM, [runner(1.15), runner(1.06, "a")], rounds(("a", 1.15, 1.06)))[0]) == 2
 
 
 def test_rivals_are_those_whom_the_winner_does_not_lead_for_certain():
@@ -139,5 +142,5 @@ def test_empirical_terms_are_weighed_at_equal_numbers(bank, library, better):
 @pytest.mark.parametrize("before, after, kept", [(1.3, 1.2, 1), (1.3, 1.1, 2), (1.021, 1.015, 2)])
 def test_what_leaves_more_than_half_is_no_answer_unless_it_reaches_the_floor(before, after, kept):
     """Guards an effect that explains a third of a large residual, and a small one whose rest is within what the floor is known to."""
-    left, record = _credible([runner(before), runner(after, "a")], rounds(("a", before, after)))
+    left, record = _credible(CALM, [runner(before), runner(after, "a")], rounds(("a", before, after)))
     assert len(left) == kept and [r.accepted for r in record] == ["a" if kept == 2 else ""]
