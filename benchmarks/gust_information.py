@@ -77,7 +77,7 @@ def difference(found, whole: np.ndarray) -> float:
     """Largest difference of correlations."""
     own, cross, of_globals = found
     n, size = own.shape[1], np.sqrt(np.einsum("kii->ki", whole))
-    blocks = ((np.triu(own), np.triu(whole[:, :n, :n]), size[:, :n], size[:, :n]), (cross, whole[:, :n, n:], size[:, :n], size[:, n:]))
+    blocks = ((own, whole[:, :n, :n], size[:, :n], size[:, :n]), (cross, whole[:, :n, n:], size[:, :n], size[:, n:]))
     blocks += ((of_globals, whole[:, n:, n:], size[:, n:], size[:, n:]),)
     return max(float(np.abs((a - b) / i[:, :, None] / j[:, None]).max()) for a, b, i, j in blocks)
 

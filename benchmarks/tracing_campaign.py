@@ -226,8 +226,8 @@ def table(results: list[dict], family: int) -> str:
     lines = [
         "# Tracing campaign", "",
         f"`python benchmarks/tracing_campaign.py --seeds {family}`: {len(results)} flights of the development kite, whole library;",
-        f"a trace takes {wall[len(wall) // 2]:.0f} s (median; longest {wall[-1]:.0f} s), of processor time {cpu[len(cpu) // 2]:.0f} s (longest "
-        f"{cpu[-1]:.0f} s).", "",
+        f"a trace takes {wall[len(wall) // 2]:.0f} s (median; longest {wall[-1]:.0f} s), of processor time {cpu[len(cpu) // 2]:.0f} s "
+        f"(longest {cpu[-1]:.0f} s).", "",
         "| set | flights | right | truth among rivals | missed (of them too small to be seen) | wrong | sizes inside their 95 % interval |",
         "|---|---|---|---|---|---|---|",
     ]  # fmt: skip

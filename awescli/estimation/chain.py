@@ -6,9 +6,9 @@ s_m the state at node m and g_m the wind there,
     ds_m+1 = E_m [ds_m, dg_m, dg_m+1],      dy = L_m [ds_m, dg_m, dg_m+1] in link m,
 
 so that nothing need be kept, or multiplied, for every node at every sample. Two links that follow each other are one longer link, with the
-state at its begin and the wind at its three nodes: E and T = L'L of it come from theirs (`_joined`), and so on until one link is the whole
-segment, whose T is the Gram matrix of start and gusts. (The information form of a smoother's passes, Rauch, Tung & Striebel 1965, with the
-states between eliminated in pairs.) Nothing is left out: the Gram matrices are those of a column for every node at every sample.
+state at its begin and the wind at its three nodes: E and T = L'L of it come from theirs (`_Links.then`), and so on until one link is the
+whole segment, whose T is the Gram matrix of start and gusts: a smoother in information form (Rauch, Tung & Striebel 1965), with the states
+between eliminated in pairs. Nothing is left out: Gram matrices are those of a column for every node at every sample.
 """
 
 from dataclasses import dataclass, replace
@@ -50,16 +50,18 @@ class Chain:
         return self.J.shape[3] - self.ends.shape[3]
 
     def gram(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Gram matrices of the whitened columns: (K, n_own, n_own) of the own unknowns, of which only the upper triangle is filled; (K,
-        n_own, n + 1) of them and [globals, residual]; (K, n + 1, n + 1) of these."""
-        width, k, own = self.ends.shape[3], self.n + 1, self.n_own
-        found = np.empty((len(self), own, own)), np.empty((len(self), own, k)), np.empty((len(self), k, k))
+        """Gram matrices of the whitened columns: (K, n_own, n_own) of the own unknowns; (K, n_own, n + 1) of
+        them and [globals, residual]; (K, n + 1, n + 1) of these."""
+        width, k, n_own = self.ends.shape[3], self.n + 1, self.n_own
+        found = np.empty((len(self), n_own, n_own)), np.empty((len(self), n_own, k)), np.empty((len(self), k, k))
 
         def work(part: slice):
             chain = self.pick(part)
-            T = np.empty((len(chain), len(self.nodes), width, width + k))
-            chain._products(T, found[2][part])
-            found[0][part], found[1][part] = chain._of_own(T, width)
+            products = np.empty((len(chain), len(self.nodes), width, width + k))
+            chain._products(products, found[2][part])
+            whole = _Links(chain._ends(), products[..., width:], products[..., :width]).joined(chain._axes)
+            found[1][part] = chain._own_rows(whole.R)
+            found[0][part] = chain._own_rows(chain._own_rows(whole.T).swapaxes(1, 2))
 
         each_part(work, len(self))
         return found
@@ -87,9 +89,10 @@ class Chain:
         """(K, n_own + n) J'r, whitened."""
         n_s, width = self.ends.shape[2:]
         products = np.matmul((self.r * self.weight)[:, :, None], self.J)[:, :, 0]
-        T = np.add.reduceat(products[..., :width], self.nodes, axis=1)[..., None]
-        T[:, 1::2, n_s:] = T[:, 1::2, _order(n_s, width, 1)]
-        return np.concatenate([self._of_own(T, 0)[1][..., 0], products[..., width:].sum(axis=1)], axis=1)
+        R = np.add.reduceat(products[..., :width], self.nodes, axis=1)[..., None]
+        R[:, 1::2, n_s:] = R[:, 1::2, _order(n_s, width, 1)]
+        whole = _Links(self._ends(), R, None).joined(self._axes)
+        return np.concatenate([self._own_rows(whole.R)[..., 0], products[..., width:].sum(axis=1)], axis=1)
 
     def own(self) -> np.ndarray:
         """(K, N, n_out, n_own) whitened sensitivities to every own unknown at every sample."""
@@ -103,9 +106,8 @@ class Chain:
             L = self.J[:, link, :, :width]
             found[:, link] = np.matmul(L[..., :n_s], state[:, None])
             found[:, link, :, wind] += L[..., _order(n_s, width, m)]
-            if m < E.shape[1]:
-                state = np.matmul(E[:, m, :, :n_s], state)
-                state[:, :, wind] += E[:, m, :, n_s:]
+            state = np.matmul(E[:, m, :, :n_s], state)
+            state[:, :, wind] += E[:, m, :, n_s:]
         return found[..., : self.n_own] * self.weight[..., None]
 
     def globals(self) -> np.ndarray:
@@ -117,36 +119,17 @@ class Chain:
         return (self.ends.shape[3] - self.ends.shape[2]) // 2
 
     def _ends(self) -> np.ndarray:
-        """`ends` with the wind at the first node of every link before that at its second."""
+        """(K, links, n_s, width) `ends` with the wind at the first node of every link before that at its second; 0 behind the last one."""
         n_s, width = self.ends.shape[2:]
-        E = self.ends.copy()
+        E = np.concatenate([self.ends, np.zeros((len(self), 1, n_s, width))], axis=1)
         E[:, 1::2, :, n_s:] = E[:, 1::2][..., _order(n_s, width, 1)]
         return E
 
-    def _of_own(self, T: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-        """(K, n_own, n_own) and (K, n_own, k) of the whole segment, from what every link says of its three (K, links, 3, width + k).
-        width 0: the second alone."""
-        n_s, axes = self.ends.shape[2], self._axes
-        # nothing follows the last link
-        E = np.concatenate([self._ends(), np.zeros((len(self), 1, *self.ends.shape[2:]))], axis=1)
-        behind = None
-        while T.shape[1] > 1:
-            if T.shape[1] % 2:
-                last = T[:, -1:], E[:, -1:]
-                behind = _joined(*last, *behind, axes, width > 0) if behind else last
-            T, E = _joined(T[:, :-1:2], E[:, :-1:2], T[:, 1::2], E[:, 1::2], axes, width > 0)
-        if behind:
-            T, E = _joined(T, E, *behind, axes, width > 0)
-        # what is free at the start, and the wind at the nodes that there are
-        own, k = E.shape[3] if width else 0, T.shape[3] - (E.shape[3] if width else 0)
-        found, at_start = T[:, 0], self.n_start
-        rows = ((slice(0, at_start), slice(0, at_start)), (slice(at_start, self.n_own), slice(n_s, n_s + self.n_own - at_start)))
-        of_own, cross = np.empty((len(T), self.n_own, self.n_own if width else 0)), np.empty((len(T), self.n_own, k))
-        for to, of in rows:
-            cross[:, to] = found[:, of, own:]
-            for to_column, of_column in rows if width else ():
-                of_own[:, to, to_column] = found[:, of, of_column]
-        return of_own, cross
+    def _own_rows(self, a: np.ndarray) -> np.ndarray:
+        """(K, n_own, k) of (K, 1, width, k) or (K, width, k), [state, wind at all nodes]: what is free at the start, and the nodes that
+        there are."""
+        n_s, a = self.ends.shape[2], a.reshape(len(a), *a.shape[-2:])
+        return np.concatenate([a[:, : self.n_start], a[:, n_s : n_s + self.n_own - self.n_start]], axis=1)
 
 
 def _order(n_s: int, width: int, m: int) -> np.ndarray:
@@ -154,26 +137,43 @@ def _order(n_s: int, width: int, m: int) -> np.ndarray:
     return np.roll(np.arange(n_s, width), (width - n_s) // 2 * (m % 2))
 
 
-def _joined(T: np.ndarray, E: np.ndarray, T_next: np.ndarray, E_next: np.ndarray, axes: int, of_own: bool) -> tuple[np.ndarray, np.ndarray]:
-    """(T, E) of links (K, links, ...) and those that follow them as one: of [state, wind at all nodes], which share the node between them.
+@dataclass(frozen=True)
+class _Links:
+    """Links (K, links, ...) by [state at the begin, wind at all nodes] (width): E (n_s, width) sensitivities of the state at the end; R
+    (width, k) products of those of all outputs with others, T (width, width) with themselves, None where nobody asks."""
 
-    of_own: T has columns for the products of these with themselves, before those for others.
-    """
-    n_s, before, after = E.shape[2], E.shape[3], E_next.shape[3]
-    width, shared = before + after - n_s - axes, before - axes
-    k = T.shape[3] - (before if of_own else 0)
-    joined, ends = np.zeros((*T.shape[:2], width, k + (width if of_own else 0))), np.zeros((*E.shape[:3], width))
-    # the link that follows knows all that was before by the state
-    known = np.matmul(E.swapaxes(2, 3), T_next[:, :, :n_s])
-    others, of_others = slice(joined.shape[3] - k, None), slice(T_next.shape[3] - k, None)
-    joined[:, :, :before, others] = T[..., T.shape[3] - k :] + known[..., of_others]
-    joined[:, :, shared:, others] += T_next[:, :, n_s:, of_others]
-    if of_own:
-        wind = known[..., n_s:after]
-        joined[:, :, :before, :before] = T[..., :before] + np.matmul(known[..., :n_s], E)
-        joined[:, :, :before, shared:width] += wind
-        joined[:, :, shared:, :before] += wind.swapaxes(2, 3)
-        joined[:, :, shared:, shared:width] += T_next[:, :, n_s:, n_s:after]
-    ends[..., :before] = np.matmul(E_next[..., :n_s], E)
-    ends[..., shared:] += E_next[..., n_s:]
-    return joined, ends
+    E: np.ndarray
+    R: np.ndarray
+    T: np.ndarray | None
+
+    def pick(self, which: slice) -> "_Links":
+        return _Links(*(a if a is None else a[:, which] for a in (self.E, self.R, self.T)))
+
+    def joined(self, axes: int) -> "_Links":
+        """All of them as one link."""
+        links, behind = self, None
+        while (count := links.E.shape[1]) > 1:
+            if count % 2:
+                behind = links.pick(slice(-1, None)).then(behind, axes)
+            links = links.pick(slice(0, count - 1, 2)).then(links.pick(slice(1, None, 2)), axes)
+        return links.then(behind, axes)
+
+    def then(self, after: "_Links | None", axes: int) -> "_Links":
+        """Each as one with the link after it, which shares a node with it and knows what was before by the state."""
+        if after is None:
+            return self
+        n_s, before = self.E.shape[2:]
+        shared, width = before - axes, before + after.E.shape[3] - n_s - axes
+        back, many = self.E.swapaxes(2, 3), self.E.shape[:2]
+        E, R, T = np.zeros((*many, n_s, width)), np.zeros((*many, width, self.R.shape[3])), None
+        E[..., :before] = np.matmul(after.E[..., :n_s], self.E)
+        E[..., shared:] += after.E[..., n_s:]
+        R[:, :, :before] = self.R + np.matmul(back, after.R[:, :, :n_s])
+        R[:, :, shared:] += after.R[:, :, n_s:]
+        if self.T is not None:
+            T, known = np.zeros((*many, width, width)), np.matmul(back, after.T[:, :, :n_s])
+            T[:, :, :before, :before] = self.T + np.matmul(known[..., :n_s], self.E)
+            T[:, :, :before, shared:] += known[..., n_s:]
+            T[:, :, shared:, :before] += known[..., n_s:].swapaxes(2, 3)
+            T[:, :, shared:, shared:] += after.T[:, :, n_s:, n_s:]
+        return _Links(E, R, T)

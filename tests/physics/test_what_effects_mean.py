@@ -197,7 +197,7 @@ def test_a_dead_band_loses_small_deflections():
         assert with_it.deflections["rudder"] == pytest.approx(expected, abs=1e-15)
 
 
-def flown(key, calm, values=None, seconds=2.0, setpoint=None):
+def flown(key, calm, values=None, seconds=2.0, setpoint=None, substeps=4):
     """(kite, trajectories, segments) of the kite with an effect on a lively segment; setpoint: of the rudder, (N+1,)."""
     from dataclasses import replace
 
@@ -208,7 +208,7 @@ def flown(key, calm, values=None, seconds=2.0, setpoint=None):
         setpoints[:, :, SURFACES.index("rudder")] = setpoint
         inputs[:, :, kite.input_names.index("rudder_rate")] = np.gradient(setpoint, segments.dt)
         segments = replace(segments, setpoints=setpoints, inputs=inputs)
-    result = Simulator(kite, (), substeps=4).rollout(segments, values)
+    result = Simulator(kite, (), substeps=substeps).rollout(segments, values)
     assert not result.diverged.any()
     return kite, result, segments
 
@@ -271,17 +271,27 @@ def test_a_lagging_surface_is_behind_from_the_start(calm):
     assert found[0] == pytest.approx(0.05 - 0.2 * 0.15)
 
 
-def test_an_actuator_delay_is_a_pure_delay(calm):
+@pytest.mark.parametrize("tau", [0.03, 0.12])
+def test_an_actuator_delay_is_a_pure_delay(calm, tau):
     """Guards phase and amplitude of the Pade form: a swinging rudder arrives tau later, as large, from the first sample on."""
     time = 0.02 * np.arange(101)
-    values = {"actuator_delay:rudder.tau": 0.12}
+    values = {"actuator_delay:rudder.tau": tau}
     swing = lambda t: 0.1 * np.sin(2 * np.pi * 0.7 * t)  # noqa: E731
     case = flown("actuator_delay:rudder", calm, values, setpoint=swing(time))
     # set-points are held: they are half a sample late themselves, and their steps pass at once; between two steps stands the mean
     kite, result, segments = case
     rudder = len(kite.state_names) + SURFACES.index("rudder")
     result.states[0, 1:, rudder] = (result.states[0, 1:, rudder] + result.states[0, :-1, rudder]) / 2
-    assert deflection(*case, values)[25:] == pytest.approx(swing(time - 0.12 - 0.01)[25:], abs=1.5e-3)
+    assert deflection(*case, values)[25:] == pytest.approx(swing(time - tau - 0.01)[25:], abs=2e-3)
+
+
+@pytest.mark.parametrize("tau", [0.02, 0.04, 0.08])
+def test_a_short_delay_is_flown_as_it_is_fitted(calm, tau):
+    """Guards the poles of the Pade form: with steps of 20 ms, as fits take them, a step of the set-point goes the way that it goes with
+    steps of 5 ms (poles of a shorter delay did not, and a lag explained flights with a short delay better than a delay)."""
+    step, values = np.where(np.arange(101) >= 10, 0.1, 0.0), {"actuator_delay:rudder.tau": tau}
+    fine, coarse = (deflection(*flown("actuator_delay:rudder", calm, values, setpoint=step, substeps=n), values) for n in (4, 1))
+    assert coarse == pytest.approx(fine, abs=0.005)
 
 
 def test_unsteady_lift_lags(calm):
