@@ -13,9 +13,13 @@ from awescli.estimation.quadratic_program import Limits, best_step
 SUFFICIENT = 0.1
 """Share of the decrease that the slope promises which a step must bring (Armijo's c)."""
 SHORTER = 0.8
-"""Factor between one trial of the search and the next (Armijo's beta)."""
+"""Factor between one trial of the search and the next (Armijo's beta) ..."""
+FAR_SHORTER = 0.5
+"""... and where a parabola through what is known has its minimum at less than this share of the trial."""
 SHORTEST = 0.1
 """Below this share of a step, damping helps more than a shorter step."""
+STALLED = 3
+"""So many steps that together gain less than what a fit need not gain are enough: at a kink, as a dead band has one, they never end."""
 FEASIBLE = 1e-9
 """Largest violation of a row of `Limits` that counts as none."""
 
@@ -73,9 +77,10 @@ def minimise(
 
     Stops when the KKT residual at the multipliers of the quadratic program falls below `tolerance`, or below a millionth of the cost. It is
     counted in units of the cost (chi-square for whitened residuals): the gradient of the Lagrangian in the norm of H^-1, plus the
-    complementarity products, plus own_gain; and no row may be violated.
+    complementarity products, plus own_gain; and no row may be violated. Ends without progress where no step helps, or the last STALLED ones
+    together helped by less than `tolerance`.
     """
-    damping, history, outcome, kkt = 0.0, [], "iteration_limit", np.inf
+    damping, history, gains, outcome, kkt = 0.0, [], [], "iteration_limit", np.inf
     multipliers, weight = np.zeros(len(x) + len(limits.low)), _Weight(limits)
     cost, b, H, own_gain = linearise(x)
     for iteration in range(iterations):
@@ -90,9 +95,11 @@ def minimise(
                 if kkt < max(tolerance, 1e-6 * cost) and violation.max(initial=0.0) < FEASIBLE:
                     outcome, multipliers = "converged", found
                     break
+            if len(gains) >= STALLED and sum(gains[-STALLED:]) < tolerance:
+                break
             weight.raise_above(found[len(x) :])
             slope = -2 * float(b @ step) - 2 * own_gain - weight.penalty(violation)
-            share = _search(move, step, lambda s, x=x, d=step: weight.at(x + s * d), cost + weight.penalty(violation), slope)
+            share, gain = _search(move, step, lambda s, x=x, d=step: weight.at(x + s * d), cost + weight.penalty(violation), slope)
             if share:
                 break
             damping = max(10 * damping, 1e-3)
@@ -102,6 +109,7 @@ def minimise(
             outcome = "no_progress"
             break
         accept()
+        gains.append(gain)
         x = limits.clip(x + share * step)
         multipliers = multipliers + share * (found - multipliers)
         damping = 0.0 if damping < 1e-3 else damping / 10
@@ -109,15 +117,16 @@ def minimise(
     return Solution(x, float(cost), H, outcome, kkt, tuple(history), 2 * multipliers)
 
 
-def _search(move, step, penalty: Callable[[float], float], merit: float, slope: float) -> float:
-    """The first share of a step at which the merit has fallen enough; 0 if there is none."""
+def _search(move, step, penalty: Callable[[float], float], merit: float, slope: float) -> tuple[float, float]:
+    """(the first share of a step at which the merit has fallen enough, by how much); 0 if there is none."""
     share = 1.0
     while share > SHORTEST:
-        trial = move(step, share)
-        if np.isfinite(trial) and trial + penalty(share) < merit + SUFFICIENT * share * slope:
-            return share
-        share *= SHORTER
-    return 0.0
+        rise = move(step, share) + penalty(share) - merit
+        if np.isfinite(rise) and rise < SUFFICIENT * share * slope:
+            return share, -rise
+        lowest = -slope * share / max(2 * (rise - slope * share), 1e-300)
+        share *= SHORTER if lowest > FAR_SHORTER else FAR_SHORTER
+    return 0.0, 0.0
 
 
 def _complementarity(multipliers: np.ndarray, limits: Limits, x: np.ndarray) -> float:

@@ -153,6 +153,24 @@ def test_outcomes_have_names():
     assert stuck.solve((0.5, 3.0, -1.0)).outcome == "no_progress" and stuck.accepted == 0
 
 
+def test_steps_that_promise_more_than_they_bring_come_to_an_end():
+    """Guards a fit at a kink: every step promises as much as the one before and brings an eighth of it."""
+    cost = [10.0]
+
+    def move(step, share):
+        cost.append(cost[0] - 0.25 * share)
+        return cost[-1]
+
+    def accept():
+        cost[:] = cost[-1:]
+
+    how = {"x": np.zeros(1), "limits": Limits.box([-99.0], [99.0]), "iterations": 20}
+    linearise = lambda x: (cost[0], np.ones(1), np.eye(1), 0.0)  # noqa: E731
+    found = minimise(linearise, move, accept, tolerance=0.9, **how)
+    assert found.outcome == "no_progress" and len(found.history) == 4 and found.kkt == pytest.approx(1.0)
+    assert minimise(linearise, move, accept, tolerance=0.7, **how).outcome == "iteration_limit"
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_a_step_under_linear_constraints_is_optimal(seed):
     """Guards the whole quadratic program, equalities included, by stationarity, signs and complementarity, and by scipy's SLSQP."""
