@@ -19,7 +19,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
-from kites import DEVELOPMENT, flight  # noqa: E402
+from kites import DEVELOPMENT, flight, gust_windows  # noqa: E402
 
 from awescli.artifacts import write_text  # noqa: E402
 from awescli.estimation.nuisance_wind import Gusts  # noqa: E402
@@ -48,12 +48,8 @@ def problem(window: float) -> SimulationError:
 def in_columns(at: SimulationError, gusts: Gusts, x: np.ndarray) -> np.ndarray:
     """(K, n, n) Gram matrices of [own unknowns, parameters, residual], with a column for every node at every sample."""
     segments = at.observed.segments
-    nodes = gusts.nodes(segments.steps, segments.dt)
-    edges = [0, *(int(n) for n in nodes), segments.steps + 1]
-    windows = [(f"{('gust', 'gust_odd')[j % 2]}.{a}", edges[j], edges[j + 2]) for j in range(len(nodes)) for a in gusts.axes]
-    trajectories, J = at.simulator.sensitivities(
-        at.segments(at.own), Columns(STATES, at.names, tuple(windows)), at.observed.outputs, at.values(x)
-    )
+    columns = Columns(STATES, at.names, gust_windows(gusts, segments.steps, segments.dt))
+    trajectories, J = at.simulator.sensitivities(at.segments(at.own), columns, at.observed.outputs, at.values(x))
     r, weight, n = at.observed.residual(trajectories), 1 / at.observed.sigma, J.shape[-1]
     grams = np.empty((len(r), n + 1, n + 1))
     order = np.r_[:12, 12 + len(at.names) : n, 12 : 12 + len(at.names), n]

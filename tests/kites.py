@@ -129,6 +129,13 @@ def lively(kite: Kite, log: FlightLog, count: int = 8, seconds: float = 5.0, see
     return Observed(moved, observed.outputs, observed.measured, observed.sigma)
 
 
+def gust_windows(gusts, steps: int, dt: float) -> tuple[tuple[str, int, int], ...]:
+    """A column for every node and axis of a wind, carried through the whole segment: (parameter, first step, last step)."""
+    nodes = gusts.nodes(steps, dt)
+    edges = [0, *(int(n) for n in nodes), steps + 1]
+    return tuple((f"{('gust', 'gust_odd')[j % 2]}.{a}", edges[j], edges[j + 2]) for j in range(len(nodes)) for a in gusts.axes)
+
+
 def _with_vanes(observed: Observed, std: float) -> Observed:
     """All of MEASURED, also the flow angles that a log without vanes lacks (their values are to be filled by `truly`)."""
     shape = (*observed.measured.shape[:2], len(MEASURED))

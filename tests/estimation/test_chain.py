@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kites import DEVELOPMENT, lively, truly
+from kites import DEVELOPMENT, gust_windows, lively, truly
 
 from awescli.estimation.chain import Chain
 from awescli.estimation.nuisance_wind import Gusts, RecordError
@@ -41,10 +41,8 @@ def problem(simulator, calm, gusts):
 
 def at_every_sample(problem, simulator, gusts):
     """Whitened sensitivities to [own, globals] with a column for every node at every sample."""
-    steps, nodes = problem.observed.segments.steps, gusts.nodes(problem.observed.segments.steps, problem.observed.segments.dt)
-    edges = [0, *nodes, steps + 1]
-    windows = [(f"{('gust', 'gust_odd')[j % 2]}.{a}", edges[j], edges[j + 2]) for j in range(len(nodes)) for a in gusts.axes]
-    columns = Columns(STATES, problem.names, tuple(windows))
+    segments = problem.observed.segments
+    columns = Columns(STATES, problem.names, gust_windows(gusts, segments.steps, segments.dt))
     _, J = simulator.sensitivities(problem.segments(problem.own), columns, problem.observed.outputs)
     order = np.r_[:12, 14 : J.shape[-1], 12:14]
     return J[..., order] * np.where(np.isfinite(problem.observed.sigma), 1 / problem.observed.sigma, 0.0)[..., None]
