@@ -17,8 +17,8 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from awescli.cli import build_app
-from awescli.flightlog.flight_file import FlightFile
-from awescli.notation.document import open_document, read_document
+from awescli.flightlog.flight_check import read_flight_file
+from awescli.notation.document import open_document
 from awescli.notation.yaml_text import parse_yaml
 from awescli.physics.declaration import read_kite
 from awescli.stages import STAGES
@@ -156,7 +156,7 @@ def test_yaml_snippets_are_valid(page, tmp_path):
     for snippet in blocks(page, "ya?ml"):
         keys = set(parse_yaml(snippet, str(page)).data)
         if keys & {"format", "signals", "units"}:
-            read_document(page, FlightFile, text=snippet)
+            read_flight_file(page, text=snippet)
         elif keys & {"aerodynamics", "parameters"}:
             (tmp_path / "snippet.yaml").write_text(snippet)
             read_kite(tmp_path / "snippet.yaml")

@@ -107,13 +107,14 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         with shell(as_json) as screen:
             commands.compare(screen, stages, run_a, run_b, tolerance, most)
 
-    @app.command(help="Print the JSON Schema of stages.yaml and of the kite file, for editor completion.")
+    @app.command(help="Print the JSON Schema of stages.yaml, of the kite file and of flight.yaml, for editor completion.")
     def schema():
         with shell(as_json=True) as screen:
+            from awescli.flightlog.flight_file import FlightFile
             from awescli.physics.declaration import KiteDeclaration
             from awescli.stages.starter import draft7, plan_schema
 
-            screen.answer({"stages": plan_schema(stages), "kite": draft7(KiteDeclaration)})
+            screen.answer({"stages": plan_schema(stages), "kite": draft7(KiteDeclaration), "flight": draft7(FlightFile)})
 
     return app
 

@@ -12,6 +12,7 @@ import polars as pl
 
 from awescli.flightlog.kitemill_wind import find_weather, read_wind, wind_csv_text
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.plausible_frames import check_frames
 from awescli.flightlog.plausible_units import check_clock, check_units
 from awescli.flightlog.resample import RawFlight, uniform_log, usable_stamps
 from awescli.flightlog.spikes import without_spikes
@@ -85,6 +86,7 @@ def read_kitemill(
     seconds = (stamps - first) * second
     places = {quantity: (f"{path}: column {column}", column) for quantity, (column, _, _) in COLUMNS.items()}
     signals, spikes = without_spikes(signals, usable_stamps(seconds)[0])
+    check_frames(seconds, signals, places, units, {}, "Columns in other frames are mapped in a flight.yaml (`format: csv`).")
     check_units(seconds, signals, places, units, CURE)
     weather = find_weather(folder)
     notes = list(table.notes)

@@ -64,7 +64,7 @@ def read_wind(path: Path, start: float, flight: tuple[float, float], station_hei
         notes.append(f"{path.name}: no air density.")
     if "height" not in header:
         notes.append(f"{path.name}: no height column, the station is taken to be {station_height:g} m above the winch.")
-    return _pivot(path, seconds, columns), notes
+    return profile(path, seconds, columns), notes
 
 
 def wind_csv_text(log: FlightLog) -> str:
@@ -84,7 +84,7 @@ def wind_csv_text(log: FlightLog) -> str:
     return pl.DataFrame(columns).write_csv(float_precision=6)
 
 
-def _pivot(path: Path, seconds: np.ndarray, columns: dict[str, np.ndarray]) -> WindRecord:
+def profile(path: Path, seconds: np.ndarray, columns: dict[str, np.ndarray]) -> WindRecord:
     """Rows -> (times, heights) tables; a height that lacks a time is interpolated in time."""
     time, row = np.unique(seconds, return_inverse=True)
     height, layer = np.unique(columns["height"], return_inverse=True)

@@ -5,11 +5,10 @@ from pathlib import Path
 
 from awescli.flightlog.ampyx_mat import read_ampyx
 from awescli.flightlog.faults import mark_faults
-from awescli.flightlog.flight_file import FlightFile
+from awescli.flightlog.flight_check import read_flight_file
 from awescli.flightlog.kitemill_csv import read_kitemill
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.mapped_csv import read_mapped
-from awescli.notation.document import read_document
 from awescli.notation.errors import BadInput
 
 NEEDED_BY_MODEL = (
@@ -59,9 +58,10 @@ def missing_for_model(log: FlightLog) -> list[str]:
 
 def _declared(path: Path, max_gap: float) -> FlightLog:
     """The log that a flight.yaml describes."""
-    mapping = read_document(path, FlightFile)
+    declared = read_flight_file(path)
+    mapping = declared.file
     if mapping.format == "csv":
-        return read_mapped(path, mapping, max_gap)
+        return read_mapped(declared, max_gap)
     late = {group: float(value) for group, value in mapping.clocks.items() if value != "auto"}
     pattern = mapping.file or ("kite.csv" if mapping.format == "kitemill" else "*.mat")
     found = sorted(path.parent.glob(pattern)) if mapping.file is None else [path.parent / mapping.file]

@@ -183,9 +183,11 @@ def test_every_part_of_the_data_quality_is_shown(capsys):
         assert name in shown
 
 
-def test_schema_prints_both_schemas(folder):
+def test_schema_prints_the_schemas_of_all_files(folder):
     schema = json.loads(awes("schema").stdout)
-    assert set(schema) == {"stages", "kite"} and "flight" in schema["stages"]["properties"]
+    assert set(schema) == {"stages", "kite", "flight"} and "flight" in schema["stages"]["properties"]
+    column = schema["flight"]["definitions"]["Column"]["properties"]
+    assert {"column", "unit", "sign", "scale", "offset"} <= set(column) and "file" in schema["flight"]["definitions"]["Wind"]["properties"]
 
 
 def test_help_names_every_stage_and_setting():
