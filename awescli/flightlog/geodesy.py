@@ -32,3 +32,14 @@ def ned_from_geodetic(latitude, longitude, altitude, origin: tuple[float, float,
     rows = np.array([[-s * c_l, -s * s_l, c], [-s_l, c_l, 0.0], [-c * c_l, -c * s_l, -s]])
     north, east, down = rows @ far
     return north, east, down
+
+
+def geodetic_from_ned(place: np.ndarray, origin: tuple[float, float, float]) -> tuple[float, float, float]:
+    """(latitude, longitude [rad], altitude [m]) of one place (3,) north, east, down from `origin`: the inverse of `ned_from_geodetic`, by
+    Newton steps with the radius of a sphere, which leave micrometres within a few kilometres."""
+    found = np.array(origin, dtype=float)
+    for _ in range(6):
+        north, east, down = (x[0] for x in ned_from_geodetic(*found[:, None], origin))
+        n, e, d = np.asarray(place) - (north, east, down)
+        found = found + (n / SEMI_MAJOR, e / (SEMI_MAJOR * np.cos(found[0])), -d)
+    return float(found[0]), float(found[1]), float(found[2])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from awescli.notation.errors import did_you_mean
+from awescli.notation.quantities import INPUTS, SURFACES
 
 PHRASES: dict[str, tuple[str, ...]] = {
     "p_n": ("north", "pos n", "pos north", "position n", "position north", "north position", "p n", "pn", "r n", "ned n", "x north"),
@@ -79,9 +80,9 @@ PARTS: dict[str, tuple[str, ...]] = {
     "position.x": ("x", "pos x", "position x", "p x", "local x", "x pos", "x position"),
     "position.y": ("y", "pos y", "position y", "p y", "local y", "y pos", "y position"),
     "position.z": ("z", "pos z", "position z", "p z", "local z", "z pos", "z position"),
-    "velocity.x": ("v x", "vel x", "velocity x", "x dot", "speed x", "x vel", "x velocity", "x speed"),
-    "velocity.y": ("v y", "vel y", "velocity y", "y dot", "speed y", "y vel", "y velocity", "y speed"),
-    "velocity.z": ("v z", "vel z", "velocity z", "z dot", "speed z", "z vel", "z velocity", "z speed"),
+    "velocity.x": ("v x", "vel x", "velocity x", "x dot", "speed x", "x vel", "x velocity", "x speed", "u"),
+    "velocity.y": ("v y", "vel y", "velocity y", "y dot", "speed y", "y vel", "y velocity", "y speed", "v"),
+    "velocity.z": ("v z", "vel z", "velocity z", "z dot", "speed z", "z vel", "z velocity", "z speed", "w"),
     "position.latitude": ("lat", "latitude", "gps lat", "lati"),
     "position.longitude": ("lon", "lng", "long", "longitude"),
     "position.elevation": ("elevation", "elevation angle", "el", "elev angle", "zenith elevation"),
@@ -109,13 +110,14 @@ WEATHER: dict[str, tuple[str, ...]] = {
 COMMANDS = ("cmd", "command", "commanded", "sp", "setpoint", "set point", "des", "desired", "ref", "reference", "demand", "target", "set")
 """Words that make a signal what was asked for, not what was measured."""
 
-MEASURED_WORDS = ("meas", "measured", "fb", "feedback", "actual", "act", "pos", "position", "deflection", "angle", "defl")
+REACHED = ("meas", "measured", "fb", "feedback", "actual", "act", "pos", "position", "deflection", "angle", "defl", "state")
 """Words that make a control surface what was reached, not what was asked for."""
 
 IDLE = frozenset(
     "kite uav uas drone aircraft plane glider vehicle airframe fc imu ins gps gnss ekf nav navigation est estimated estimate estimator "
     "filtered filt lowpass lp raw sensor onboard body local frame signal value data log ahrs attitude att mean avg average smoothed eb b "
-    "cell station met weather mast lidar ground ned enu frd flu true tether line air measured meas actual state kf main primary".split()
+    "cell station met weather mast lidar ground ned enu frd flu true tether line air measured meas actual state kf main primary "
+    "pwm servo".split()
 )
 """Words that say where a signal comes from and not what it is; dropped where the rest is still a name."""
 
@@ -123,11 +125,12 @@ IDLE = frozenset(
 @dataclass(frozen=True)
 class Meaning:
     """What a name stands for. quantity: a key of PHRASES (without its minus sign), PARTS or WEATHER; sign: -1 where it counts the other
-    way; command: it is what was asked for; idle: how many words were dropped to read it."""
+    way; command: it is what was asked for; reached: it is said to be what came of that; idle: how many words were dropped to read it."""
 
     quantity: str
     sign: int = 1
     command: bool = False
+    reached: bool = False
     idle: int = 0
 
 
@@ -140,11 +143,14 @@ def words(text: str) -> tuple[str, ...]:
 def meanings(name: tuple[str, ...], weather: bool = False) -> list[Meaning]:
     """What the words of a name may stand for, the most literal reading first; weather: in a file that holds weather only."""
     table = _table(weather)
-    command = bool(name) and _asked(name)
-    kept = _without_command(name) if command else name
+    command = any(w in COMMANDS for w in name) or "setpoint" in "".join(name)
+    kept = tuple(w for w in name if w not in (*COMMANDS, "point")) if command else name
     found = []
     for idle, core in _readings(kept):
-        found += [Meaning(q, s, command, idle) for q, s in table.get("".join(core), ())]
+        # what was asked for is no measurement
+        found += [Meaning(q, s, command, False, idle) for q, s in table.get("".join(core), ()) if not command or q in INPUTS]
+    if (rest := tuple(w for w in name if w not in REACHED)) != name and not command:
+        found += [Meaning(q, s, False, True, 1) for q, s in table.get("".join(rest), ()) if q in SURFACES]
     return list(dict.fromkeys(found))
 
 
@@ -180,11 +186,3 @@ def _readings(name: tuple[str, ...]):
     core = tuple(w for w in bare if w not in IDLE)
     if core and core != bare:
         yield 1 + len(bare) - len(core), core
-
-
-def _asked(name: tuple[str, ...]) -> bool:
-    return any(w in COMMANDS for w in name) or any(a + b in ("setpoint",) for a, b in zip(name, name[1:], strict=False))
-
-
-def _without_command(name: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(w for w in name if w not in COMMANDS and w not in ("point",))
