@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from awescli.engine.machine import Program, compile_program
+from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.physics.kite import GUSTS, ODD_GUSTS, ROLL_GUSTS, Kite
 from awescli.simulation.stepping import Stepping, longest_step
 
 _INDEX = {name: i for i, name in enumerate(OUTPUTS)}
+BODY_VELOCITY = ("u", "v", "w")
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,11 @@ class Trajectories:
     alive: np.ndarray
 
     def __getitem__(self, name: str) -> np.ndarray:
+        """(K, N+1) what sensors report of `name`; u, v, w as a log derives them (`FlightLog.body_velocity`): from the reported velocity
+        and the reported attitude, with what is wrong about these."""
+        if name in BODY_VELOCITY:
+            R = rotation_body_to_ned(*(self[angle] for angle in ("phi", "theta", "psi")))
+            return rotate_back(R, tuple(self[axis] for axis in ("v_n", "v_e", "v_d")))[BODY_VELOCITY.index(name)]
         return self.outputs[:, :, _INDEX[name]]
 
     @property

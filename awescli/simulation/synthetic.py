@@ -17,7 +17,7 @@ from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 from awescli.simulation.gusts import dryden, roll_gust
-from awescli.simulation.rollout import Segments, Simulator, Trajectories, inputs_of
+from awescli.simulation.rollout import BODY_VELOCITY, Segments, Simulator, Trajectories, inputs_of
 from awescli.simulation.segments import noise_std, wrap
 
 EPOCH = 1_650_000_000.0
@@ -186,7 +186,7 @@ def simulate_flight(
     best, last = _best(flown, pattern, lead, dt)
     rows = slice(lead, max(last, lead + 1))
     outputs = {n: flown.outputs[best, rows, i] for i, n in enumerate(OUTPUTS)}
-    outputs |= {n: flown.states[best, rows, STATES.index(n)] for n in "uvw"}
+    outputs |= {n: flown[n][best, rows] for n in BODY_VELOCITY}
     line = {"tether_length": length[rows], "reel_out_speed": speed[rows]}
     return Flown(time[rows], dt, outputs, line, departed=last < samples)
 
