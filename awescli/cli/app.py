@@ -79,11 +79,11 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         with shell(as_json) as screen:
             commands.check(screen, stages, stages_file, settings)
 
-    @app.command(help="Write a commented stages.yaml to start from.")
+    @app.command(help="Write a commented plan to start from; drafts a flight.yaml for a CSV of unknown layout, and a kite file to fill in.")
     def init(
-        folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the new stages.yaml.")],
-        flight: Annotated[Path, typer.Option(metavar="F", help="Folder of the flight log.")],
-        kite: Annotated[Path, typer.Option(metavar="K", help="Kite file.")],
+        folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the new files.")],
+        flight: Annotated[Path, typer.Option(metavar="F", help="The flight log: a file, or its folder.")],
+        kite: Annotated[Path | None, typer.Option(metavar="K", help="Kite file; without it, one to fill in is written.")] = None,
     ):
         with shell() as screen:
             commands.init(screen, stages, folder, flight, kite)

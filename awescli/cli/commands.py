@@ -1,6 +1,5 @@
 """What each command does: read the plan, call the floors below, show what came of it."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -161,18 +160,17 @@ def _or_dash(value: Any) -> Any:
     return "-" if value is None else value
 
 
-def init(screen: Screen, stages: tuple[Stage, ...], folder: Path, flight: Path, kite: Path) -> None:
-    """A stages.yaml to start from."""
+def init(screen: Screen, stages: tuple[Stage, ...], folder: Path, flight: Path, kite: Path | None) -> None:
+    """A stages.yaml to start from; for a log of unknown layout a flight.yaml, and without a kite file one to fill in."""
     from awescli.artifacts import write_text
-    from awescli.stages.starter import starter_text
+    from awescli.stages.beginning import begin
 
-    file = folder / "stages.yaml"
-    if file.exists():
-        raise BadInput("is there already and is not overwritten", str(file), "Choose another folder, or move it away.")
-    if not flight.exists():
-        raise BadInput("there is no such folder", f"--flight {flight}", "Name the folder of the flight log.")
-    if not kite.is_file():
-        raise BadInput("there is no such file", f"--kite {kite}", "Name the kite's YAML file.")
-    relative = [os.path.relpath(path.resolve(), folder.resolve()) if not path.is_absolute() else str(path) for path in (flight, kite)]
-    write_text(file, starter_text(stages, *relative))
-    screen.line(f"wrote {file}; next: cd {folder}; awes check; awes run")
+    made = begin(folder, flight, kite, stages)
+    if made.found:
+        screen.section("columns found", made.found)
+    for title, sentences in made.told.items():
+        screen.section(title, sentences)
+    for name, text in made.files.items():
+        write_text(folder / name, text)
+    screen.line(f"wrote {', '.join(str(folder / name) for name in made.files)}")
+    screen.line(f"next: cd {folder}; awes check")

@@ -1,12 +1,13 @@
 """What the person sees: lines, bars, tables; and the Progress that stages report to."""
 
 import os
+import shutil
 import sys
 import time
 from collections.abc import Mapping
 from typing import Any
 
-from awescli.cli.tables import rich_table, text_of
+from awescli.cli.tables import table_lines, text_of
 
 
 class Screen:
@@ -25,11 +26,16 @@ class Screen:
         self._console: Any = None
 
     @property
+    def width(self) -> int:
+        """Columns that a line may have: the terminal's; of a pipe COLUMNS, else 80."""
+        return max(shutil.get_terminal_size((80, 24)).columns, 40)
+
+    @property
     def console(self) -> Any:
         if self._console is None:
             from rich.console import Console
 
-            options = {} if self.fancy else {"color_system": None, "force_terminal": False, "width": 140}
+            options = {} if self.fancy else {"color_system": None, "force_terminal": False, "width": self.width}
             self._console = Console(file=self.stream, highlight=False, **options)
         return self._console
 
@@ -114,7 +120,8 @@ class Screen:
             return
         if isinstance(content, Mapping) and content:
             self.line(title)
-            self.console.print(rich_table(content))
+            for line in table_lines(content, self.width):
+                self.line(line)
         elif isinstance(content, (list, tuple)):
             self.line(f"{title}:" + ("" if content else " none"))
             for item in content:

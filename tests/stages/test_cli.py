@@ -6,6 +6,7 @@ import pty
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from stages.dummy_stages import DUMMIES, make_folder
@@ -15,6 +16,7 @@ from awescli.cli import build_app
 from awescli.stages import STAGES
 
 APP = build_app(DUMMIES)
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -144,6 +146,9 @@ def test_exit_codes(folder, arguments, code, message):
 
 
 def test_init_writes_a_plan_that_runs_and_overwrites_nothing(folder):
+    with open(ROOT / "data" / "km1_demo" / "kite.csv") as demo:
+        (folder / "flight" / "kite.csv").write_text(demo.readline())
+    (folder / "kite.yaml").write_text((ROOT / "data" / "kites" / "development.yaml").read_text())
     result = awes("init", "new", "--flight", "flight", "--kite", "kite.yaml")
     assert result.exit_code == 0, result.stderr
     text = (folder / "new" / "stages.yaml").read_text()
@@ -158,7 +163,8 @@ def test_init_writes_a_plan_that_runs_and_overwrites_nothing(folder):
 def test_check_tells_all_that_is_wrong_with_the_inputs(folder):
     result = awes("check")
     assert result.exit_code == 2 and "plan    stages.yaml: good, runs identify, trace-residual, evaluate" in result.stdout
-    assert "kite.yaml:1: from: unknown key" in result.stderr and "flight" in result.stderr and "Traceback" not in result.stderr
+    assert "kite.yaml:1: this is no kite file (it holds: from)" in result.stderr and result.stderr.count("kite.yaml") == 1
+    assert "flight" in result.stderr and "Traceback" not in result.stderr
 
 
 def test_every_part_of_the_data_quality_is_shown(capsys):
