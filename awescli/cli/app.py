@@ -88,6 +88,11 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         with shell() as screen:
             commands.init(screen, stages, folder, flight, kite)
 
+    @app.command(help="List the library of effects: where each acts, its parameters with units, plausible ranges and sources.")
+    def effects(as_json: Json = False):
+        with shell(as_json) as screen:
+            commands.effects(screen)
+
     @app.command(help="Compare the results in a folder with their provenance: hashes of artifacts, inputs and stages upstream.")
     def verify(
         folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of the results (`out` of the plan).")] = Path("out"),

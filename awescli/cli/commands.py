@@ -118,6 +118,24 @@ def quality_sections(quality: Any) -> dict[str, Any]:
     return sections
 
 
+def effects(screen: Screen) -> None:
+    """The library: every effect, where it acts, its parameters with units and plausible ranges, and where these come from."""
+    from awescli.physics.library import library
+
+    rows = library()
+    for e in rows:
+        where = f"on {', '.join(e['targets'])}" if e["targets"] else f"acts on {e['place']}"
+        screen.paragraph(f"{e['name']} ({where}; {e['role']}): {e['doc']}")
+        if e["parameters"]:
+            screen.table({p["name"]: {"unit": p["unit"], "range": _range(p), "null": p["null"], "source": p["source"]} for p in e["parameters"]})
+    screen.line("In a kite file: effects: [..., actuator_lag:rudder, tether], parameters actuator_lag:rudder.tau: {value: 0.1, unit: s}.")
+    screen.answer({"effects": json_safe(rows)})
+
+
+def _range(p: dict[str, Any]) -> str:
+    return " .. ".join(f"{p[end]:g}" if p[end] is not None else "" for end in ("lower", "upper"))
+
+
 def verify(screen: Screen, stages: tuple[Stage, ...], folder: Path) -> None:
     """Are the results in a folder what their provenance says? Every mismatch is one line, and makes it bad input."""
     from awescli.stages.verify import verify as compare

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from awescli.cli.tables import table_lines, text_of
+from awescli.cli.tables import table_lines, text_of, wrapped
 
 
 class Screen:
@@ -44,6 +44,16 @@ class Screen:
     def line(self, text: str) -> None:
         if not self.quiet:
             self.console.print(text, markup=False, soft_wrap=True)
+
+    def paragraph(self, text: str, indent: str = "") -> None:
+        """A sentence in lines that fit, the further ones indented."""
+        for line in wrapped(text, self.width, indent, f"{indent}  "):
+            self.line(line)
+
+    def table(self, content: Mapping[str, Any]) -> None:
+        """Rows of columns, or names and values."""
+        for line in table_lines(content, self.width):
+            self.line(line)
 
     def error(self, text: str) -> None:
         self.close()
@@ -120,8 +130,7 @@ class Screen:
             return
         if isinstance(content, Mapping) and content:
             self.line(title)
-            for line in table_lines(content, self.width):
-                self.line(line)
+            self.table(content)
         elif isinstance(content, (list, tuple)):
             self.line(f"{title}:" + ("" if content else " none"))
             for item in content:

@@ -1,5 +1,6 @@
 """Values and tables as the terminal and --json show them: no line is wider than it may be."""
 
+import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,6 +11,9 @@ SENTENCE = 24
 """Characters from which a cell is a sentence: it may be broken, numbers and names may not."""
 NARROW = 24
 """Characters below which a sentence is not squeezed into a column but stands below its row."""
+
+NUMBER = re.compile(r"([-+]?[\d.]+(e[-+]?\d+)?( %)?|-|nan|[-+]?inf)?")
+"""Cells that are aligned at the right."""
 
 Rows = list[tuple[str, dict[str, str]]]
 """(name of the row, column -> cell), cells as text."""
@@ -78,7 +82,7 @@ def _fitted(rows: Rows, columns: Sequence[str], width: int) -> list[str]:
 def _plain(rows: Rows, columns: Sequence[str]) -> list[str]:
     """One line a row; a line of column names above, where there are any."""
     names, widths = max(len(name) for name, _ in rows), _widths(rows, columns)
-    words = {c: any(len(row[c]) > SENTENCE or row[c][:1].isalpha() for _, row in rows) for c in columns}
+    words = {c: not all(NUMBER.fullmatch(row[c]) for _, row in rows) for c in columns}
 
     def line(name: str, row: Mapping[str, str]) -> str:
         shown = (f"{row[c]:<{widths[c]}}" if words[c] else f"{row[c]:>{widths[c]}}" for c in columns)
@@ -92,7 +96,7 @@ def _broken(rows: Rows, sentences: Sequence[str], room: int) -> Rows:
     """The rows with their sentences broken into further rows without a name."""
     found: Rows = []
     for name, row in rows:
-        parts = {c: (textwrap.wrap(text, room) or [""]) if c in sentences else [text] for c, text in row.items()}
+        parts = {c: (wrapped(text, room) or [""]) if c in sentences else [text] for c, text in row.items()}
         for i in range(max(map(len, parts.values()))):
             found.append((name if i == 0 else "", {c: p[i] if i < len(p) else "" for c, p in parts.items()}))
     return found
@@ -114,13 +118,18 @@ def _stacked(rows: Rows, columns: Sequence[str], width: int) -> list[str]:
     """Names in lines of their own, their cells below: names that leave no room beside them."""
     lines = []
     for name, row in rows:
-        lines += textwrap.wrap(name, width, initial_indent=INDENT, subsequent_indent=2 * INDENT)
+        lines += wrapped(name, width, INDENT, 2 * INDENT)
         lines += _hung(GAP.join(f"{c} {row[c]}".strip() for c in columns if row[c]), width)
     return lines
 
 
 def _hung(text: str, width: int) -> list[str]:
-    return textwrap.wrap(text, width, initial_indent=2 * INDENT, subsequent_indent=2 * INDENT) if text else []
+    return wrapped(text, width, 2 * INDENT, 2 * INDENT)
+
+
+def wrapped(text: str, width: int, first: str = "", further: str = "") -> list[str]:
+    """A sentence in lines of at most `width` characters, broken between words; first, further: what lines begin with."""
+    return textwrap.wrap(text, width, initial_indent=first, subsequent_indent=further, break_on_hyphens=False)
 
 
 def text_of(value: Any) -> str:
