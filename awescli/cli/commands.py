@@ -67,31 +67,33 @@ def _copy_figures(screen: Screen, folder: Path, to: Path) -> None:
 def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:
     """Everything that can be wrong before hours are spent; all complaints together."""
     from awescli.flightlog.quality import data_quality
-    from awescli.flightlog.read import read_flight
-    from awescli.physics.declaration import read_kite
+    from awescli.stages.base import Inputs
+    from awescli.stages.checking import raise_all, refused
     from awescli.stages.plan import read_plan
 
     plan = read_plan(file, stages, _overrides(settings))
-    screen.line(f"plan    {plan.file}: good, runs {', '.join(plan.planned) or 'nothing'}")
+    screen.paragraph(f"plan    {plan.file}: good, runs {', '.join(plan.planned) or 'nothing'}")
+    inputs = Inputs(plan.flight, plan.kite, plan.split)
     errors: list[BadInput] = []
     log = None
     try:
-        read_kite(plan.kite)
-        screen.line(f"kite    {plan.kite}: good")
+        screen.line(f"kite    {plan.kite}: good, {sum(row.free for row in inputs.declared.parameters.values())} free parameters")
     except BadInput as e:
-        errors.append(e)
+        errors += e.errors if isinstance(e, BadInputs) else [e]
     try:
-        log = read_flight(plan.flight)
+        log = inputs.log
         screen.line(f"flight  {plan.flight}: readable, {len(log)} samples in {len(log) * log.dt:.1f} s at {1 / log.dt:.4g} Hz")
     except BadInput as e:
-        errors.append(e)
+        errors += e.errors if isinstance(e, BadInputs) else [e]
     if log is not None:
         quality = data_quality(log)
         for title, content in quality_sections(quality).items():
             screen.section(title, content)
         screen.answer({"plan": str(plan.file), "quality": json_safe(quality.as_dict())})
-    if errors:
-        raise errors[0] if len(errors) == 1 else BadInputs(errors)
+    for stage in stages:
+        if stage.name in plan.planned:
+            errors += refused(stage, inputs, plan)
+    raise_all(errors)
 
 
 def quality_sections(quality: Any) -> dict[str, Any]:

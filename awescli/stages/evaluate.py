@@ -28,6 +28,11 @@ class Evaluate(Stage):
             Need("trace-residual", required=False), Need("train-hybrid", required=False), Need("simulate", required=False),
         )  # fmt: skip
 
+    def check(self, inputs, config):
+        from awescli.stages.flight_parts import too_long
+
+        yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
+
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json
         from awescli.stages.flight_parts import flight_parts

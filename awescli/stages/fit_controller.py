@@ -32,6 +32,30 @@ class FitController(Stage):
     makes = ("controller.json", "controller.safetensors", "metrics.json")
     reads = ("flight", "kite")
 
+    def check(self, inputs, config):
+        from awescli.control.features import check_features
+        from awescli.estimation.controller_features import FEATURE_SETS
+        from awescli.estimation.controller_samples import gather
+        from awescli.notation.errors import BadInput, did_you_mean
+
+        named = isinstance(config.features, str)
+        if named and config.features not in (known := [*FEATURE_SETS, "auto"]):
+            yield "features", BadInput(f"unknown feature set '{config.features}'", do=did_you_mean(config.features, known))
+        for name in () if named else config.features:
+            try:
+                check_features([name])
+            except BadInput as e:
+                yield "features", e
+        parts, _ = inputs.parts, inputs.declared
+        try:
+            samples = gather(inputs.log, parts.train, parts.validation, config.surfaces)
+        except BadInput as e:
+            yield "surfaces", e
+            return
+        if (loops := len(set(samples.loop[samples.train].tolist()))) < config.folds:
+            few = f"{loops} loops in the training part, fewer than {config.folds} folds"
+            yield "folds", BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
+
     def run(self, context, config):
         from awescli.artifacts import write_json
         from awescli.estimation.controller_bounds import small_gain

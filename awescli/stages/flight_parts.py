@@ -2,23 +2,38 @@
 
 from pathlib import Path
 
-from awescli.stages.base import Context, StageConfig
+from awescli.notation.errors import BadInput
+from awescli.notation.names import nearest_quantity
+from awescli.stages.base import Context, Inputs, StageConfig
 
 
 def flight_parts(context: Context, flight: Path | None = None):
     """(FlightLog, Split) of the plan's flight, or of another folder. Raises BadInput where a model would lack signals."""
-    from awescli.flightlog.loops import find_loops
-    from awescli.flightlog.read import missing_for_model, read_flight
-    from awescli.flightlog.split import split
-    from awescli.notation.errors import BadInput
+    inputs = context.inputs
+    if flight is None or flight == inputs.flight:
+        return inputs.log, inputs.parts
+    from awescli.flightlog.read import read_flight
 
-    folder = flight or context.flight
-    log = read_flight(folder)
-    if missing := missing_for_model(log):
-        raise BadInput(
-            f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}", str(folder), "See `awes check` for what it has."
-        )
-    return log, split(find_loops(log), **context.split.model_dump())
+    log = read_flight(flight)
+    return log, inputs.parts_of(log, flight)
+
+
+def unknown_channels(log, wanted, key: str = "outputs"):
+    """(key, mistake) of every wanted channel that the flight does not measure."""
+    for name in wanted or ():
+        if name not in log.measured:
+            yield key, BadInput(f"the flight has no measured channel '{name}'", do=nearest_quantity(name, log.measured))
+
+
+def too_long(inputs: Inputs, horizon: float, parts: tuple[str, ...], key: str = "horizon"):
+    """(key, mistake) where no stretch of `horizon` seconds fits into the loops of a part."""
+    from awescli.flightlog.split import segments
+
+    steps = int(round(horizon / inputs.log.dt))
+    for part in parts:
+        if not len(segments(getattr(inputs.parts, part), steps, valid=inputs.log.valid)):
+            what = f"no {horizon:g} s in a row fit into the {part} loops of flight '{inputs.log.name}'"
+            yield key, BadInput(what, do="Use a shorter one, or a longer flight; `awes check` lists what was left out and why.")
 
 
 def driven_upstream(context: Context, declaration, log):
@@ -46,4 +61,4 @@ def score_parts(simulator, log, parts, horizon: float) -> dict:
     return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged}
 
 
-__all__ = ["StageConfig", "driven_upstream", "flight_parts", "score_parts"]
+__all__ = ["StageConfig", "driven_upstream", "flight_parts", "score_parts", "too_long", "unknown_channels"]

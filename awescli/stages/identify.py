@@ -48,6 +48,25 @@ class Identify(Stage):
     def needs(self, config):
         return (Need("fit-controller", required=config.surfaces == "controller"),)
 
+    def check(self, inputs, config):
+        from awescli.flightlog.read import read_flight
+        from awescli.notation.errors import BadInput
+        from awescli.stages.flight_parts import too_long, unknown_channels
+
+        yield from unknown_channels(inputs.log, config.outputs)
+        yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
+        yield from unknown_own(inputs.declared, config)
+        for i, other in enumerate(config.also):
+            try:
+                inputs.parts_of(read_flight(other.flight), other.flight)
+            except BadInput as e:
+                yield f"also.{i}.flight", BadInput(str(e))
+            if other.kite is not None:
+                try:
+                    same_kite(inputs.declared, other.kite)
+                except BadInput as e:
+                    yield f"also.{i}.kite", BadInput(str(e))
+
     def run(self, context, config):
         from awescli.artifacts import write_json, write_text
         from awescli.estimation.answer import describe
@@ -93,6 +112,20 @@ class Identify(Stage):
         }  # fmt: skip
 
 
+def unknown_own(declared, config):
+    """(key, mistake) of `per_flight`: patterns of no free parameter, or nothing to tell apart."""
+    from fnmatch import fnmatchcase
+
+    from awescli.notation.errors import BadInput, did_you_mean
+
+    free = [name for name, row in declared.parameters.items() if row.free]
+    for pattern in config.per_flight:
+        if not any(fnmatchcase(name, pattern) for name in free):
+            yield "per_flight", BadInput(f"no free parameter is called '{pattern}'", do=did_you_mean(pattern, free))
+    if config.per_flight and not config.also:
+        yield "per_flight", BadInput("there is only one flight", do="Name further flights under identify.also, or drop this key.")
+
+
 def shown(row: dict) -> dict:
     """One parameter in the terminal's table."""
     said = (
@@ -108,8 +141,7 @@ def shown(row: dict) -> dict:
 def flown(context, config, declared) -> list:
     """The flights of the fit: the plan's, then those of `also`, each with its own simulator (wind record, control law) and question."""
     from awescli.estimation.question import ask, simulator_of
-    from awescli.estimation.staged_fit import Flown, own_names
-    from awescli.notation.errors import BadInput, did_you_mean
+    from awescli.estimation.staged_fit import Flown
     from awescli.stages.flight_parts import driven_upstream, flight_parts
 
     flights, labels = [], []
@@ -124,12 +156,6 @@ def flown(context, config, declared) -> list:
         label = f"{log.name}-{labels.count(log.name) + 1}" if log.name in labels else log.name
         labels.append(log.name)
         flights.append(Flown(question, log, parts, label if i else ""))
-    free = flights[0].question.kite.parameters.free
-    for pattern in config.per_flight:
-        if not set(own_names(flights[0].question, [pattern])) & set(free):
-            raise BadInput(f"no free parameter is called '{pattern}'", "identify.per_flight", did_you_mean(pattern, free))
-    if config.per_flight and not config.also:
-        raise BadInput("there is only one flight", "identify.per_flight", "Name further flights under identify.also, or drop this key.")
     return flights
 
 
@@ -205,14 +231,10 @@ def tell(progress, answer: dict, metrics: dict) -> None:
 
 def outputs_of(log, config) -> tuple[str, ...]:
     """The channels that count: those asked for, else all measured ones (weights: seed leaves velocities and rates out)."""
-    from awescli.notation.errors import BadInput, did_you_mean
     from awescli.notation.quantities import MEASURED
 
     wanted = config.outputs
     if wanted is None:
         left_out = {"v_n", "v_e", "v_d", "p", "q", "r", "a_x", "a_y", "a_z", "V_a", "alpha", "beta"} if config.weights == "seed" else set()
         return tuple(n for n in MEASURED if n in log and n not in left_out)
-    for name in wanted:
-        if name not in log.measured:
-            raise BadInput(f"the flight has no measured channel '{name}'", "identify.outputs", did_you_mean(name, log.measured))
     return wanted

@@ -28,7 +28,8 @@ from awescli.artifacts import (
     write_json,
 )
 from awescli.notation.errors import BadInput, did_you_mean
-from awescli.stages.base import Context, Progress, Silent, Stage, StageConfig
+from awescli.stages.base import Context, Inputs, Progress, Silent, Stage, StageConfig
+from awescli.stages.checking import raise_all, refused
 from awescli.stages.plan import Plan
 
 Stamp = dict[str, Any]
@@ -144,6 +145,8 @@ class _Run:
             remove(scratch_path)  # asked for anew: not even the checkpoints are trusted
         started, began = datetime.now(UTC), time.monotonic()
         scratch = scratch_folder(scratch_path, _digest(stamp))
+        inputs = Inputs(plan.flight, plan.kite, plan.split, upstreams)
+        raise_all(refused(stage, inputs, plan))
         with staged_folder(folder) as staged:
             context = Context(
                 flight=plan.flight,
@@ -156,6 +159,7 @@ class _Run:
                 upstreams=upstreams,
                 progress=self.progress,
                 stamp=stamp,
+                inputs=inputs,
             )
             try:
                 summary = dict(stage.run(context, plan.settings[name]) or {})

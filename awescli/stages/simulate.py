@@ -51,12 +51,26 @@ class Simulate(Stage):
         upstream += [Need(s, required=config.model == model) for model, s in MADE_BY.items() if config.model in (model, "newest")]
         return tuple(upstream)
 
+    def check(self, inputs, config):
+        from awescli.notation.errors import BadInput
+        from awescli.simulation.synthetic import refuse_measured, with_effects
+
+        log, _ = inputs.log, inputs.parts
+        if config.start is not None and int(round(config.start / log.dt)) >= len(log) - 1:
+            do = f"Start before {log.time[-1]:.1f} s."
+            yield "start", BadInput(f"the flight is only {log.time[-1]:.1f} s long", do=do)
+        refuse_measured(inputs.declared)
+        for key, values in config.effects.items():
+            try:
+                refuse_measured(with_effects(inputs.declared, {key: values}))
+            except BadInput as e:
+                yield "effects", e
+
     def run(self, context, config):
         from dataclasses import replace
 
         from awescli.artifacts import write_arrays, write_json, write_text
         from awescli.flightlog.kitemill_csv import to_kitemill_csv
-        from awescli.notation.errors import BadInput
         from awescli.simulation.free_flight import compared, side_by_side
         from awescli.simulation.rollout import setpoints_of
         from awescli.simulation.segments import smooth_states
@@ -67,8 +81,6 @@ class Simulate(Stage):
         log, parts = flight_parts(context)
         log = in_wanted_wind(log, config.wind)
         first = parts.test[0][0] if config.start is None else int(round(config.start / log.dt))
-        if first >= len(log) - 1:
-            raise BadInput(f"the flight is only {log.time[-1]:.1f} s long", "simulate.start", f"Start before {log.time[-1]:.1f} s.")
         fitted = read_controller(context.upstream("fit-controller")) if config.surfaces == "controller" else None
         model, kite = kite_to_fly(context, config, log.wind.height, fitted)
         duration = config.duration

@@ -26,6 +26,19 @@ class TraceResidual(Stage):
     def needs(self, config):
         return (Need("identify"),)
 
+    def check(self, inputs, config):
+        from awescli.notation.errors import BadInput
+        from awescli.physics.kite import make_effect
+        from awescli.stages.flight_parts import too_long, unknown_channels
+
+        for key in config.candidates or ():
+            try:
+                make_effect(key, inputs.declared)
+            except BadInput as e:
+                yield "candidates", e
+        yield from unknown_channels(inputs.log, config.outputs)
+        yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
+
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json, write_text
         from awescli.flightlog.loops import find_loops

@@ -51,6 +51,20 @@ class TrainHybrid(Stage):
             Need("fit-controller", required=config.surfaces == "controller"), Need("identify"), Need("trace-residual", required=False),
         )  # fmt: skip
 
+    def check(self, inputs, config):
+        from awescli.learning.network_inputs import check_inputs
+        from awescli.notation.errors import BadInput
+
+        _ = inputs.parts, inputs.declared
+        for name in config.inputs or ():
+            try:
+                check_inputs([name])
+            except BadInput as e:
+                yield "inputs", e
+        if config.surfaces == "controller" and config.solver != "rk4":
+            do = "Use solver: rk4, or surfaces: recorded."
+            yield "solver", BadInput(f"solver '{config.solver}' replays recorded set-points only", do=do)
+
     def run(self, context, config):
         import numpy as np
 
