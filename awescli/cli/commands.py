@@ -35,10 +35,8 @@ def run(
     plan = read_plan(file, stages, _overrides(settings))
     results = run_plan(plan, stages, progress=screen, report=screen.stage_event, **choices)
     for result in results:
-        if result.status in ("ran", "unchanged"):
-            screen.summary(result.stage, result.summary)
-            if figures is not None and not choices.get("dry_run"):
-                _copy_figures(screen, plan.out / result.stage, figures)
+        if result.status in ("ran", "unchanged") and figures is not None and not choices.get("dry_run"):
+            _copy_figures(screen, plan.out / result.stage, figures)
     screen.answer(
         {
             "out": str(plan.out),
@@ -129,13 +127,15 @@ def effects(screen: Screen) -> None:
         where = f"on {', '.join(e['targets'])}" if e["targets"] else f"acts on {e['place']}"
         screen.paragraph(f"{e['name']} ({where}; {e['role']}): {e['doc']}")
         if e["parameters"]:
-            screen.table({p["name"]: {"unit": p["unit"], "range": _range(p), "null": p["null"], "source": p["source"]} for p in e["parameters"]})
+            screen.table({p["name"]: _parameter(p) for p in e["parameters"]})
     screen.line("In a kite file: effects: [..., actuator_lag:rudder, tether], parameters actuator_lag:rudder.tau: {value: 0.1, unit: s}.")
     screen.answer({"effects": json_safe(rows)})
 
 
-def _range(p: dict[str, Any]) -> str:
-    return " .. ".join(f"{p[end]:g}" if p[end] is not None else "" for end in ("lower", "upper"))
+def _parameter(p: dict[str, Any]) -> dict[str, Any]:
+    """One row of the library's table."""
+    ends = " .. ".join(f"{p[end]:g}" if p[end] is not None else "" for end in ("lower", "upper"))
+    return {"unit": p["unit"], "range": ends, "null": p["null"], "source": p["source"]}
 
 
 def verify(screen: Screen, stages: tuple[Stage, ...], folder: Path) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from awescli.cli.tables import table_lines, text_of, wrapped
+from awescli.stages.answers import ANSWER, lines_of
 
 
 class Screen:
@@ -83,6 +84,8 @@ class Screen:
             self.line(f"{stage}: skipped, unchanged")
         else:
             self.line(f"{stage}: {event.status} ({event.reason})")
+        if event.status in ("ran", "unchanged"):
+            self.summary(stage, event.summary)
 
     def interrupted(self) -> str:
         text = f"interrupted during {self.running}" if self.running else "interrupted"
@@ -116,13 +119,17 @@ class Screen:
     # summaries
 
     def summary(self, stage: str, summary: Mapping[str, Any]) -> None:
-        """A stage's summary: one line of numbers, and a table for every mapping of mappings."""
-        numbers = {k: v for k, v in summary.items() if not isinstance(v, Mapping)}
-        if numbers:
-            self.line(f"{stage}: " + ", ".join(f"{k} {text_of(v)}" for k, v in numbers.items()))
+        """A stage's summary: a table for every mapping of mappings, then its answer, or the numbers where it has none."""
         for title, content in summary.items():
             if isinstance(content, Mapping):
                 self.section(f"{stage}: {title}", content)
+        numbers = {k: v for k, v in summary.items() if not isinstance(v, Mapping)}
+        answer = numbers.pop(ANSWER, None)
+        if answer:
+            for line in lines_of(stage, answer, self.width):
+                self.line(line)
+        elif numbers:
+            self.line(f"{stage}: " + ", ".join(f"{k} {text_of(v)}" for k, v in numbers.items()))
 
     def section(self, title: str, content: Any) -> None:
         """A table of rows of columns, a table of values, a list, or one value."""

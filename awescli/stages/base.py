@@ -29,8 +29,8 @@ A stage is a file in this folder and a line in `STAGES`:
 
 The runner decides whether a stage runs; a stage never looks at the clock, the command line or another stage's folder but through
 `context`. What a setting asks of this flight and this kite that they do not have, `check` says before anything is computed: for `awes
-check`, and for the runner before it calls `run`. `run` raises BadInput for what the user can mend and NumericalFailure for a computation without a usable answer; in both
-cases, and when it is interrupted, the artifacts of the run before stay as they were.
+check`, and for the runner before it calls `run`. `run` raises BadInput for what the user can mend and NumericalFailure for a computation
+without a usable answer; in both cases, and when it is interrupted, the artifacts of the run before stay as they were.
 """
 
 from abc import ABC, abstractmethod
@@ -231,5 +231,5 @@ class Stage(ABC):
 
     @abstractmethod
     def run(self, context: Context, config: Any) -> Mapping[str, Any]:
-        """Do it. Returns the summary for the terminal: label -> number or short text; a mapping of mappings is shown as a
-        table (rows of columns)."""
+        """Do it. Returns the summary for the terminal: `answer` -> the sentences in which the stage ends (see answers.py); a mapping of
+        mappings is shown above it as a table (rows of columns); label -> number or short text is for --json."""

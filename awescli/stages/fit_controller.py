@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from awescli.stages.answers import ANSWER, number, plural
 from awescli.stages.base import Stage, StageConfig
 
 
@@ -91,4 +92,16 @@ class FitController(Stage):
                 context.progress.note(f"the {kind} law is zero everywhere")
         test = fitted.report["nrmse"].get("test", {})
         summary = {f"test NRMSE {surface}": value for surface, value in test.items()}
-        return summary | {"non-zeros": fitted.report["nonzeros"], "closed loop": proof["outcome"]}
+        return summary | {"non-zeros": fitted.report["nonzeros"], "closed loop": proof["outcome"], ANSWER: told(fitted.report, proof)}
+
+
+def told(report: dict, proof: dict) -> list[str]:
+    """The answer of the stage, in a few lines."""
+    test, noise = (report[key].get("test", {}) for key in ("nrmse", "noise_nrmse"))
+    errors = ", ".join(f"{s} {number(e)} (noise alone {number(noise.get(s))})" for s, e in test.items())
+    return [
+        f"{report['kind']} law for {', '.join(report['surfaces'])}, {plural(report['nonzeros'], 'term')}, "
+        f"{plural(len(report['features']['chosen']), 'feature')}",
+        f"error on unseen loops, share of the range: {errors or '-'}",
+        f"in closed loop on its own it {proof['outcome'].replace('_', ' ')} ({100 * proof['share']:.0f} % of {proof['asked_s']:g} s flown)",
+    ]

@@ -58,7 +58,8 @@ def score_parts(simulator, log, parts, horizon: float) -> dict:
         prediction = predict(simulator, log, getattr(parts, part), horizon)
         nrmse[part] = prediction.nrmse()
         diverged[part] = prediction.diverged
-    return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged}
+    # of the last part, which is test
+    return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged, "noise_floor": prediction.noise_floor()}
 
 
 __all__ = ["StageConfig", "driven_upstream", "flight_parts", "score_parts", "too_long", "unknown_channels"]

@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from awescli.stages.answers import ANSWER, change, number, plural, sized
 from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
 
 
@@ -73,6 +74,7 @@ class Identify(Stage):
         from awescli.estimation.staged_fit import fit_from_starts, spread_of
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.simulation.closed_loop import without_setpoint_dynamics
+        from awescli.stages.handed_on import with_sources
 
         declared = read_kite(context.kite)
         flights = flown(context, config, declared)
@@ -101,14 +103,15 @@ class Identify(Stage):
             metrics["starts"] = spread_of(optima, fitted)
         identified = held(flights[0], fitted.flights[0])
         write_json(context.folder / "params.json", answer)
-        kite = without_setpoint_dynamics(identified.kite.declare(()), declared)
+        kite = with_sources(without_setpoint_dynamics(identified.kite.declare(()), declared), answer, names_of(flights))
         write_text(context.folder / KITE_FILE, kite_text(kite))
         write_json(context.folder / "metrics.json", metrics)
         tell(context.progress, answer, metrics)
         return {
             "outcome": fitted.solution.outcome, "chi2": fitted.chi2,
             "test NRMSE before": metrics["initial"]["nrmse"]["test"]["mean"], "after": metrics["nrmse"]["test"]["mean"],
-            "parameters": {name: shown(row) for name, row in answer["parameters"].items()},
+            "noise floor": metrics["noise_floor"]["mean"], "parameters": {name: shown(row) for name, row in answer["parameters"].items()},
+            ANSWER: told(answer, metrics, context.out / self.name / KITE_FILE),
         }  # fmt: skip
 
 
@@ -126,6 +129,11 @@ def unknown_own(declared, config):
         yield "per_flight", BadInput("there is only one flight", do="Name further flights under identify.also, or drop this key.")
 
 
+def names_of(flights) -> str:
+    """The flights of a fit, for people."""
+    return " and ".join(dict.fromkeys(f.label or f.log.name for f in flights))
+
+
 def shown(row: dict) -> dict:
     """One parameter in the terminal's table."""
     said = (
@@ -133,9 +141,22 @@ def shown(row: dict) -> dict:
         (row.get("flight", ""), "flight" in row),
     )  # fmt: skip
     return {
-        "value": row["value"], "std": row["std"], "unit": row["unit"], "prior": row["prior"], "prior std": row["prior_std"],
+        "value": row["value"], "std": row["std"], "unit": row["unit"], "prior": row["prior"],
         "": "; ".join(words for words, holds in said if holds),
     }  # fmt: skip
+
+
+def told(answer: dict, metrics: dict, kite_file) -> list[str]:
+    """The answer of the stage, in a few lines."""
+    rows = answer["parameters"]
+    seen, bounded = (sum(row[flag] for row in rows.values()) for flag in ("excited", "at_bound"))
+    lines = [
+        f"{metrics['outcome']}: {plural(len(rows), 'parameter')}, {seen} seen, {bounded} at a bound, chi-square {number(metrics['chi2'])}",
+        change(*(m["nrmse"]["test"]["mean"] for m in (metrics["initial"], metrics)), metrics["noise_floor"]["mean"], metrics["horizon_s"]),
+    ]
+    if moved := sorted((n for n in rows if rows[n]["excited"]), key=lambda n: -abs(rows[n]["shift_in_prior_std"]))[:2]:
+        lines += [f"moved far: {n} {number(rows[n]['prior'])} -> {sized(rows[n])} (95 %)" for n in moved]
+    return [*lines, f"kite file with these values: {kite_file}"]
 
 
 def flown(context, config, declared) -> list:

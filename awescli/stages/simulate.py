@@ -4,9 +4,12 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from awescli.stages.answers import ANSWER, number
 from awescli.stages.base import Context, Need, Stage, StageConfig
 from awescli.stages.ladder import MADE_BY
 
+BY = {"controller": "the fitted controller", "recorded": "the log", "path_following": "a built-in law"}
+"""Who moves the surfaces, in words."""
 HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0)
 """[s] after the start at which the simulated flight is compared with the measured one."""
 
@@ -111,7 +114,16 @@ class Simulate(Stage):
         }  # fmt: skip
         write_json(context.folder / "metrics.json", metrics)
         errors = {f"error over {horizon} s": block["mean"] for horizon, block in metrics["nrmse"].items()}
-        return {"model": model, "outcome": metrics["outcome"], "flew": f"{survived:.1f} of {duration:g} s", **errors}
+        flew = f"{survived:.1f} of {duration:g} s"
+        shown = ", ".join(f"{number(block['mean'])} over {horizon} s" for horizon, block in metrics["nrmse"].items())
+        return {
+            "model": model, "outcome": metrics["outcome"], "flew": flew, **errors,
+            ANSWER: [
+                f"{metrics['outcome'].replace('_', ' ')}: the {model} model flew {flew}, surfaces by {BY[config.surfaces]}",
+                *([f"error against the measured flight: {shown}"] if shown else []),
+                f"flight as a log: {context.out / self.name / 'flight'}",
+            ],
+        }  # fmt: skip
 
 
 def in_wanted_wind(log, wanted: Wind):

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from awescli.stages.answers import ANSWER, change
 from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
 
 CHECKPOINT = "training-{}.npz"
@@ -134,10 +135,13 @@ class TrainHybrid(Stage):
         if metrics["outside_box_test"] > 0.05:
             share = 100 * metrics["outside_box_test"]
             context.progress.note(f"on {share:.0f} % of the test loops the correction faded: the flight left what it was trained on")
-        context.progress.note(best.metrics["sentence"])
         return {
             "outcome": best.outcome, "test NRMSE before": before["nrmse"]["test"]["mean"], "after": after["nrmse"]["test"]["mean"],
             "outside its box": metrics["outside_box_test"], "seconds of training": round(best.metrics["seconds"], 1),
+            ANSWER: [
+                f"{best.outcome}: {best.metrics['sentence']}",
+                change(*(m["nrmse"]["test"]["mean"] for m in (before, after)), after["noise_floor"]["mean"], horizon),
+            ],
         }  # fmt: skip
 
 
