@@ -165,13 +165,18 @@ def compare(screen: Screen, stages: tuple[Stage, ...], a: Path, b: Path, toleran
     for stage, lines in found.made_from.items():
         screen.section(f"{stage}, a -> b", lines)
     errors = {m: {"a": x, "b": y, "b / a": y / x if x and y else None} for m, (x, y) in found.errors.items()}
-    if errors:
-        screen.section("mean NRMSE on the test loops", {m: {k: _or_dash(v) for k, v in row.items()} for m, row in errors.items()})
+    sides = {"verdicts": found.verdicts, "effects": found.effects}
+    tables = {title: {n: {"a": x, "b": y} for n, (x, y) in of.items()} for title, of in sides.items()}
+    for title, rows in (tables | {"mean error (NRMSE) on the test loops": errors}).items():
+        if rows:
+            screen.section(title, {name: {k: _or_dash(v) for k, v in row.items()} for name, row in rows.items()})
     both = [d for d in found.differences if not d.one_sided]
     screen.line(f"{len(both)} values differ, {found.same} are equal, {len(found.differences) - len(both)} are in one run only")
-    if both[:most]:
-        screen.section("largest changes", {d.where: {"a": d.a, "b": d.b} for d in both[:most]})
-    if len(both) > most or len(both) < len(found.differences):
+    # numbers that have a name, then those that only have a place in a list, then words
+    shown = sorted((d for d in both if d.number or not d.advice), key=lambda d: (not d.number, d.nameless))
+    if shown[:most]:
+        screen.section("largest changes", {d.where: {"a": d.a, "b": d.b} for d in shown[:most]})
+    if len(shown) > most or len(both) < len(found.differences):
         screen.line("--most shows more of them, --json all")
     screen.answer({"a": str(a), "b": str(b), **json_safe(asdict(found))})
 
