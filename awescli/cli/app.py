@@ -151,7 +151,7 @@ def _add_stage(app: typer.Typer, stage: Stage, stages: tuple[Stage, ...]) -> Non
         quiet: Quiet = False,
         as_json: Json = False,
     ):
-        wanted = [f"{stage.name}.{name}=true" for name, asked in (("report", report), ("figures", figures)) if asked]
+        wanted = [f"{stage.name}.report=true"] if report else []
         go(stages_file, [*settings, *wanted], quiet, as_json, force=force, dry_run=dry_run, figures=figures)
 
     command = with_page if "report" in stage.Config.model_fields else plain

@@ -1,6 +1,6 @@
 """What each command does: read the plan, call the floors below, show what came of it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ def run(
 ) -> None:
     """Run the plan, or one stage of it, and show what came of it. figures: where copies of its figures go."""
     from awescli.stages.plan import read_plan
-    from awescli.stages.runner import run_plan
+    from awescli.stages.runner import drawn, run_plan
 
     if figures is not None and figures.exists() and not figures.is_dir():
         raise BadInput("is a file, a folder is needed", f"--figures {figures}", "Choose another name.")
@@ -36,7 +36,7 @@ def run(
     results = run_plan(plan, stages, progress=screen, report=screen.stage_event, **choices)
     for result in results:
         if result.status in ("ran", "unchanged") and figures is not None and not choices.get("dry_run"):
-            _copy_figures(screen, plan.out / result.stage, figures)
+            _write_figures(screen, drawn(plan, stages, result.stage, screen), figures)
     screen.answer(
         {
             "out": str(plan.out),
@@ -54,12 +54,16 @@ def run(
     )
 
 
-def _copy_figures(screen: Screen, folder: Path, to: Path) -> None:
-    """The figures of a stage's folder, in a folder of the user's."""
-    from awescli.artifacts import copy_files
-    from awescli.stages.page import FIGURES
+def _write_figures(screen: Screen, files: Iterable[tuple[str, str | bytes]], to: Path) -> None:
+    """The figures of a stage, in a folder of the user's, beside what may lie there."""
+    from awescli.artifacts import write_content
 
-    screen.line(f"figures: {copy_files(folder / FIGURES, to)} files in {to}")
+    task, count = screen.task("drawing figures"), 0
+    for count, (name, content) in enumerate(files, 1):  # noqa: B007 - told below
+        write_content(to / name, content)
+        task.advance()
+    screen.close()
+    screen.line(f"figures: {count} files in {to}")
 
 
 def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:

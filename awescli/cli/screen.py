@@ -22,7 +22,7 @@ class Screen:
         self.stream = sys.stderr if as_json else sys.stdout
         self.fancy = not quiet and self.stream.isatty() and os.environ.get("TERM") != "dumb"
         self.bars: Any = None
-        self.running = ""
+        self.running, self.goes_on = "", ""
         self.finished: list[str] = []
         self._console: Any = None
 
@@ -76,6 +76,9 @@ class Screen:
             self.line(f"{stage}: runs ({event})")
             return
         self._end_task()
+        if event.status == "interrupted":
+            self.goes_on = event.reason
+            return
         self.running = ""
         self.finished.append(stage)
         if event.status == "ran":
@@ -88,9 +91,12 @@ class Screen:
             self.summary(stage, event.summary)
 
     def interrupted(self) -> str:
-        text = f"interrupted during {self.running}" if self.running else "interrupted"
+        """What became of an interrupted command, and what the same command will do."""
         kept = f"Finished and kept: {', '.join(self.finished)}." if self.finished else "Results from before are as they were."
-        return f"{text}\n  {kept} The same command continues."
+        if not self.running:
+            return f"interrupted\n  {kept} The same command goes on after them." if self.finished else f"interrupted\n  {kept}"
+        goes_on = f"The same command goes on with {self.running}, {self.goes_on or 'from its beginning'}."
+        return f"interrupted during {self.running}\n  {kept} {goes_on}"
 
     # Progress, for stages
 

@@ -211,8 +211,8 @@ class Stage(ABC):
     help: ClassVar[str]
     """One line: the command's help."""
     Config: ClassVar[type[StageConfig]] = StageConfig
-    """Its settings. `report: bool` becomes the option `--report`; `figures: bool` becomes `--figures DIR`, which also copies the
-    files of the stage's folder `figures` to DIR."""
+    """Its settings. `report: bool` becomes the option `--report`; with `figures: bool` there is `--figures DIR` too, which writes what
+    `figures` gives to DIR and leaves the stage as it is."""
     makes: ClassVar[tuple[str, ...]]
     """Names of the files it always writes into `context.folder`; it may write more."""
     reads: ClassVar[tuple[str, ...]] = ("flight", "kite")
@@ -227,6 +227,10 @@ class Stage(ABC):
 
         Seen by `awes check` and by the runner, which calls it before `run`. It may raise BadInput too, as reading the inputs does.
         """
+        return ()
+
+    def figures(self, context: Context, config: Any) -> Iterable[tuple[str, str | bytes]]:
+        """(file name, content) of its figures, drawn from the artifacts in `context.folder`, which are not touched."""
         return ()
 
     @abstractmethod

@@ -62,7 +62,7 @@ class Difference:
 class Comparison:
     """made_from: stage -> what differs in inputs, settings, seed, versions, one sentence each; only: run -> stages that the other lacks;
     verdicts: stage -> (what it concluded in a, in b); effects: effect and parameter -> (size with interval in a, in b), None where it was
-    not found; errors: model -> (mean test NRMSE in a, in b); same: how many values are equal; differences: largest change first, what only one
+    not found; errors: model -> (mean test NRMSE in a, in b); same: how many values are equal; differences: largest first, what only one
     of the runs has last."""
 
     made_from: Mapping[str, list[str]]

@@ -37,6 +37,15 @@ class Evaluate(Stage):
 
         yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
 
+    def figures(self, context, config):
+        from awescli.artifacts import read_arrays, read_json
+        from awescli.report.paper import figure_files
+        from awescli.stages.flight_parts import flight_parts
+        from awescli.stages.page import gather
+
+        metrics, arrays = read_json(context.folder / "metrics.json"), read_arrays(context.folder / "predictions.npz")
+        return figure_files(gather(context, *flight_parts(context), metrics, arrays))
+
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json
         from awescli.stages.flight_parts import flight_parts

@@ -17,6 +17,7 @@ from awescli.artifacts import (
     PROVENANCE,
     artifact_hashes,
     content_hash,
+    has_checkpoints,
     locked,
     machine,
     read_json,
@@ -30,6 +31,7 @@ from awescli.artifacts import (
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.stages.base import Context, Inputs, Progress, Silent, Stage, StageConfig
 from awescli.stages.checking import raise_all, refused
+from awescli.stages.forced import Forced
 from awescli.stages.plan import Plan
 
 Stamp = dict[str, Any]
@@ -38,7 +40,8 @@ Stamp = dict[str, Any]
 
 @dataclass(frozen=True)
 class Result:
-    """What became of one stage. status: "ran", "unchanged", "would run" (dry run) or "skipped" (before --from)."""
+    """What became of one stage. status: "ran", "unchanged", "would run" (dry run), "skipped" (before --from) or "interrupted" (reason:
+    where the same command goes on)."""
 
     stage: str
     status: str
@@ -61,14 +64,31 @@ def run_plan(
 
     begin: run this stage and all after it, changed or not, and leave those before it as they are; force: run all, changed or not;
     dry_run: decide only. report(stage, event) is called with the reason when a stage begins and with its Result when it is done.
-    Artifacts appear stage by stage, so whatever stops this function, the stages done before it are finished.
+    Artifacts appear stage by stage, so whatever stops this function, the stages done before it are finished. After an interruption the same
+    call goes on, a forced one too: stages that it has finished stand, the one that it was in begins at its last checkpoint.
     """
     names = _chosen(plan, stages, only, begin)
     run = _Run(plan, {s.name: s for s in stages}, progress or Silent(), report or (lambda stage, event: None), begin, force)
     if dry_run:
         return [run.dry(name) for name in names]
     with locked(plan.out):
-        return [run.one(name) for name in names]
+        run.forced = Forced.begin(plan.out, names, force, begin)
+        try:
+            results = [run.one(name) for name in names]
+        except Exception:
+            # an interruption is no Exception: its mark stays
+            if run.forced is not None:
+                run.forced.end()
+            raise
+        if run.forced is not None:
+            run.forced.end()
+        return results
+
+
+def drawn(plan: Plan, stages: Sequence[Stage], name: str, progress: Progress | None = None) -> Iterable[tuple[str, str | bytes]]:
+    """(file name, content) of the figures of a stage that has run: drawn from its artifacts, which stay as they are."""
+    run = _Run(plan, {s.name: s for s in stages}, progress or Silent(), lambda stage, event: None, None, False)
+    return run.figures(name)
 
 
 def _chosen(plan: Plan, stages: Sequence[Stage], only: Iterable[str] | None, begin: str | None) -> list[str]:
@@ -96,6 +116,7 @@ class _Run:
     begin: str | None
     force: bool
     ran: list[str] = field(default_factory=list)
+    forced: Forced | None = None
 
     def dry(self, name: str) -> Result:
         """What would become of a stage."""
@@ -119,8 +140,15 @@ class _Run:
             return self._done(Result(name, "unchanged", "unchanged", summary=kept.get("summary", {})))
         self.report(name, reason)
         began = time.monotonic()
-        summary = self._run(name, upstreams, stamp)
+        try:
+            summary = self._run(name, upstreams, stamp)
+        except KeyboardInterrupt:
+            saved = has_checkpoints(self._scratch(name))
+            self.report(name, Result(name, "interrupted", "at its last checkpoint" if saved else "from its beginning"))
+            raise
         self.ran.append(name)
+        if self.forced is not None:
+            self.forced.finished(name, _digest(stamp))
         return self._done(Result(name, "ran", reason, time.monotonic() - began, summary))
 
     def _done(self, result: Result) -> Result:
@@ -139,10 +167,9 @@ class _Run:
     def _run(self, name: str, upstreams: Mapping[str, Path], stamp: Stamp) -> Mapping[str, Any]:
         """Run a stage in a folder of its own that takes the old one's place when all is written."""
         stage, plan, folder = self.stages[name], self.plan, self._folder(name)
-        forced = self.force or self._from_here(name)
-        scratch_path = plan.out / f".{name}.scratch"
-        if forced:
-            remove(scratch_path)  # asked for anew: not even the checkpoints are trusted
+        scratch_path = self._scratch(name)
+        if self.forced is not None and not self.forced.starts(name):
+            remove(scratch_path)  # asked for anew: only checkpoints of this very run are trusted
         started, began = datetime.now(UTC), time.monotonic()
         scratch = scratch_folder(scratch_path, _digest(stamp))
         inputs = Inputs(plan.flight, plan.kite, plan.split, upstreams)
@@ -183,6 +210,19 @@ class _Run:
         remove(scratch_path)
         return summary
 
+    def figures(self, name: str) -> Iterable[tuple[str, str | bytes]]:
+        """The figures of a stage, from what it left in its folder."""
+        stage, plan, upstreams = self.stages[name], self.plan, self._upstreams(name)
+        kept = self._provenance(name) or {}
+        context = Context(
+            plan.flight, plan.kite, plan.out, self._folder(name), self._scratch(name), plan.seed, plan.split, upstreams, self.progress,
+            Inputs(plan.flight, plan.kite, plan.split, upstreams), kept.get("stamp", {}),
+        )  # fmt: skip
+        return stage.figures(context, plan.settings[name])
+
+    def _scratch(self, name: str) -> Path:
+        return self.plan.out / f".{name}.scratch"
+
     def _folder(self, name: str) -> Path:
         return self.plan.out / name
 
@@ -193,10 +233,10 @@ class _Run:
 
     def _why(self, name: str, stamp: Stamp) -> str:
         """Why a stage has to run; empty if it need not."""
-        if self.force:
-            return "--force"
-        if self._from_here(name):
-            return f"--from {self.begin}"
+        asked = "--force" if self.force else f"--from {self.begin}" if self._from_here(name) else ""
+        # what this very run had done before it was interrupted stands as if nothing were forced
+        if asked and not (self.forced is not None and self.forced.done.get(name) == _digest(stamp)):
+            return asked
         if not self._folder(name).is_dir():
             return "first run"
         kept = self._provenance(name)

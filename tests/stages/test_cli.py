@@ -44,11 +44,16 @@ def test_figures_go_where_the_user_wants_them(folder):
     awes("run")
     (folder / "paper").mkdir()
     (folder / "paper" / "mine.tex").write_text("kept")
-    for status in ("done in", "skipped, unchanged"):
-        result = awes("evaluate", "--figures", "paper")
-        assert result.exit_code == 0 and f"evaluate: {status}" in result.stdout and "figures: 1 files in paper" in result.stdout
-        assert sorted(p.name for p in (folder / "paper").iterdir()) == ["mine.tex", "one.png"]
-        (folder / "paper" / "one.png").unlink()
+    before = {p: p.read_bytes() for p in (folder / "out").rglob("*") if p.is_file()}
+    for arguments in (["--figures", "paper"], [], ["--figures", "paper"]):
+        result = awes("evaluate", *arguments)
+        assert result.exit_code == 0 and "evaluate: skipped, unchanged" in result.stdout, result.stderr
+        assert ("figures: 1 files in paper" in result.stdout) == bool(arguments)
+        if arguments:
+            assert sorted(p.name for p in (folder / "paper").iterdir()) == ["mine.tex", "one.png"]
+            assert (folder / "paper" / "one.png").read_bytes() == b"PNG of from: trace-residual 3\n"
+            (folder / "paper" / "one.png").unlink()
+    assert {p: p.read_bytes() for p in (folder / "out").rglob("*") if p.is_file()} == before  # a view of the results, not one of them
     assert "files in" not in awes("evaluate", "--figures", "paper", "--dry-run").stdout
     result = awes("evaluate", "--figures", "kite.yaml")
     assert result.exit_code == 2 and "--figures kite.yaml: is a file, a folder is needed" in result.stderr
