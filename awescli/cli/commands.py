@@ -96,6 +96,9 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
         if stage.name in plan.planned:
             errors += refused(stage, inputs, plan)
     raise_all(errors)
+    if plan.planned:
+        at = "" if str(plan.file) == "stages.yaml" else f" --stages {plan.file}"
+        screen.line(f"next: awes run{at}; stage by stage: {', '.join(f'awes {name}{at}' for name in plan.planned[:2])}, ...")
 
 
 def quality_sections(quality: Any) -> dict[str, Any]:

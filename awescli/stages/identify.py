@@ -156,7 +156,7 @@ def told(answer: dict, metrics: dict, kite_file) -> list[str]:
     ]
     if moved := sorted((n for n in rows if rows[n]["excited"]), key=lambda n: -abs(rows[n]["shift_in_prior_std"]))[:2]:
         lines += [f"moved far: {n} {number(rows[n]['prior'])} -> {sized(rows[n])} (95 %)" for n in moved]
-    return [*lines, f"kite file with these values: {kite_file}"]
+    return [*lines, f"kite file: {kite_file}; next: awes trace-residual"]
 
 
 def flown(context, config, declared) -> list:
