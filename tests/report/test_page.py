@@ -189,3 +189,13 @@ def test_intervals_and_shares_in_words():
     assert with_std(5.0, 0.0, "m") == "5.000 m"
     assert percent(0.1487) == "14.9 %" and percent(0.004385) == "0.44 %"
     assert times(0.148, 0.0044) == "34 times smaller" and times(1, 1) == "unchanged" and times(1, 2) == "2.0 times larger"
+
+
+def test_the_parameters_of_the_traced_model_have_their_table_with_intervals():
+    """Beside those of identification, named by what was added; nothing where tracing added nothing."""
+    text = usual()
+    assert '<div id="tab-traced-parameters">' in text and "<code>lag.tau</code>" in text
+    table = text[text.index('<div id="tab-traced-parameters">') :]
+    assert "with actuator lag (rudder)" in table[:200] and "1.10 ± 0.10" in table[:3000]
+    nothing = replace(evidence(), effects={**evidence().effects, "verdict": "none", "effects": [], "chi2": {}})
+    assert "tab-traced-parameters" not in own(page(nothing))
