@@ -6,6 +6,7 @@ from pathlib import Path
 
 from awescli.flightlog.flight_file import OF_VECTOR, Column, FlightFile, Spherical, Vector, Wind
 from awescli.flightlog.table import read_header
+from awescli.flightlog.text_stamps import ISO
 from awescli.flightlog.units import factor_to_si
 from awescli.notation.document import open_document
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
@@ -108,6 +109,8 @@ def _wrong_units(file: FlightFile, where: Where) -> Iterator[BadInput]:
     told = set()
     for use in uses(file):
         loc = use.loc[:1] if "columns" in use.loc else use.loc
+        if use.unit == ISO:
+            continue
         try:
             factor_to_si(use.unit, use.si_unit)
         except BadInput as e:

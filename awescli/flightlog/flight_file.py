@@ -90,7 +90,9 @@ class Time(_Strict):
     """The clock of a file."""
 
     column: str = Field(description="name of the time column")
-    unit: Literal["s", "ms", "us", "ns", "min", "h"] = Field(description="its unit")
+    unit: Literal["s", "ms", "us", "ns", "min", "h", "iso"] = Field(
+        description="its unit; iso: text such as 2022-04-15T05:20:00.040 (UTC where no zone is named), or a time of day"
+    )
     start: float | None = Field(None, description="unix time [s] of its zero, where it does not count from 1970 itself")
 
 

@@ -1,12 +1,15 @@
 """Columns of a CSV -> quantities in SI and NED/FRD, as a flight.yaml says: unit, sign, scale, offset, frame."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
-from awescli.flightlog.flight_file import OF_VECTOR, Acceleration, Column, FlightFile, Geodetic, Spherical, Vector
+from awescli.flightlog.flight_check import Use
+from awescli.flightlog.flight_file import OF_VECTOR, Acceleration, Column, FlightFile, Geodetic, Spherical, Time, Vector
 from awescli.flightlog.geodesy import ned_from_geodetic
 from awescli.flightlog.table import Table
+from awescli.flightlog.text_stamps import ISO, read_stamps
 from awescli.flightlog.units import GRAVITY, factor_to_si, zero_of
 from awescli.notation.frames import rotate, rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import UNITS
@@ -21,6 +24,18 @@ def column_in_si(table: Table, spec: Column, si_unit: str) -> np.ndarray:
     """sign * scale * column + offset, in SI (N,)."""
     values = spec.sign * spec.scale * table.columns[spec.column] + spec.offset
     return (values + zero_of(spec.unit)) * factor_to_si(spec.unit, si_unit)
+
+
+def columns_in(uses: Iterable[Use]) -> list[str]:
+    """Names of the columns of numbers; a clock of text is read by `stamps_in_seconds`."""
+    return [use.column for use in uses if use.unit != ISO]
+
+
+def stamps_in_seconds(table: Table, time: Time) -> np.ndarray:
+    """(N,) s of a clock, as it counts."""
+    if time.unit == ISO:
+        return read_stamps(table.path, time.column) + (time.start or 0.0)
+    return table.columns[time.column] * factor_to_si(time.unit, "s") + (time.start or 0.0)
 
 
 def mapped_signals(table: Table, mapping: FlightFile) -> tuple[dict[str, np.ndarray], dict[str, str]]:

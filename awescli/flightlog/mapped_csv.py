@@ -8,14 +8,14 @@ from awescli.flightlog.clocks import clock_offset
 from awescli.flightlog.flight_check import Declared, uses
 from awescli.flightlog.flight_file import OF_VECTOR, FlightFile, Vector
 from awescli.flightlog.log import FlightLog
-from awescli.flightlog.mapped_columns import mapped_signals
+from awescli.flightlog.mapped_columns import columns_in, mapped_signals, stamps_in_seconds
 from awescli.flightlog.mapped_wind import mapped_wind
 from awescli.flightlog.plausible_frames import check_frames
 from awescli.flightlog.plausible_units import check_interval, check_units
 from awescli.flightlog.resample import RawFlight, sample_interval, uniform_log, usable_stamps
 from awescli.flightlog.spikes import without_spikes
 from awescli.flightlog.table import read_header, read_table
-from awescli.flightlog.units import VOCABULARY
+from awescli.flightlog.text_stamps import ISO
 from awescli.notation.errors import BadInput
 
 CURE = "Correct the unit, sign or frame of column {column} in flight.yaml; if all is right as it stands, add `believe: [{column}]`."
@@ -26,13 +26,14 @@ def read_mapped(declared: Declared, max_gap: float = 0.2) -> FlightLog:
     """The log that a flight.yaml describes. Raises BadInput (BadInputs) for numbers that contradict their units or frames."""
     mapping, path = declared.file, declared.log
     _, header = read_header(path)
-    table = read_table(path, [use.column for use in uses(mapping) if not use.of_wind_file])
-    stamps = table.columns[mapping.time.column] * VOCABULARY[mapping.time.unit][1] + (mapping.time.start or 0.0)
+    table = read_table(path, columns_in(use for use in uses(mapping) if not use.of_wind_file))
+    stamps = stamps_in_seconds(table, mapping.time)
     known = stamps[np.isfinite(stamps)]
     if known.size == 0:
         raise BadInput("no time stamp can be read", f"{path}: column {mapping.time.column}", "Expected numbers.")
     start, seconds = float(known[0]), stamps - known[0]
-    check_interval(seconds, mapping.time.unit, declared.where("time", "unit"))
+    if mapping.time.unit != ISO:
+        check_interval(seconds, mapping.time.unit, declared.where("time", "unit"))
     signals, groups = mapped_signals(table, mapping)
     places = _places(path, mapping)
     # a mapping declares its tension: how large a wing it may need is not known here

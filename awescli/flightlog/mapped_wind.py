@@ -4,15 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from awescli.flightlog.flight_check import Declared, columns_of_wind
+from awescli.flightlog.flight_check import Declared, columns_of_wind, uses
 from awescli.flightlog.flight_file import Column
 from awescli.flightlog.kitemill_wind import FAR, find_weather, profile, read_wind
 from awescli.flightlog.log import WindRecord
-from awescli.flightlog.mapped_columns import column_in_si
+from awescli.flightlog.mapped_columns import column_in_si, columns_in, stamps_in_seconds
 from awescli.flightlog.plausible_units import is_unix
 from awescli.flightlog.resample import usable_stamps
 from awescli.flightlog.table import Table, read_table
-from awescli.flightlog.units import factor_to_si
 from awescli.notation.errors import BadInput
 
 DRY_AIR = 287.05287
@@ -76,8 +75,8 @@ def _in_the_log(declared: Declared, table: Table, seconds: np.ndarray) -> WindRe
 def _mapped_file(declared: Declared, path: Path, start: float, span: tuple[float, float]) -> tuple[WindRecord, list[str]]:
     """A weather file with columns of its own: one row a time, or a time and a height."""
     wind, log_time = declared.file.wind, declared.file.time
-    table = read_table(path, [wind.time.column, *(spec.column for spec in columns_of_wind(wind).values())])
-    stamps = table.columns[wind.time.column] * factor_to_si(wind.time.unit, "s") + (wind.time.start or 0.0)
+    table = read_table(path, columns_in(use for use in uses(declared.file) if use.of_wind_file))
+    stamps = stamps_in_seconds(table, wind.time)
     known = stamps[np.isfinite(stamps)]
     if known.size == 0:
         raise BadInput("no time stamp can be read", f"{path}: column {wind.time.column}", "Expected numbers.")

@@ -11,9 +11,9 @@ from awescli.notation.errors import did_you_mean
 from awescli.notation.quantities import INPUTS, SURFACES
 
 PHRASES: dict[str, tuple[str, ...]] = {
-    "p_n": ("north", "pos n", "pos north", "position n", "position north", "north position", "p n", "pn", "r n", "ned n", "x north"),
-    "p_e": ("east", "pos e", "pos east", "position e", "position east", "east position", "p e", "pe", "r e", "ned e", "y east"),
-    "p_d": ("down", "pos d", "pos down", "position d", "position down", "down position", "p d", "pd", "r d", "ned d", "z down"),
+    "p_n": ("north", "pos n", "pos north", "position n", "position north", "north position", "p n", "p north", "r n", "ned n", "x north"),
+    "p_e": ("east", "pos e", "pos east", "position e", "position east", "east position", "p e", "p east", "r e", "ned e", "y east"),
+    "p_d": ("down", "pos d", "pos down", "position d", "position down", "down position", "p d", "p down", "r d", "ned d", "z down"),
     "-p_d": (
         "altitude", "alt", "height", "up", "pos u", "pos up", "position up", "z up", "enu u", "agl", "msl", "alt agl", "alt msl",
         "altitude agl", "altitude msl", "altitude amsl", "height above ground", "hgt", "elevation above ground", "baro alt", "relative alt",
@@ -80,9 +80,12 @@ PARTS: dict[str, tuple[str, ...]] = {
     "position.x": ("x", "pos x", "position x", "p x", "local x", "x pos", "x position"),
     "position.y": ("y", "pos y", "position y", "p y", "local y", "y pos", "y position"),
     "position.z": ("z", "pos z", "position z", "p z", "local z", "z pos", "z position"),
-    "velocity.x": ("v x", "vel x", "velocity x", "x dot", "speed x", "x vel", "x velocity", "x speed", "u"),
-    "velocity.y": ("v y", "vel y", "velocity y", "y dot", "speed y", "y vel", "y velocity", "y speed", "v"),
-    "velocity.z": ("v z", "vel z", "velocity z", "z dot", "speed z", "z vel", "z velocity", "z speed", "w"),
+    "velocity.x": ("v x", "vel x", "velocity x", "x dot", "speed x", "x vel", "x velocity", "x speed"),
+    "velocity.y": ("v y", "vel y", "velocity y", "y dot", "speed y", "y vel", "y velocity", "y speed"),
+    "velocity.z": ("v z", "vel z", "velocity z", "z dot", "speed z", "z vel", "z velocity", "z speed"),
+    "velocity.u": ("u", "u velocity", "vel u body", "velocity forward", "forward velocity"),
+    "velocity.v": ("v", "v velocity", "vel v body", "velocity right", "right velocity"),
+    "velocity.w": ("w", "w velocity", "vel w body", "velocity down body"),
     "position.latitude": ("lat", "latitude", "gps lat", "lati"),
     "position.longitude": ("lon", "lng", "long", "longitude"),
     "position.elevation": ("elevation", "elevation angle", "el", "elev angle", "zenith elevation"),

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flightlog.foreign import FOOT, KNOT, LBF, knots_and_feet, plain, write_csv
+from flightlog.foreign import FOOT, KNOT, LBF, knots_and_feet, plain, random_layout, write_csv
 
 from awescli.flightlog.drafting.draft import draft
 from awescli.flightlog.drafting.headers import readings
@@ -141,6 +141,31 @@ def test_the_flight_comes_back(layout, every, log, tmp_path):
         assert error.max() < most if name != "tension" else error.max() < 0.1, (name, error.max())
     if layout is not above_sea_level:
         assert not found.doubtful or layout in (bare, feet), found.doubtful
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_layouts_drawn_at_random_come_back(seed, log, tmp_path):
+    every = (1, 2, 5)[seed % 3]
+    found, back = drafted(write_csv(tmp_path / "log.csv", random_layout(log, seed), every))
+    assert found.needed == ("wind",) and set(found.unused) == {"battery", "mode"}
+    for name in (*log.measured, *log.inputs):
+        if name[0] == "a" and name != "aileron" or name == "V_a":
+            continue
+        error = np.abs(back[name] - log[name][::every])
+        error = np.minimum(error, 2 * np.pi - error) if name in ("psi", "phi") else error
+        assert error.max() < {"tension": 0.1}.get(name, 0.02 if "_" in name else 1e-3), (name, error.max())
+
+
+def test_a_clock_of_text_is_found(log, tmp_path):
+    from datetime import UTC, datetime
+
+    import polars as pl
+
+    path = write_csv(tmp_path / "log.csv", without(basis(log), "t_s"))
+    stamps = [datetime.fromtimestamp(log.start + t, UTC).isoformat() for t in log.time.tolist()]
+    pl.read_csv(path).with_columns(pl.Series("Timestamp", stamps)).write_csv(path)
+    found, back = drafted(path)
+    assert (found.time.column, found.time.unit) == ("Timestamp", "iso") and back.start == pytest.approx(log.start, abs=1e-5)
 
 
 def test_latitude_and_longitude_and_a_winch_that_nobody_wrote_down(log, tmp_path):

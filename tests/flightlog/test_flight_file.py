@@ -197,6 +197,30 @@ def test_a_weather_file_beside_a_mapped_log_is_used_or_named(tmp_path, log):
     assert named.wind.speed[0, 0] == pytest.approx(8.0)
 
 
+def test_clocks_of_text(tmp_path, log):
+    """Dates and times, with and without a zone, and times of day: the same samples; a weather file of dates beside a log of dates."""
+    from datetime import UTC, datetime, timedelta, timezone
+
+    when = [datetime.fromtimestamp(log.start + t, UTC) for t in log.time.tolist()]
+    east = timezone(timedelta(hours=2))
+    clocks = {
+        "zulu": [w.isoformat().replace("+00:00", "Z") for w in when], "no zone": [w.replace(tzinfo=None).isoformat(" ") for w in when],
+        "east": [w.astimezone(east).isoformat() for w in when], "of day": [w.time().isoformat() for w in when],
+    }  # fmt: skip
+    rows = {"at": [clocks["zulu"][0], clocks["zulu"][-1]], "dir": [305.0, 306.0], "v": [9.0, 9.5]}
+    met = pl.DataFrame(rows).write_csv()
+    wind = "wind: {file: met.csv, time: {column: at, unit: iso}, direction: {column: dir, unit: deg}, speed: {column: v, unit: m/s}}\n"
+    for name, cells in clocks.items():
+        frame = foreign(log).with_columns(t=pl.Series(cells))
+        mapping = MAPPING.replace("{column: t, unit: s}", "{column: t, unit: iso}") + ("" if name == "of day" else wind)
+        back = read_flight(folder_with(tmp_path / name, log, mapping, frame, met_csv=met))
+        assert back.dt == pytest.approx(0.04) and len(back) == len(log) and back.valid.all(), name
+        assert back.start == pytest.approx(log.start if name != "of day" else log.start % 86400, abs=1e-5)
+        assert name == "of day" or back.wind.time == pytest.approx([0.0, log.time[-1]], abs=1e-5)
+    with pytest.raises(BadInput, match="'roll' is no date and time|is no date and time"):
+        read_flight(folder_with(tmp_path / "no", log, MAPPING.replace("{column: t, unit: s}", "{column: roll, unit: iso}")))
+
+
 def test_body_velocities_and_accelerometers(tmp_path, log):
     """Velocity in body axes comes back in NED; an accelerometer's specific force becomes the kinematic acceleration."""
     R = rotation_body_to_ned(log["phi"], log["theta"], log["psi"])

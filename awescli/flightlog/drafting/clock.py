@@ -4,6 +4,7 @@ import numpy as np
 
 from awescli.flightlog.drafting.pool import Entry, Pool, entry
 from awescli.flightlog.plausible_units import USUAL_RATES, is_unix
+from awescli.flightlog.text_stamps import ISO
 from awescli.flightlog.units import factor_to_si
 
 UNITS = ("s", "ms", "us", "ns", "min", "h")
@@ -22,6 +23,9 @@ def clock(pool: Pool, weather: bool = False, unix: bool | None = None) -> Entry 
         known = stamps[np.isfinite(stamps)]
         step = np.diff(known)
         if known.size < 2 or (step >= 0 if weather else step > 0).mean() < FORWARD or not (step > 0).any():
+            continue
+        if reading.column in pool.text:
+            found.append(((unix is not None and is_unix(float(np.median(known))) != unix), reading.rank, entry(reading, ISO, "text")))
             continue
         unit, how = _unit(known, float(np.median(step[step > 0])), reading.unit, weather)
         if unit is None:

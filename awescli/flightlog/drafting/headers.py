@@ -10,7 +10,7 @@ from awescli.notation.quantities import UNITS
 
 SI = {
     **UNITS, "time": "s", "position.latitude": "rad", "position.longitude": "rad", "position.elevation": "rad", "position.azimuth": "rad",
-    "position.distance": "m", **{f"position.{a}": "m" for a in "xyz"}, **{f"velocity.{a}": "m/s" for a in "xyz"},
+    "position.distance": "m", **{f"position.{a}": "m" for a in "xyz"}, **{f"velocity.{a}": "m/s" for a in "xyzuvw"},
     "wind.direction": "rad", "wind.speed": "m/s", "wind.density": "kg/m3", "wind.temperature": "K", "wind.pressure": "Pa",
     "wind.height": "m",
 }  # fmt: skip

@@ -116,12 +116,16 @@ def _positions(pool: Pool) -> Iterator[Alternative]:
 
 
 def _velocities(pool: Pool, angles: Angles | None) -> Iterator[Alternative]:
-    if triple := _triple(pool, VELOCITY, "velocity"):
+    triple = _triple(pool, VELOCITY, "velocity")
+    body = pool.all([f"velocity.{axis}" for axis in "uvw"])
+    if triple is not None:
         yield from _cartesian(pool, *triple, VELOCITY, SPEEDS, "m/s")
-        if angles is not None and len(triple[1]) > 1:
-            R = rotation_body_to_ned(angles["phi"], angles["theta"], angles["psi"])
-            for found in _cartesian(pool, triple[0], ("NED",), VELOCITY, SPEEDS, "m/s"):
-                yield replace(found, ned=np.array(rotate(R, tuple(found.ned))), frame="BODY", rare=found.rare + 0.01)
+        # x, y and z may be body axes as well
+        body = triple[0] if len(triple[1]) > 1 else None
+    if body is not None and angles is not None:
+        R = rotation_body_to_ned(angles["phi"], angles["theta"], angles["psi"])
+        for found in _cartesian(pool, body, ("NED",), VELOCITY, SPEEDS, "m/s"):
+            yield replace(found, ned=np.array(rotate(R, tuple(found.ned))), frame="BODY", rare=found.rare + 0.01)
 
 
 def _triple(pool: Pool, names: Sequence[str], kind: str) -> tuple[list[Reading], tuple[str, ...]] | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from awescli.flightlog.drafting.headers import SI, Reading, readings
 from awescli.flightlog.table import read_header, read_table
+from awescli.flightlog.text_stamps import ISO, read_stamps
 from awescli.flightlog.units import VOCABULARY, factor_to_si, units_of, zero_of
 from awescli.notation.errors import BadInput
 
@@ -29,12 +30,15 @@ class Entry:
 
     def si(self, values: np.ndarray, si_unit: str) -> np.ndarray:
         """The column's values (N,) in SI."""
+        if self.unit == ISO:
+            return values
         return (self.sign * self.scale * values + self.offset + zero_of(self.unit)) * factor_to_si(self.unit, si_unit)
 
 
 @dataclass(frozen=True)
 class Pool:
-    """Columns of numbers, (N,) each, and the readings of their headers; text: columns that hold no numbers."""
+    """Columns of numbers, (N,) each, and the readings of their headers; text: columns that hold no numbers, clocks written as text among
+    them (their values are seconds)."""
 
     path: Path
     values: dict[str, np.ndarray]
@@ -75,9 +79,19 @@ def pool_of(path: Path, weather: bool = False) -> Pool:
                 values |= read_table(path, [name]).columns
             except BadInput:
                 text.append(name)
+                # a clock may be written as text
+                if any(r.quantity == "time" for r in read[name]) and (stamps := _stamps(path, name)) is not None:
+                    values[name] = stamps
         if not values:
             raise
     return Pool(path, values, read, tuple(text), header)
+
+
+def _stamps(path: Path, name: str) -> np.ndarray | None:
+    try:
+        return read_stamps(path, name)
+    except BadInput:
+        return None
 
 
 def entry(reading: Reading, unit: str, why: str = "", **how) -> Entry:
