@@ -65,6 +65,26 @@ def read_flight_file(path: Path, text: str | None = None) -> Declared:
     return Declared(path, file, log, document.where)
 
 
+def opened_by(path: Path) -> list[Path]:
+    """The files that reading `path` may open and that do not lie in it: log and weather that its flight.yaml names, and what is beside them.
+
+    path: a flight's folder, its flight.yaml, or anything else, of which nothing is told.
+    """
+    declaration = path / "flight.yaml" if path.is_dir() else path
+    if declaration.suffix not in (".yaml", ".yml") or not declaration.is_file():
+        return []
+    try:
+        file = open_document(declaration).check(FlightFile)
+    except BadInput:
+        return []
+    weather = file.wind.file if file.wind is not None else None
+    named = [declaration.parent / name for name in (file.file, weather) if name]
+    folders = {p.parent.resolve() for p in (*named, declaration)}
+    found = {p.resolve() for folder in folders for pattern in ("*.csv", "*.mat") for p in folder.glob(pattern)}
+    found |= {p.resolve() for p in named if p.is_file()}
+    return sorted(p for p in found if not (path.is_dir() and p.is_relative_to(path.resolve())))
+
+
 def uses(file: FlightFile) -> Iterator[Use]:
     """Every column that the mapping uses, the clock first."""
     if file.time is not None:

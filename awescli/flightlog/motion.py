@@ -13,6 +13,9 @@ STRIDE = 0.4
 FEWEST = 50
 """Comparisons below which nothing is said."""
 
+ENOUGH = 20_000
+"""Samples from which a median is taken: hours of flight have many more."""
+
 FRAMES: dict[str, tuple[tuple[int, int], ...]] = {
     "NED": ((0, 1), (1, 1), (2, 1)),
     "ENU": ((1, 1), (0, 1), (2, -1)),
@@ -59,10 +62,10 @@ def columns_of(frame: str, ned: Sequence[np.ndarray]) -> np.ndarray:
     return columns
 
 
-def changes(seconds: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def changes(seconds: np.ndarray, position: np.ndarray, velocity: np.ndarray, most: int = 20_000) -> tuple[np.ndarray, np.ndarray]:
     """(change of position per second, mean velocity), (3, K) each, over STRIDE seconds; columns in whatever unit and order they have.
 
-    seconds: (N,) rising stamps; position, velocity: (3, N), NaN where missing.
+    seconds: (N,) rising stamps; position, velocity: (3, N), NaN where missing; most: comparisons, spread over the whole.
     """
     step = np.diff(seconds)
     dt = float(np.median(step[step > 0])) if (step > 0).any() else np.nan
@@ -71,6 +74,7 @@ def changes(seconds: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> 
     elapsed = seconds[i + stride] - seconds[i]
     # over gaps and strange stamps nothing is compared
     i = i[np.abs(elapsed / (stride * dt) - 1) < 0.1] if i.size else i
+    i = i[:: max(1, i.size // most)]
     D = (position[:, i + stride] - position[:, i]) / (seconds[i + stride] - seconds[i])
     V = (velocity[:, i] + 4 * velocity[:, i + stride // 2] + velocity[:, i + stride]) / 6  # Simpson's rule
     good = np.isfinite(D.sum(0)) & np.isfinite(V.sum(0))
@@ -118,7 +122,9 @@ def _slope(x: np.ndarray, seconds: np.ndarray, width: int) -> np.ndarray:
 
 def forwardness(angles: Mapping[str, np.ndarray], velocity: np.ndarray) -> float:
     """Median share of the velocity (3, N, NED) that goes forward in body axes: near 1 for a wing in flight, whatever the wind."""
-    R = rotation_body_to_ned(angles["phi"], angles["theta"], angles["psi"])
+    thin = slice(None, None, max(1, velocity.shape[1] // ENOUGH))
+    velocity = velocity[:, thin]
+    R = rotation_body_to_ned(*(angles[n][thin] for n in ("phi", "theta", "psi")))
     u = rotate_back(R, tuple(velocity))[0]
     speed = np.sqrt((velocity**2).sum(0))
     fast = (speed > np.nanmedian(speed) * 0.5) & np.isfinite(u)

@@ -407,10 +407,17 @@ def _digest(stamp: Stamp) -> str:
     return table_hash({key: repr(value) for key, value in _flat(stamp).items()})
 
 
+def input_hash(path: Path, out: Path) -> str:
+    """Of a file or folder, and of what it names elsewhere: a flight.yaml may stand far from its log."""
+    from awescli.flightlog.flight_check import opened_by
+
+    return content_hash(path, *opened_by(path), exclude=[out])
+
+
 @cache
 def _input_hash(path: Path, out: Path) -> str:
     """Once per process: a flight of an hour takes a second to hash, and does not change under our hands."""
-    return content_hash(path, exclude=[out])
+    return input_hash(path, out)
 
 
 @cache

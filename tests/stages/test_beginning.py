@@ -118,3 +118,21 @@ def test_nothing_is_overwritten_and_nothing_half_written(tmp_path, demo):
     (log.parent / "flight_017.csv").unlink()
     empty = awes("init", folder, "--flight", tmp_path / "plan", "--kite", KITE)
     assert empty.exit_code == 2 and "no flight log is in this folder" in empty.stderr
+
+
+def test_a_log_far_from_its_flight_file_is_an_input(tmp_path, demo):
+    """A drafted flight.yaml names log and weather elsewhere: a change in either makes the stages run again, and `verify` sees it."""
+    from awescli.flightlog.flight_check import opened_by
+    from awescli.stages.runner import input_hash
+
+    log = knots_and_feet(demo, tmp_path / "logs")
+    assert awes("init", tmp_path / "plan", "--flight", log, "--kite", KITE).exit_code == 0
+    flight, out = tmp_path / "plan" / "flight.yaml", tmp_path / "plan" / "out"
+    assert {p.name for p in opened_by(flight)} == {"flight_017.csv", "met_station.csv"}
+    for file in (log, log.parent / "met_station.csv"):
+        before, text = input_hash(flight, out), file.read_text()
+        file.write_text(text[:-400])
+        assert input_hash(flight, out) != before
+        file.write_text(text)
+        assert input_hash(flight, out) == before
+    assert opened_by(KITE) == [] and opened_by(log) == []

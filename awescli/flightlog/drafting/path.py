@@ -88,9 +88,7 @@ def _compared(positions, velocities, seconds: np.ndarray, angles: Angles | None,
         if line is not None and position.unit:
             off = 0.2 * min(1.0, abs(math.log(max(_size(position.ned[:, np.isfinite(position.ned.sum(0))]), 1e-9) / max(line, 1e-9))))
         for velocity, forward in zip(velocities, along, strict=True):
-            change, mean = changes(seconds, position.ned, velocity.ned)
-            every = max(1, change.shape[1] // MOST)
-            change, mean = change[:, ::every], mean[:, ::every]
+            change, mean = changes(seconds, position.ned, velocity.ned, MOST)
             if change.shape[1] < 50 or (speed := _size(change)) < 0.5:
                 continue
             share = _size(change - mean) / speed
