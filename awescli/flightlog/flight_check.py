@@ -66,7 +66,7 @@ def read_flight_file(path: Path, text: str | None = None) -> Declared:
 
 
 def opened_by(path: Path) -> list[Path]:
-    """The files that reading `path` may open and that do not lie in it: log and weather that its flight.yaml names, and what is beside them.
+    """The files that reading `path` may open and that do not lie in it: log and weather that its flight.yaml names, and their neighbours.
 
     path: a flight's folder, its flight.yaml, or anything else, of which nothing is told.
     """

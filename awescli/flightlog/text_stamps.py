@@ -18,7 +18,9 @@ def read_stamps(path: Path, name: str) -> np.ndarray:
     cells = read_text(path, name)
     stamps = np.array([_seconds(cell) for cell in cells], dtype=float)
     known = np.isfinite(stamps)
-    if not known.any() or (~known).mean() > GARBAGE_SHARE:
+    if not stamps.size:
+        raise BadInput("there is a header but no samples", str(path), "Is the file complete? Copy it again.")
+    if (~known).mean() > GARBAGE_SHARE:
         at = int(np.argmin(known))
         what = f"'{cells[at][:40]}' is no date and time"
         raise BadInput(what, f"{path}:{at + 2}: column {name}", "Expected 2022-04-15T05:20:00.040 or 05:20:00.040.")
@@ -31,7 +33,7 @@ def _seconds(cell: str) -> float:
     try:
         moment = datetime.fromisoformat(text)
         return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-    except ValueError:
+    except (ValueError, OverflowError):
         pass
     try:
         t = time.fromisoformat(text)

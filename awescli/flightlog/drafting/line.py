@@ -60,10 +60,9 @@ def _reeling(pool: Pool, reading, seconds: np.ndarray, length: np.ndarray | None
     values = reading.meaning.sign * pool.values[reading.column]
     units = units_for(reading, SPEEDS)
     line = replace(entry(reading, units[0]), assumed="" if reading.unit else "unit")
-    if length is None:
+    width = max(1, int(round(1.0 / float(np.median(np.diff(seconds)))))) if seconds.size > 1 else 1
+    if length is None or seconds.size <= 2 * width:
         return line, ["the reel-out speed could not be held against a length"]
-    dt = float(np.median(np.diff(seconds)))
-    width = max(1, int(round(1.0 / dt)))
     grown = (length[width:] - length[:-width]) / (seconds[width:] - seconds[:-width])
     mean = np.convolve(values, np.ones(width + 1) / (width + 1), "valid")
     good = np.isfinite(grown) & np.isfinite(mean)
