@@ -98,7 +98,8 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     raise_all(errors)
     if plan.planned:
         at = "" if str(plan.file) == "stages.yaml" else f" --stages {plan.file}"
-        screen.line(f"next: awes run{at}; stage by stage: {', '.join(f'awes {name}{at}' for name in plan.planned[:2])}, ...")
+        one_by_one = "" if at else f"; stage by stage: {', '.join(f'awes {name}' for name in plan.planned[:2])}, ..."
+        screen.line(f"next: awes run{at}{one_by_one}")
 
 
 def quality_sections(quality: Any) -> dict[str, Any]:
