@@ -70,14 +70,15 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     from awescli.flightlog.quality import data_quality
     from awescli.flightlog.read import read_flight
     from awescli.physics.declaration import read_kite
+    from awescli.physics.kite import needed_by
     from awescli.stages.plan import read_plan
 
     plan = read_plan(file, stages, _overrides(settings))
     screen.line(f"plan    {plan.file}: good, runs {', '.join(plan.planned) or 'nothing'}")
     errors: list[BadInput] = []
-    log = None
+    log = needed = None
     try:
-        read_kite(plan.kite)
+        needed = needed_by(read_kite(plan.kite))
         screen.line(f"kite    {plan.kite}: good")
     except BadInput as e:
         errors.append(e)
@@ -87,7 +88,7 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     except BadInput as e:
         errors.append(e)
     if log is not None:
-        quality = data_quality(log)
+        quality = data_quality(log, needed)
         for title, content in quality_sections(quality).items():
             screen.section(title, content)
         screen.answer({"plan": str(plan.file), "quality": json_safe(quality.as_dict())})

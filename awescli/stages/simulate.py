@@ -81,7 +81,7 @@ class Simulate(Stage):
         seed = context.seed if config.seed is None else config.seed
         context.progress.task(f"flying {duration:g} s, {model}")
         flown = simulate_flight(
-            kite, law, wind, LoggedReelOut(log, first), pattern=pattern, duration=duration, dt=log.dt,
+            kite, law, wind, LoggedReelOut(log, first) if kite.tether else None, pattern=pattern, duration=duration, dt=log.dt,
             start=smooth_states(log)[first], setpoints=recorded, seed=seed, substeps=config.substeps,
         )  # fmt: skip
         epoch = log.start + float(log.time[first])
