@@ -17,6 +17,8 @@ from awescli.flightlog.px4_ulog import wind_of
 from awescli.notation.errors import BadInput
 
 MICRO = 1e-6
+GPS_EPOCH, LEAP_SECONDS = 315964800.0, 18.0
+"""s: unix time at which GPS weeks begin to count, and by how much GPS time is ahead of UTC since 2017."""
 DEGREE = np.pi / 180
 
 NAVIGATION = (("p_n", "PN"), ("p_e", "PE"), ("p_d", "PD"), ("v_n", "VN"), ("v_e", "VE"), ("v_d", "VD"))
@@ -32,6 +34,9 @@ REVOLUTIONS = (("RPM", "rpm1"), ("RPM", "RPM"), ("ESC", "RPM"))
 COMMANDS = {"aileron": "Ail", "elevator": "Elev", "rudder": "Rudd"}
 FULL_COMMAND, FULL_THROTTLE = 4500.0, 100.0
 """AETR holds what goes into the mixer: -4500 to 4500 of a surface, 0 to 100 of throttle and flaps."""
+
+DAMAGED = (OSError, struct.error, ValueError, TypeError, IndexError, KeyError, AttributeError, AssertionError, MemoryError)
+"""What pymavlink runs into on bytes that are no log."""
 
 ACTUATORS = ("AETR", "RCOU")
 MESSAGES = (*FILTERS, *WIND, "ATT", "IMU", "ARSP", "GPS", "RPM", "ESC", *ACTUATORS)
@@ -85,7 +90,7 @@ def read_ardupilot(path: Path, max_gap: float = 0.2, how: Autopilot | None = Non
             wind = wind_of(north, east, channels["p_d"])
     there = ", ".join(m for m in ACTUATORS if m in messages)
     name = path.resolve().parent.name
-    return assembled(name, 0.0, channels, how, str(path), max_gap, wind=wind, notes=tuple(notes), surfaces=there)
+    return assembled(name, _unix(messages), channels, how, str(path), max_gap, wind=wind, notes=tuple(notes), surfaces=there)
 
 
 def _messages(path: Path, names: tuple[str, ...]) -> dict[str, dict[str, np.ndarray]]:
@@ -95,6 +100,13 @@ def _messages(path: Path, names: tuple[str, ...]) -> dict[str, dict[str, np.ndar
     except ImportError:
         do = "Install it with the extra: pip install 'awes[ardupilot]'."
         raise BadInput("reading .bin files needs pymavlink", str(path), do) from None
+
+    class Reader(DFReader.DFReader_binary):
+        """With the index in Python: the one in C believes the lengths in the file, and prints."""
+
+        def init_arrays_fast(self, progress_callback=None):
+            self.init_arrays(progress_callback)
+
     rows: dict[str, list[list]] = {}
     columns: dict[str, list[str]] = {}
     first: dict[str, object] = {}
@@ -104,7 +116,7 @@ def _messages(path: Path, names: tuple[str, ...]) -> dict[str, dict[str, np.ndar
             raise ValueError("the file is empty")
         # pymavlink tells of odd bytes on the terminal, which is not its place here
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            reader = DFReader.DFReader_binary(str(path), zero_time_base=True)
+            reader = Reader(str(path), zero_time_base=True)
             while (message := reader.recv_match(type=wanted)) is not None:
                 kind = message.get_type()
                 fields = message.to_dict()
@@ -113,11 +125,23 @@ def _messages(path: Path, names: tuple[str, ...]) -> dict[str, dict[str, np.ndar
                     continue
                 names_of = columns.setdefault(kind, [n for n, v in fields.items() if isinstance(v, int | float)])
                 rows.setdefault(kind, []).append([fields[n] for n in names_of])
-    except (OSError, struct.error, ValueError, TypeError, IndexError, KeyError, AttributeError, AssertionError, MemoryError) as e:
+    except Exception as e:
+        # pymavlink tells of some damage with an Exception that has no name of its own; whatever has another one is no damaged file
+        if type(e) is not Exception and not isinstance(e, DAMAGED):
+            raise
         raise BadInput(f"not a readable DataFlash file ({type(e).__name__}: {str(e)[:100]})", str(path), "Copy the file again.") from None
     if not rows:
         raise BadInput("the log has none of the messages of a flight", str(path), f"Expected {', '.join(MESSAGES[:6])}, ...")
     return {kind: dict(zip(columns[kind], np.array(table, dtype=float).T, strict=True)) for kind, table in rows.items()}
+
+
+def _unix(messages) -> float:
+    """Unix time [s] at stamp 0, from the receiver's week and time of week; 0 where the log has no fix."""
+    fields = messages.get("GPS", {})
+    if not {"GWk", "GMS"} <= fields.keys() or not (known := np.flatnonzero(fields["GWk"] > 0)).size:
+        return 0.0
+    k = known[0]
+    return float(GPS_EPOCH + 604800 * fields["GWk"][k] + fields["GMS"][k] / 1000 - LEAP_SECONDS - fields["TimeUS"][k] * MICRO)
 
 
 def _gnss(path: Path, messages) -> dict[str, Channel]:

@@ -80,7 +80,7 @@ def read_px4(path: Path, max_gap: float = 0.2, how: Autopilot | None = None) -> 
     wind, density = _wind(topics, channels), _first(topics, DENSITY)
     there = ", ".join(t for t in ACTUATORS if t in topics)
     return assembled(
-        path.resolve().parent.name, 0.0, channels, how, str(path), max_gap, wind=wind,
+        path.resolve().parent.name, _unix(topics), channels, how, str(path), max_gap, wind=wind,
         density=None if density is None else float(np.nanmean(density.values)), notes=tuple(notes), surfaces=there,
     )  # fmt: skip
 
@@ -105,6 +105,13 @@ def _topics(path: Path, names: tuple[str, ...]) -> dict[str, dict[str, np.ndarra
     if not topics:
         raise BadInput("the log has none of the topics of a flight", str(path), f"Expected {', '.join(TOPICS[:4])}, ...")
     return topics
+
+
+def _unix(topics) -> float:
+    """Unix time [s] at stamp 0, from the receiver's clock; 0 where the log has none."""
+    utc = _first(topics, ((t, "time_utc_usec") for t in ("vehicle_gps_position", "sensor_gps")))
+    known = np.flatnonzero(utc.values > 0) if utc is not None else ()
+    return float(utc.values[known[0]] * MICRO - utc.stamps[known[0]]) if len(known) else 0.0
 
 
 def _channel(topics, topic: str, field: str) -> Channel | None:

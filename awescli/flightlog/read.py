@@ -1,6 +1,7 @@
 """read_flight: a folder -> FlightLog, by the reader that what is in it calls for."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,9 @@ from awescli.notation.errors import BadInput
 NEEDED_BY_MODEL = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 """What no model of a rigid wing can do without, besides a surface that moves and the wind."""
 
+MARGIN = 2.0
+"""s of ground that stay before and after a free flight."""
+
 NEEDED_ON_LINE = ("tether_length", "reel_out_speed")
 """What a model on a tether needs further; a kite file says what its own kite needs (`physics.kite.needed_by`)."""
 
@@ -38,7 +42,7 @@ def read_flight(flight: Path, max_gap: float = 0.2) -> FlightLog:
         near = sorted(p.name for p in flight.parent.iterdir() if p.is_dir()) if flight.parent.is_dir() else []
         raise BadInput("there is no such flight folder", str(flight), f"Beside it: {', '.join(near[:8])}." if near else "Check the path.")
     if flight.is_file() and flight.suffix in (".yaml", ".yml"):
-        return mark_faults(_declared(flight, max_gap))
+        return mark_faults(airborne(_declared(flight, max_gap)))
     if not flight.is_dir():
         raise BadInput("a flight is a folder, this is a file", str(flight), f"Give its folder: {flight.parent}.")
     for pattern, read in READERS:
@@ -48,13 +52,31 @@ def read_flight(flight: Path, max_gap: float = 0.2) -> FlightLog:
                 raise BadInput(
                     f"several logs: {names}", str(flight), "Say which one in a flight.yaml (`file: NAME`), or give each its folder."
                 )
-            return mark_faults(read(found[0], max_gap))
+            return mark_faults(airborne(read(found[0], max_gap)))
     there = ", ".join(sorted(p.name for p in flight.iterdir())[:12]) or "nothing"
     raise BadInput(
         "no flight log that awes knows",
         str(flight),
         f"Looked for {', '.join(p for p, _ in READERS)}; there is: {there}. Map a CSV in flight.yaml.",
     )
+
+
+def airborne(log: FlightLog) -> FlightLog:
+    """A free flight without the time on the ground before and after it, from MARGIN before it flies to MARGIN after, on a clock that begins
+    there; as it is, where it does not fly, or flies on a line (a winch has its own phases)."""
+    flown = np.array([]) if log.on_line or missing_for_model(log) else np.flatnonzero(phases(log) == "flight")
+    if not flown.size:
+        return log
+    first, last = max(int(flown[0] - MARGIN / log.dt), 0), min(int(flown[-1] + MARGIN / log.dt) + 1, len(log))
+    before, after = first * log.dt, (len(log) - last) * log.dt
+    if max(before, after) < log.dt:
+        return log
+    cut = log.between(first, last)
+    return replace(
+        cut, time=cut.time - cut.time[0], start=log.start + float(cut.time[0]),
+        wind=None if log.wind is None else replace(log.wind, time=log.wind.time - cut.time[0]),
+        notes=(*log.notes, f"{before:.0f} s before the flight and {after:.0f} s after it, on the ground, were cut off."),
+    )  # fmt: skip
 
 
 def missing_for_model(log: FlightLog, needed: Iterable[str] | None = None) -> list[str]:

@@ -20,6 +20,9 @@ STAMP_ROUNDING = 6e-4
 STRAY = 10.0
 """Sample intervals by which a single stamp must leave its neighbours, there and back, to be called stray."""
 
+INDISPENSABLE = (*MEASURED[:12], *SURFACES)
+"""Without position, velocity, attitude, rates and set-points a sample is no sample; what else has its own rate is then only not new."""
+
 MAX_STRETCH = 20
 """A grid with more points than this per sample is a wrong clock, not a log with gaps (and would fill the memory)."""
 
@@ -94,10 +97,11 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
                 notes.append(f"{name} has fewer than two values and was left out.")
                 continue
             signals[name], known, new = own
-            if not new.all():
-                fresh[name] = new
-            valid &= known
-            causes[f"{name} missing"] = runs_of(between.known & ~known)
+            if name in INDISPENSABLE:
+                valid &= known
+                causes[f"{name} missing"] = runs_of(between.known & ~known)
+            if not (new & known).all():
+                fresh[name] = new & known
             continue
         values = column[keep]
         good = np.isfinite(values)

@@ -29,8 +29,8 @@ AIR = {"V_a": "ias", "alpha": "aoa", "beta": "aos"}
 """Quantity -> field of the air data probe, where there is one."""
 
 COMMANDS = {"aileron": (("da_r", 0.5), ("da_l", -0.5)), "elevator": (("de", 1.0),), "rudder": (("dr", 1.0),), "throttle": (("dthr", 1.0),)}
-"""Set-point -> sum of command fields (left and right ailerons are mixed outside the autopilot: what acts is half their difference)."""
-FLAPS = (("df_l", 0.5), ("df_r", 0.5))
+"""Set-point -> sum of command fields (left and right ailerons are logged after mixing: what rolls is half their difference). A flight.yaml
+may mix others: `mix: {flaps: {of: {df_l: 0.5, df_r: 0.5}, unit: rad}}`."""
 
 BY_HAND = 1.0
 """`mode` in which the pilot's sticks (`*_in`) drive the surfaces and the command fields stand at their trim."""
@@ -76,11 +76,9 @@ def read_umn(path: Path, max_gap: float = 0.2, how: Autopilot | None = None) -> 
         signals[name] = np.where(navigated, signals[name], np.nan)
     signals |= {q: needed(f) for q, f in AIR.items() if f in struct}
     by_hand = needed("mode") == BY_HAND
-    commands = COMMANDS | ({"flaps": FLAPS} if "df_l" in struct and "df_r" in struct else {})
-    for quantity, parts in commands.items():
-        if any(f not in struct for f, _ in parts):
-            continue
-        signals[quantity] = sum(k * np.where(by_hand, needed(f"{f}_in") if by_hand.any() else 0.0, needed(f)) for f, k in parts)
+    for quantity, parts in COMMANDS.items():
+        flown = {f: np.where(by_hand, needed(f"{f}_in"), needed(f)) if by_hand.any() else needed(f) for f, _ in parts}
+        signals[quantity] = sum(k * flown[f] for f, k in parts)
     if "throttle" in signals:
         signals["throttle"] = np.clip(signals["throttle"], 0.0, 1.0)
     if by_hand.any():

@@ -56,11 +56,12 @@ class Simulate(Stage):
 
         from awescli.artifacts import write_arrays, write_json, write_text
         from awescli.flightlog.kitemill_csv import to_kitemill_csv
+        from awescli.flightlog.plausible_units import YEARS
         from awescli.notation.errors import BadInput
         from awescli.simulation.free_flight import compared, side_by_side
         from awescli.simulation.rollout import setpoints_of
         from awescli.simulation.segments import smooth_states
-        from awescli.simulation.synthetic import LoggedReelOut, as_recorded, simulate_flight
+        from awescli.simulation.synthetic import EPOCH, LoggedReelOut, as_recorded, simulate_flight
         from awescli.stages.controller_artifact import read_controller
         from awescli.stages.flight_parts import flight_parts
 
@@ -84,7 +85,8 @@ class Simulate(Stage):
             kite, law, wind, LoggedReelOut(log, first) if kite.tether else None, pattern=pattern, duration=duration, dt=log.dt,
             start=smooth_states(log)[first], setpoints=recorded, seed=seed, substeps=config.substeps,
         )  # fmt: skip
-        epoch = log.start + float(log.time[first])
+        # a log that knows no date (seconds since boot) gets one that the format can hold
+        epoch = (0.0 if log.start > YEARS[0] else EPOCH) + log.start + float(log.time[first])
         written = as_recorded(flown, kite.declaration, wind, seed=seed, noise=config.noise, name="flight", epoch=epoch)
         kite_csv, wind_csv = to_kitemill_csv(written)
         write_text(context.folder / "flight" / "kite.csv", kite_csv)
