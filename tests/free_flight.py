@@ -47,7 +47,7 @@ def free_flight(seconds: float = 120.0, seed: int = 0, noise: bool = True, effec
     kite = Kite(declaration, wind.height)
     start = np.array([30.0, 20.0, -HEIGHT, 17.0, 0.0, 1.0, 0.0, 0.06, 0.3, 0.0, 0.0, 0.0])
     flown = simulate_flight(
-        kite, autopilot, wind, None, pattern=None, duration=seconds, dt=dt, start=start, setpoints=asked, seed=seed, substeps=2
+        kite, autopilot, wind, None, pattern=None, duration=seconds, dt=dt, start=start, setpoints=asked, seed=seed, step=0.01
     )
     assert not flown.departed
     measured = {}

@@ -116,7 +116,7 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
             values = values[good]
             placement = _place(time, stamps[good] - origin - late, dt, max_gap)
             filled += int((~good).sum())
-        signals[name] = _take(values, placement, name)
+        signals[name] = _take(values, placement, name, held=name in SURFACES)
         valid &= placement.known
         causes[f"{name} missing"] = runs_of(between.known & ~placement.known)
     if not signals:
@@ -162,7 +162,8 @@ def _at_own_rate(
     new[nearest[np.abs(stamps - time[nearest]) <= dt]] = True
     if interval < 1.5 * dt:
         new |= placement.known
-    taken = _take(values, placement, name)
+    # a set-point that comes slower than the clock was logged now and then by a controller that went on: between, it is on the line
+    taken = _take(values, placement, name, held=name in SURFACES and interval < 1.5 * dt)
     return wrap(taken) if name in ANGLES else taken, placement.known, new
 
 
@@ -222,10 +223,10 @@ def _place(time: np.ndarray, stamps: np.ndarray, dt: float, max_gap: float) -> _
     return _Placement(left, right, nearest, exact, np.clip(fraction, 0.0, 1.0), exact | (inside & (step <= max_gap)))
 
 
-def _take(values: np.ndarray, at: _Placement, name: str) -> np.ndarray:
-    """One signal on the grid."""
+def _take(values: np.ndarray, at: _Placement, name: str, held: bool) -> np.ndarray:
+    """One signal on the grid; held: each value holds until the next one, as a set-point does."""
     before, after = values[at.left], values[at.right]
-    if name in SURFACES:  # a set-point holds until the next one
+    if held:
         between = before
     elif name in ANGLES:
         between = before + at.fraction * wrap(after - before)

@@ -99,6 +99,10 @@ class KiteDeclaration(_Frozen):
     wind: WindLaw = WindLaw()
     surfaces: dict[Literal[*CONTROL_SURFACES], SurfaceDeclaration] = {}
     propellers: tuple[Propeller, ...] = Field((), description="what the effect `thrust` flies with")
+    set_point_rate: float = Field(
+        50.0, gt=0.1, le=1e4, description="rate at which the flight controller sets the surfaces and holds them [Hz]; a slower log lacks "
+        "set-points, which are taken on the line between its rows"
+    )
     effects: tuple[str, ...] = Field(
         ("gravity", "aerodynamics", "tether"),
         description="ordered; each name from the table of effects, with `:target` where an effect has several places to act",

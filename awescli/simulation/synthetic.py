@@ -17,7 +17,7 @@ from awescli.notation.quantities import CONTROL_SURFACES, MEASURED, OF_LINE, OUT
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite, surfaces_used
 from awescli.simulation.gusts import dryden, roll_gust
-from awescli.simulation.rollout import Segments, Simulator, Trajectories, inputs_of
+from awescli.simulation.rollout import BODY_VELOCITY, Segments, Simulator, Trajectories, inputs_of
 from awescli.simulation.segments import noise_std, wrap
 
 EPOCH = 1_650_000_000.0
@@ -147,7 +147,7 @@ def simulate_flight(
     setpoints: np.ndarray | None = None,
     settle: float = 30.0,
     seed: int = 0,
-    substeps: int = 4,
+    step: float = 0.005,
 ) -> Flown:
     """Simulate one long segment, up to its end or to where the kite departs.
 
@@ -155,7 +155,7 @@ def simulate_flight(
     (`PathFollowing.setpoints`, or a fitted law's), or None to replay setpoints (N+1, 5); reel_out: anything with `ReelOut.at`, None for
     a kite that flies free;
     start: (12,) states at t = 0, or None: the kite is put on the pattern at several phases and speeds `settle` seconds before t = 0,
-    and the run that follows the pattern best is kept. seed: of the gusts; substeps: RK4 steps per sample of dt [s]. pattern: what the
+    and the run that follows the pattern best is kept. seed: of the gusts; step: longest of RK4 [s]. pattern: what the
     kite must not stray from; without one only a kite that the numbers or the ground end departs.
     """
     if kite.declaration.tether.tension == "measured":
@@ -184,11 +184,11 @@ def simulate_flight(
     K = len(starts)
     replayed = np.zeros((samples, len(SURFACES))) if setpoints is None else setpoints
     segments = Segments(np.zeros(K, dtype=int), starts, np.repeat(replayed[None], K, axis=0), np.repeat(inputs[None], K, axis=0), dt)
-    flown = Simulator(kite, wrt=(), law=law, substeps=substeps).rollout(segments)
+    flown = Simulator(kite, wrt=(), law=law, step=step).rollout(segments)
     best, last = _best(flown, pattern, lead, dt)
     rows = slice(lead, max(last, lead + 1))
     outputs = {n: flown.outputs[best, rows, i] for i, n in enumerate(OUTPUTS)}
-    outputs |= {n: flown.states[best, rows, STATES.index(n)] for n in "uvw"}
+    outputs |= {n: flown[n][best, rows] for n in BODY_VELOCITY}
     return Flown(time[rows], dt, outputs, {name: signal[rows] for name, signal in line.items()}, departed=last < samples)
 
 
