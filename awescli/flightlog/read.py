@@ -25,9 +25,6 @@ from awescli.notation.errors import BadInput
 NEEDED_BY_MODEL = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 """What no model of a rigid wing can do without, besides a surface that moves and the wind."""
 
-MARGIN = 2.0
-"""s of ground that stay before and after a free flight."""
-
 NEEDED_ON_LINE = ("tether_length", "reel_out_speed")
 """What a model on a tether needs further; a kite file says what its own kite needs (`physics.kite.needed_by`)."""
 
@@ -62,12 +59,12 @@ def read_flight(flight: Path, max_gap: float = 0.2) -> FlightLog:
 
 
 def airborne(log: FlightLog) -> FlightLog:
-    """A free flight without the time on the ground before and after it, from MARGIN before it flies to MARGIN after, on a clock that begins
-    there; as it is, where it does not fly, or flies on a line (a winch has its own phases)."""
+    """A free flight without the time on the ground before and after it, on a clock that begins where it flies; as it is, where it does not
+    fly, or flies on a line (a winch has its own phases)."""
     flown = np.array([]) if log.on_line or missing_for_model(log) else np.flatnonzero(phases(log) == "flight")
     if not flown.size:
         return log
-    first, last = max(int(flown[0] - MARGIN / log.dt), 0), min(int(flown[-1] + MARGIN / log.dt) + 1, len(log))
+    first, last = int(flown[0]), int(flown[-1]) + 1
     before, after = first * log.dt, (len(log) - last) * log.dt
     if max(before, after) < log.dt:
         return log

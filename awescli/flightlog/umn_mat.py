@@ -77,6 +77,8 @@ def read_umn(path: Path, max_gap: float = 0.2, how: Autopilot | None = None) -> 
     signals |= {q: needed(f) for q, f in AIR.items() if f in struct}
     by_hand = needed("mode") == BY_HAND
     for quantity, parts in COMMANDS.items():
+        if any(f not in struct for f, _ in parts):
+            continue
         flown = {f: np.where(by_hand, needed(f"{f}_in"), needed(f)) if by_hand.any() else needed(f) for f, _ in parts}
         signals[quantity] = sum(k * flown[f] for f, k in parts)
     if "throttle" in signals:

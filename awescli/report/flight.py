@@ -53,7 +53,7 @@ def path(evidence: Evidence) -> Figure:
     })  # fmt: skip
     return Figure(
         "fig-3d-flight", "The measured path", data,
-        {"scene": scene(log["p_e"], log["p_n"], -log["p_d"], winch=True), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
+        {"scene": scene(log["p_e"], log["p_n"], -log["p_d"], winch=log.on_line), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
         split="whole flight, by part", note="Drag to turn, scroll or pinch to come nearer.", height=460,
     )  # fmt: skip
 
