@@ -96,7 +96,8 @@ def data_quality(log: FlightLog, needed: Iterable[str] | None = None) -> DataQua
         unit, factor = DISPLAY.get(UNITS[name], (UNITS[name], 1.0))
         values = log[name][log.valid] if log.valid.any() else log[name]
         # set-points are exact: their steps are no noise
-        noise = white_noise(log[name], log.valid) if name in log.measured else None
+        new = log.is_new(name)
+        noise = white_noise(log[name][new], log.valid[new]) if name in log.measured else None
         shown = None if noise is None else noise * factor
         channels.append(
             Channel(name, unit, float(values.min()) * factor, float(values.max()) * factor, shown, log.groups.get(name, "onboard"))

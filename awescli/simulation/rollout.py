@@ -33,6 +33,11 @@ class Segments:
     dt: float
     values: Mapping[str, np.ndarray] = field(default_factory=dict)
 
+    def __post_init__(self):
+        # the compiled loops believe the sizes that they are told
+        if self.setpoints.shape[-1] != len(SURFACES):
+            raise ValueError(f"{self.setpoints.shape[-1]} set-points at a sample, there are {len(SURFACES)}: {', '.join(SURFACES)}")
+
     def __len__(self) -> int:
         return len(self.first)
 

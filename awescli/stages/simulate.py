@@ -137,11 +137,15 @@ def kite_to_fly(context: Context, config: SimulateConfig, heights, fitted=None):
 
 def law_to_fly(config: SimulateConfig, log, kite, fitted):
     """(law for the simulator or None, pattern or None)."""
+    from awescli.notation.errors import BadInput
     from awescli.simulation.closed_loop import loop
     from awescli.stages.controller_artifact import wind_direction
 
     if config.surfaces == "controller":
         return loop(fitted, kite, wind_direction(log)), fitted.pattern
+    if config.surfaces == "path_following" and kite.tether is None:
+        what = "path_following flies a circle around a winch, and this kite flies free"
+        raise BadInput(what, "simulate.surfaces", "Use recorded or controller.")
     if config.surfaces == "path_following":
         law = follower_of(log, kite.declaration)
         return law.setpoints, law.pattern

@@ -296,3 +296,42 @@ def test_angles_and_places():
     assert n[0] == pytest.approx(0.0001 * 6378137 * (1 - 0.00669438) / (1 - 0.00669438 * np.sin(0.80005) ** 2) ** 1.5, abs=0.1)
     assert e[0] == pytest.approx(0.0) and d[0] == pytest.approx(-20.0)
     assert Channel(np.array([0.0, 1.0]), np.array([0.0, 2.0])).at(np.array([0.25])) == pytest.approx([0.5])
+
+
+def test_columns_of_a_csv_are_mixed(tmp_path, truth):
+    """Guards `mix` in any CSV: ailerons left and right become one, a throttle in percent a share; unknown columns and units are named."""
+    rows = ["t,da_l,da_r,thr,n,e,d,vn,ve,vd"]
+    for k in range(0, 2000, 2):
+        position = ",".join(f"{truth[n][k]:.6f}" for n in ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d"))
+        a = np.rad2deg(truth["aileron"][k])
+        rows.append(f"{truth.time[k]:.3f},{1 - a:.6f},{1 + a:.6f},{100 * truth['throttle'][k]:.4f},{position}")
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    mapping = """
+time: {column: t, unit: s}
+position: {columns: [n, e, d], unit: m}
+velocity: {columns: [vn, ve, vd], unit: m/s}
+mix:
+  aileron: {of: {da_r: 0.5, da_l: -0.5}, unit: deg}
+  flaps: {of: {da_r: 0.5, da_l: 0.5}, unit: deg}
+signals: {throttle: {column: thr, unit: "%"}}
+"""
+    (tmp_path / "flight.yaml").write_text(mapping)
+    log = read_flight(tmp_path)
+    there = np.interp(log.time + log.start, truth.time, truth["aileron"])
+    assert np.abs(log["aileron"] - there).max() < 1e-6 and np.allclose(log["flaps"], np.deg2rad(1.0))
+    assert np.abs(log["throttle"] - np.interp(log.time + log.start, truth.time, truth["throttle"])).max() < 1e-5
+    for wrong, told in (("da_r: 0.5", "da_x: 0.5"), ("unit: deg}", "unit: kg/m3}")):
+        (tmp_path / "flight.yaml").write_text(mapping.replace(wrong, told, 1))
+        with pytest.raises(BadInput, match="da_x|unit of angle"):
+            read_flight(tmp_path)
+
+
+def test_noise_is_told_of_new_values_only(umn):
+    """Guards `awes check`: between the fixes of a slow receiver stands a line, which has no noise."""
+    folder, struct = umn
+    size = struct["vn"].size
+    struct["vn"] = struct["vn"] + 0.5 * np.repeat(np.random.default_rng(0).standard_normal(size // 50 + 1), 50)[:size]
+    written(folder, struct)
+    (folder / "flight.yaml").write_text("format: umn\nnavigation: gnss\n")
+    (told,) = [c for c in data_quality(read_flight(folder)).channels if c.name == "v_n"]
+    assert told.noise > 0.25

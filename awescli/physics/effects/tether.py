@@ -47,6 +47,7 @@ class Tether(Effect):
     def __init__(self, target="", declaration=None):
         super().__init__(target, declaration)
         self.pull, self.measured = LAWS[declaration.tether.law], declaration.tether.tension == "measured"
+        self.reads = ("tension",) if self.measured else ()
 
     def declared_line(self, at):
         v = at.values
