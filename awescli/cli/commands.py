@@ -69,6 +69,7 @@ def _write_figures(screen: Screen, files: Iterable[tuple[str, str | bytes]], to:
 def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:
     """Everything that can be wrong before hours are spent; all complaints together."""
     from awescli.flightlog.quality import data_quality
+    from awescli.physics.kite import needed_by
     from awescli.stages.base import Inputs
     from awescli.stages.checking import raise_all, refused
     from awescli.stages.plan import read_plan
@@ -77,8 +78,9 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     screen.paragraph(f"plan    {plan.file}: good, runs {', '.join(plan.planned) or 'nothing'}")
     inputs = Inputs(plan.flight, plan.kite, plan.split)
     errors: list[BadInput] = []
-    log = None
+    log = needed = None
     try:
+        needed = needed_by(inputs.declared)
         screen.line(f"kite    {plan.kite}: good, {sum(row.free for row in inputs.declared.parameters.values())} free parameters")
     except BadInput as e:
         errors += e.errors if isinstance(e, BadInputs) else [e]
@@ -88,7 +90,7 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     except BadInput as e:
         errors += e.errors if isinstance(e, BadInputs) else [e]
     if log is not None:
-        quality = data_quality(log)
+        quality = data_quality(log, needed)
         for title, content in quality_sections(quality).items():
             screen.section(title, content)
         screen.answer({"plan": str(plan.file), "quality": json_safe(quality.as_dict())})

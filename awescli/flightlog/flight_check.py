@@ -19,6 +19,10 @@ OF_GEODETIC = {"latitude": "rad", "longitude": "rad", "altitude": "m"}
 ATTITUDE = ("phi", "theta", "psi")
 CSV_ONLY = ("time", "position", "velocity", "acceleration", "signals", "wind")
 """Keys that belong to format csv."""
+LOGS = ("*.csv", "*.mat", "*.ulg", "*.[bB][iI][nN]")
+"""What a flight.yaml that names no file may read."""
+MIXED = ("csv", "umn", "px4", "ardupilot")
+"""Formats whose quantities may be sums of columns or channels."""
 
 Where = Callable[..., str]
 """Parts of a key -> its place: `flight.yaml:12: signals.phi`."""
@@ -80,7 +84,7 @@ def opened_by(path: Path) -> list[Path]:
     weather = file.wind.file if file.wind is not None else None
     named = [declaration.parent / name for name in (file.file, weather) if name]
     folders = {p.parent.resolve() for p in (*named, declaration)}
-    found = {p.resolve() for folder in folders for pattern in ("*.csv", "*.mat") for p in folder.glob(pattern)}
+    found = {p.resolve() for folder in folders for pattern in LOGS for p in folder.glob(pattern)}
     found |= {p.resolve() for p in named if p.is_file()}
     return sorted(p for p in found if not (path.is_dir() and p.is_relative_to(path.resolve())))
 
@@ -91,6 +95,9 @@ def uses(file: FlightFile) -> Iterator[Use]:
         yield Use(("time",), file.time.column, file.time.unit, "s")
     for quantity, spec in file.signals.items():
         yield _use(("signals", quantity), spec, UNITS[quantity])
+    if file.format == "csv":
+        for quantity, mix in file.mix.items():
+            yield from (Use(("mix", quantity, "of", column), column, mix.unit, UNITS[quantity]) for column in mix.of)
     for name, quantities in OF_VECTOR.items():
         vector = getattr(file, name)
         if isinstance(vector, Vector):
@@ -128,7 +135,8 @@ def _wrong_units(file: FlightFile, where: Where) -> Iterator[BadInput]:
     """Units of something else, each once."""
     told = set()
     for use in uses(file):
-        loc = use.loc[:1] if "columns" in use.loc else use.loc
+        # of several columns in one entry its unit is told once
+        loc = use.loc[:1] if "columns" in use.loc else use.loc[:2] if use.loc[0] == "mix" else use.loc
         if use.unit == ISO:
             continue
         try:
@@ -143,20 +151,28 @@ def _wrong_formats(file: FlightFile, where: Where) -> Iterator[BadInput]:
     if file.format == "csv":
         if file.time is None:
             yield BadInput("format csv needs the time column", where(), "Add `time: {column: ..., unit: s}`.")
-        if not (file.signals or file.position or file.velocity):
+        if not (file.signals or file.mix or file.position or file.velocity):
             yield BadInput("format csv maps no signal", where(), "Fill `signals`, `position` and `velocity`.")
     else:
         for name in CSV_ONLY:
             if getattr(file, name):
                 do = "Remove it, or write `format: csv` and map every column."
                 yield BadInput(f"this belongs to format csv, and this is format {file.format}", where(name), do)
+    if file.format not in MIXED and file.mix:
+        yield BadInput(f"this belongs to formats {', '.join(MIXED)}, and this is format {file.format}", where("mix"), "Remove it.")
+    if file.format not in MIXED[1:] and file.navigation != "estimator":
+        what = f"this belongs to formats {', '.join(MIXED[1:])}, and this is format {file.format}"
+        yield BadInput(what, where("navigation"), "Remove it.")
     if file.format != "kitemill" and file.units:
         yield BadInput("this belongs to format kitemill", where("units"), "In format csv the unit stands at each signal.")
 
 
 def _wrong_vectors(file: FlightFile, where: Where) -> Iterator[BadInput]:
+    for quantity in file.mix:
+        if quantity in file.signals:
+            yield BadInput(f"{quantity} stands in signals and in mix", where("mix", quantity), "Keep one.")
     for name, quantities in OF_VECTOR.items():
-        if getattr(file, name) is not None and (twice := [q for q in quantities if q in file.signals]):
+        if getattr(file, name) is not None and (twice := [q for q in quantities if q in (*file.signals, *file.mix)]):
             yield BadInput(f"{', '.join(twice)} stand in signals and in {name}", where(name), "Keep one.")
     if isinstance(file.position, Vector) and file.position.frame == "BODY":
         yield BadInput("a position has no body axes", where("position", "frame"), "Write NED or ENU.")
@@ -223,6 +239,6 @@ def _missing_columns(path: Path, file: FlightFile, log: Path | None, where: Wher
     for use in uses(file):
         source, header = headers.get(use.of_wind_file, (None, ()))
         if source is not None and use.column not in header:
-            loc = use.loc if "columns" in use.loc else (*use.loc, "column")
+            loc = use.loc if "columns" in use.loc or use.loc[0] == "mix" else (*use.loc, "column")
             errors.append(BadInput(f"{source.name} has no column '{use.column}'", where(*loc), did_you_mean(use.column, header)))
     return errors

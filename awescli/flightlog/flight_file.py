@@ -9,7 +9,7 @@ from awescli.notation.errors import BadInput
 from awescli.notation.names import nearest_quantity
 from awescli.notation.quantities import INPUTS, MEASURED
 
-Group = Literal["onboard", "winch", "weather"]
+Group = Literal["onboard", "winch", "weather", "motor"]
 Late = float | Literal["auto"]
 
 OF_VECTOR = {"position": ("p_n", "p_e", "p_d"), "velocity": ("v_n", "v_e", "v_d"), "acceleration": ("a_x", "a_y", "a_z")}
@@ -123,10 +123,21 @@ Position = Annotated[
 ]
 
 
+class Mix(_Strict):
+    """A quantity as a sum of columns or channels: `{of: {da_r: 0.5, da_l: -0.5}, unit: rad}`; factors say what each is worth in `unit`."""
+
+    of: dict[str, float] = Field(min_length=1, description="column or channel -> factor")
+    unit: Unit = Field(description="unit of the sum")
+    offset: float = Field(0.0, description="added to the sum, in its unit")
+    group: Group | None = Field(None, description="clock group; default by quantity")
+
+
 class FlightFile(_Strict):
     """The whole flight.yaml: how a flight log is to be read."""
 
-    format: Literal["csv", "kitemill", "ampyx"] = Field("csv", description="csv (mapped here), kitemill or ampyx")
+    format: Literal["csv", "kitemill", "ampyx", "umn", "px4", "ardupilot"] = Field(
+        "csv", description="csv (mapped here), kitemill, ampyx, umn (.mat), px4 (.ulg) or ardupilot (.bin)"
+    )
     file: str | None = Field(None, description="the log, relative to this file (default: kite.csv, *.mat, or the only *.csv)")
     units: dict[str, Unit] = Field({}, description="format kitemill: column -> unit, where it is not the format's own")
     station_height: float = Field(10.0, description="height of a weather station in Kitemill's format without heights [m]", ge=0.1)
@@ -136,5 +147,9 @@ class FlightFile(_Strict):
     velocity: Vector | None = Field(None, description="format csv: velocity over ground")
     acceleration: Acceleration | None = Field(None, description="format csv: acceleration, in body axes unless its frame says otherwise")
     signals: dict[Quantity, Column] = Field({}, description="format csv: quantity -> column")
+    mix: dict[Quantity, Mix] = Field({}, description="formats csv, umn, px4, ardupilot: quantity -> sum of columns or channels")
+    navigation: Literal["estimator", "gnss"] = Field(
+        "estimator", description="formats umn, px4, ardupilot: position, velocity of the onboard estimator, or of the GNSS, at its own rate"
+    )
     wind: Wind | None = Field(None, description="format csv: wind columns, or a weather file")
     believe: tuple[str, ...] = Field((), description="format csv: columns whose unit is not to be checked against the others")

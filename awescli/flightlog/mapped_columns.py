@@ -17,6 +17,12 @@ from awescli.notation.quantities import UNITS
 WINCH = ("tether_length", "reel_out_speed")
 """Quantities that belong to the winch's clock unless the mapping says otherwise."""
 
+
+def of_group(quantity: str) -> str:
+    """The clock group of a quantity, unless the mapping says otherwise."""
+    return "winch" if quantity in WINCH else "motor" if quantity == "motor_speed" else "onboard"
+
+
 Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -43,7 +49,11 @@ def mapped_signals(table: Table, mapping: FlightFile) -> tuple[dict[str, np.ndar
     signals, groups = {}, {}
     for quantity, spec in mapping.signals.items():
         signals[quantity] = column_in_si(table, spec, UNITS[quantity])
-        groups[quantity] = spec.group or ("winch" if quantity in WINCH else "onboard")
+        groups[quantity] = spec.group or of_group(quantity)
+    for quantity, mix in mapping.mix.items():
+        total = sum(factor * table.columns[column] for column, factor in mix.of.items()) + mix.offset
+        signals[quantity] = (total + zero_of(mix.unit)) * factor_to_si(mix.unit, UNITS[quantity])
+        groups[quantity] = mix.group or of_group(quantity)
     for name, quantities in OF_VECTOR.items():
         spec = getattr(mapping, name)
         if spec is None:

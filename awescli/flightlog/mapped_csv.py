@@ -57,6 +57,7 @@ def read_mapped(declared: Declared, max_gap: float = 0.2) -> FlightLog:
 def _places(path, mapping: FlightFile) -> dict[str, tuple[str, str]]:
     """Quantity -> (where it comes from, the column that stands for it)."""
     places = {q: (f"{path}: column {c.column}", c.column) for q, c in mapping.signals.items()}
+    places |= {q: (f"{path}: columns {', '.join(m.of)}", next(iter(m.of))) for q, m in mapping.mix.items()}
     for name, quantities in OF_VECTOR.items():
         if isinstance(vector := getattr(mapping, name), Vector):
             places |= {q: (f"{path}: columns {', '.join(vector.columns)}", vector.columns[0]) for q in quantities}

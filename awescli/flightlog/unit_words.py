@@ -12,7 +12,7 @@ SPELLINGS: dict[str, str] = {
     "deg": "degs degree degrees ° grd", "rad": "radian radians rads", "grad": "gon",
     "deg/s": "dps deg/sec degree/s degrees/s deg-s degs °/s degps deg/second degrees/sec",
     "rad/s": "rads rad/sec radian/s radians/s rad-s radps rps radians/sec", "rpm": "rev/min 1/min u/min",
-    "rev/s": "rps hz",
+    "1/s": "hz", "rev/s": "rps", "%": "percent pct",
     "m/s": "mps m-s ms m/sec meter/s meters/s metres/s m-s-1 ms-1 m*s-1", "cm/s": "cmps cms cm/sec", "mm/s": "mmps mms",
     "km/h": "kmh kph km-h kmph kmh-1", "kt": "kts knot knots ktas kias kcas keas", "mph": "miles/h miles/hour",
     "ft/s": "fps ftps ft-s fts ft/sec feet/s f/s", "ft/min": "fpm ftpm feet/min",

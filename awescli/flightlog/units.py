@@ -18,8 +18,8 @@ VOCABULARY = {
     "m": ("length", 1.0), "cm": ("length", 0.01), "mm": ("length", 0.001), "km": ("length", 1000.0), "ft": ("length", FOOT),
     "yd": ("length", 3 * FOOT), "mi": ("length", MILE), "nmi": ("length", NAUTICAL_MILE),
     "deg": ("angle", math.pi / 180), "rad": ("angle", 1.0), "grad": ("angle", math.pi / 200), "rev": ("angle", 2 * math.pi),
-    "deg/s": ("angular rate", math.pi / 180), "rad/s": ("angular rate", 1.0), "rpm": ("angular rate", math.pi / 30),
-    "rev/s": ("angular rate", 2 * math.pi), "deg/min": ("angular rate", math.pi / 10800),
+    "deg/s": ("angular rate", math.pi / 180), "rad/s": ("angular rate", 1.0), "deg/min": ("angular rate", math.pi / 10800),
+    "1/s": ("revolutions", 1.0), "rev/s": ("revolutions", 1.0), "rpm": ("revolutions", 1 / 60),
     "m/s": ("speed", 1.0), "km/h": ("speed", 1 / 3.6), "kn": ("speed", NAUTICAL_MILE / 3600), "kt": ("speed", NAUTICAL_MILE / 3600),
     "mph": ("speed", MILE / 3600), "mi/h": ("speed", MILE / 3600), "ft/s": ("speed", FOOT), "ft/min": ("speed", FOOT / 60),
     "cm/s": ("speed", 0.01), "mm/s": ("speed", 0.001), "m/min": ("speed", 1 / 60),
@@ -31,13 +31,13 @@ VOCABULARY = {
     "K": ("temperature", 1.0), "degC": ("temperature", 1.0), "degF": ("temperature", 5 / 9),
     "Pa": ("pressure", 1.0), "hPa": ("pressure", 100.0), "mbar": ("pressure", 100.0), "kPa": ("pressure", 1000.0),
     "inHg": ("pressure", 3386.389), "mmHg": ("pressure", 133.322387415), "psi": ("pressure", POUND_FORCE / (FOOT / 12) ** 2),
-    "-": ("number", 1.0),
+    "-": ("number", 1.0), "%": ("number", 0.01),
 }  # fmt: skip
 
 ZERO = {"degC": 273.15, "degF": 459.67}
 """Unit -> what is added to a value in it before the factor, where its zero is not the SI unit's (ITS-90; 0 degF = 459.67 degR)."""
 
-DIMENSION_OF_SI = {si: VOCABULARY[si][0] for si in ("m", "rad", "rad/s", "m/s", "m/s2", "N", "s", "kg/m3", "K", "Pa")}
+DIMENSION_OF_SI = {si: VOCABULARY[si][0] for si in ("m", "rad", "rad/s", "m/s", "m/s2", "N", "s", "kg/m3", "K", "Pa", "1/s", "-")}
 """SI unit of a quantity (`quantities.UNITS`) -> what it measures."""
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from awescli.notation.errors import did_you_mean
-from awescli.notation.quantities import INPUTS, SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES, INPUTS
 
 PHRASES: dict[str, tuple[str, ...]] = {
     "p_n": ("north", "pos n", "pos north", "position n", "position north", "north position", "p n", "p north", "r n", "ned n", "x north"),
@@ -63,6 +63,10 @@ PHRASES: dict[str, tuple[str, ...]] = {
     "elevator": ("elevator", "elev", "ele", "delta e", "d e"),
     "rudder": ("rudder", "rud", "delta r", "d r"),
     "flaps": ("flaps", "flap", "delta f", "d f"),
+    "throttle": ("throttle", "thr", "power lever", "motor command", "delta t", "motor throttle"),
+    "motor_speed": (
+        "motor speed", "motor rpm", "rpm", "prop speed", "prop rpm", "propeller speed", "propeller rpm", "esc rpm", "engine rpm",
+    ),
     "tether_length": (
         "tether length", "line length", "cable length", "rope length", "length", "l t", "line out", "tether out", "cable out", "paid out",
         "payout", "drum length", "reeled out", "reeled out length", "winch length", "winch position", "unrolled length", "line paid out",
@@ -153,7 +157,7 @@ def meanings(name: tuple[str, ...], weather: bool = False) -> list[Meaning]:
         # what was asked for is no measurement
         found += [Meaning(q, s, command, False, idle) for q, s in table.get("".join(core), ()) if not command or q in INPUTS]
     if (rest := tuple(w for w in name if w not in REACHED)) != name and not command:
-        found += [Meaning(q, s, False, True, 1) for q, s in table.get("".join(rest), ()) if q in SURFACES]
+        found += [Meaning(q, s, False, True, 1) for q, s in table.get("".join(rest), ()) if q in CONTROL_SURFACES]
     return list(dict.fromkeys(found))
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from pydantic import BaseModel
 
-from awescli.notation.quantities import SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.physics.declaration import Noise, SurfaceDeclaration, TetherLaw, WindLaw
 from awescli.physics.parameter_words import MEANINGS
 from awescli.physics.unfilled import FILL_IN
@@ -49,11 +49,11 @@ description: ""
 parameters:"""
 
 
-def kite_template(surfaces: Sequence[str] = SURFACES) -> str:
-    """The text of a kite file whose aerodynamic table has a term for each of the `surfaces` that the log drives."""
-    terms = {c: {m: p for m, p in row.items() if m not in SURFACES or m in surfaces} for c, row in TERMS.items()}
+def kite_template(surfaces: Sequence[str] = CONTROL_SURFACES, on_line: bool = True) -> str:
+    """The text of a kite file whose aerodynamic table has a term for each of the `surfaces` that the log drives; on_line: with a tether."""
+    terms = {c: {m: p for m, p in row.items() if m not in CONTROL_SURFACES or m in surfaces} for c, row in TERMS.items()}
     lines = HEAD.format(fill=FILL_IN).splitlines()
-    for title, names, free in GROUPS:
+    for title, names, free in GROUPS if on_line else GROUPS[:2]:
         lines += [f"  # {title}", *(_row(name, free) for name in names)]
     lines.append("  # aerodynamic derivatives, in the order of the table below")
     lines += [_row(name, True) for row in terms.values() for name in row.values()]
@@ -68,12 +68,11 @@ def kite_template(surfaces: Sequence[str] = SURFACES) -> str:
         f"surfaces:{'' if surfaces else ' {}'}",
         f"  # {_said(SurfaceDeclaration)}",
         *(f"  {name}: {{sign: 1, lower: -0.5, upper: 0.5}}" for name in surfaces),
-        f"# {_said(TetherLaw)}",
-        "tether: {law: exact, tension: constraint}",
+        *([f"# {_said(TetherLaw)}", "tether: {law: exact, tension: constraint}"] if on_line else ["# no tether: the log is of a free flight"]),
         f"# {_said(WindLaw)}",
         "wind: {law: table, std: 0.3}",
         "# in order; `awes effects` lists all that there are. What is missing here is what `awes trace-residual` looks for",
-        "effects: [gravity, aerodynamics, tether]",
+        f"effects: [gravity, aerodynamics{', tether' if on_line else ''}]",
         'constraints: ["Jx + Jy >= Jz", "Jx + Jz >= Jy", "Jy + Jz >= Jx"]    # kept by identified values',
         f"# {_said(Noise)}",
         "noise: {position: [0.1, 0.1, 0.15], velocity: 0.05, euler: 0.0035, rates: 0.0052, airspeed: 0.3, flow_angles: 0.0087,",

@@ -149,8 +149,9 @@ class Inputs:
         from awescli.flightlog.loops import find_loops
         from awescli.flightlog.read import missing_for_model
         from awescli.flightlog.split import split
+        from awescli.physics.kite import needed_by
 
-        if missing := missing_for_model(log):
+        if missing := missing_for_model(log, needed_by(self.declared)):
             what = f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}"
             raise BadInput(what, str(folder), "See `awes check` for what it has.")
         return split(find_loops(log), **self.split.model_dump())

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from awescli.notation.errors import BadInput, BadInputs
+from awescli.notation.quantities import CONTROL_SURFACES as SURFACES
+from awescli.notation.quantities import OF_LINE
 from awescli.stages.base import Stage
 
 PLAN, FLIGHT, KITE = "stages.yaml", "flight.yaml", "kite.yaml"
-SURFACES = ("aileron", "elevator", "rudder", "flaps")
 
 
 @dataclass(frozen=True)
@@ -31,15 +32,17 @@ def begin(folder: Path, flight: Path, kite: Path | None, stages: Sequence[Stage]
 
     if (folder / PLAN).exists():
         raise _there_already(folder / PLAN)
-    log, surfaces = _log_to_draft(flight), SURFACES
+    log, surfaces, on_line = _log_to_draft(flight), SURFACES, True
     files, found, told = {}, {}, {}
     if log is not None:
-        files[FLIGHT], found, told, surfaces = _drafted(log, folder)
+        files[FLIGHT], found, told = _drafted(log, folder)
+        surfaces = tuple(s for s in SURFACES if s in found) or SURFACES
+        on_line = not found or any(name in found for name in OF_LINE)
     of_flight = FLIGHT if FLIGHT in files else _from(folder, _readable(flight))
     if kite is None:
         from awescli.physics.kite_template import kite_template
 
-        files[KITE] = kite_template(surfaces)
+        files[KITE] = kite_template(surfaces, on_line)
         told["kite.yaml"] = [f"{files[KITE].count('value: fill_in')} numbers to fill in; awes check names them"]
     else:
         told |= _still_open(kite)
@@ -94,7 +97,7 @@ def _kitemill_folder(log: Path) -> bool:
 
 
 def _drafted(log: Path, folder: Path):
-    """(text of flight.yaml, found, told, surfaces in the log)"""
+    """(text of flight.yaml, found, told)"""
     from awescli.flightlog.drafting.draft import draft
     from awescli.flightlog.drafting.text import draft_text
     from awescli.flightlog.drafting.weather import weather_files
@@ -104,7 +107,7 @@ def _drafted(log: Path, folder: Path):
 
     if is_kitemill(read_header(log)[1]):
         name = os.path.relpath(log.resolve(), folder.resolve())
-        return f"# A log in Kitemill's columns under another name.\nformat: kitemill\nfile: {name}\n", {}, {}, SURFACES
+        return f"# A log in Kitemill's columns under another name.\nformat: kitemill\nfile: {name}\n", {}, {}
     drafted = draft(log, weather_files(log.parent, log))
     wind = drafted.weather
     entries = {**drafted.position, **drafted.signals, **{f"wind {p}": e for p, e in ((wind.entries or {}) if wind else {}).items()}}
@@ -118,8 +121,7 @@ def _drafted(log: Path, folder: Path):
         "not mapped": [f"{name}, column {column}: {why}" for name, column, why in (*drafted.rest.left, *(wind.left if wind else ()))],
         "a model still needs": [f"{name}: {needs_words[name]}" for name in drafted.needed],
     }
-    surfaces = tuple(s for s in SURFACES if s in drafted.signals)
-    return draft_text(drafted, folder), found, {k: v for k, v in told.items() if v}, surfaces or SURFACES
+    return draft_text(drafted, folder), found, {k: v for k, v in told.items() if v}
 
 
 def _still_open(kite: Path) -> dict[str, list[str]]:

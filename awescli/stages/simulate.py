@@ -56,12 +56,16 @@ class Simulate(Stage):
 
     def check(self, inputs, config):
         from awescli.notation.errors import BadInput
+        from awescli.physics.kite import has_line
         from awescli.simulation.synthetic import refuse_measured, with_effects
 
         log, _ = inputs.log, inputs.parts
         if config.start is not None and int(round(config.start / log.dt)) >= len(log) - 1:
             do = f"Start before {log.time[-1]:.1f} s."
             yield "start", BadInput(f"the flight is only {log.time[-1]:.1f} s long", do=do)
+        if config.surfaces == "path_following" and not has_line(inputs.declared):
+            what = "path_following flies a circle around a winch, and this kite flies free"
+            yield "surfaces", BadInput(what, do="Use recorded or controller.")
         refuse_measured(inputs.declared)
         for key, values in config.effects.items():
             try:
@@ -74,10 +78,11 @@ class Simulate(Stage):
 
         from awescli.artifacts import write_arrays, write_json, write_text
         from awescli.flightlog.kitemill_csv import to_kitemill_csv
+        from awescli.flightlog.plausible_units import YEARS
         from awescli.simulation.free_flight import compared, side_by_side
         from awescli.simulation.rollout import setpoints_of
         from awescli.simulation.segments import smooth_states
-        from awescli.simulation.synthetic import LoggedReelOut, as_recorded, simulate_flight
+        from awescli.simulation.synthetic import EPOCH, LoggedReelOut, as_recorded, simulate_flight
         from awescli.stages.controller_artifact import read_controller
         from awescli.stages.flight_parts import flight_parts
 
@@ -96,10 +101,11 @@ class Simulate(Stage):
         seed = context.seed if config.seed is None else config.seed
         context.progress.task(f"flying {duration:g} s, {model}")
         flown = simulate_flight(
-            kite, law, wind, LoggedReelOut(log, first), pattern=pattern, duration=duration, dt=log.dt,
+            kite, law, wind, LoggedReelOut(log, first) if kite.tether else None, pattern=pattern, duration=duration, dt=log.dt,
             start=smooth_states(log)[first], setpoints=recorded, seed=seed, step=config.step,
         )  # fmt: skip
-        epoch = log.start + float(log.time[first])
+        # a log that knows no date (seconds since boot) gets one that the format can hold
+        epoch = (0.0 if log.start > YEARS[0] else EPOCH) + log.start + float(log.time[first])
         written = as_recorded(flown, kite.declaration, wind, seed=seed, noise=config.noise, name="flight", epoch=epoch)
         kite_csv, wind_csv = to_kitemill_csv(written)
         write_text(context.folder / "flight" / "kite.csv", kite_csv)

@@ -31,12 +31,12 @@ class TraceResidual(Stage):
 
     def check(self, inputs, config):
         from awescli.notation.errors import BadInput
-        from awescli.physics.kite import make_effect
+        from awescli.physics.kite import Kite
         from awescli.stages.flight_parts import too_long, unknown_channels
 
         for key in config.candidates or ():
             try:
-                make_effect(key, inputs.declared)
+                Kite(inputs.declared, extra=(key,))
             except BadInput as e:
                 yield "candidates", e
         yield from unknown_channels(inputs.log, config.outputs)

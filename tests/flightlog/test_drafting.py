@@ -220,7 +220,7 @@ def test_density_from_temperature_and_pressure(log, tmp_path):
 
 
 def test_headers_that_mean_nothing_to_us():
-    for name in ("mag_x", "battery temperature", "motor rpm", "course", "satellites", "roll_cmd", "mode", "throttle"):
+    for name in ("mag_x", "battery temperature", "course", "satellites", "roll_cmd", "mode"):
         assert readings(name) == [], name
 
 

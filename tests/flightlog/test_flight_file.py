@@ -69,7 +69,7 @@ def test_feet_knots_pounds_and_a_factor_of_ones_own(tmp_path, log):
     [
         ("kt", "m/s", 0.514444444444), ("mph", "m/s", 0.44704), ("mi/h", "m/s", 0.44704), ("ft/min", "m/s", 0.00508), ("nmi", "m", 1852.0),
         ("lbf", "N", 4.4482216152605), ("daN", "N", 10.0), ("slug/ft3", "kg/m3", 515.3788184), ("lb/ft3", "kg/m3", 16.01846337),
-        ("rpm", "rad/s", 0.10471975512), ("psi", "Pa", 6894.757293), ("ft/s2", "m/s2", 0.3048),
+        ("rpm", "1/s", 1 / 60), ("psi", "Pa", 6894.757293), ("ft/s2", "m/s2", 0.3048),
     ],
 )  # fmt: skip
 def test_factors_are_those_of_the_tables(unit, si_unit, factor):

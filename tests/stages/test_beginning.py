@@ -88,6 +88,9 @@ def test_the_template_is_a_whole_kite_once_its_numbers_are_there(tmp_path):
         used = {m for row in declared.aerodynamics.terms.values() for m in row}
         assert set(surfaces) <= used and not ({"aileron", "elevator", "rudder", "flaps"} - set(surfaces)) & used
         assert {"m", "Jxz", "CLa", "dl"} <= set(kite.parameter_names) and declared.parameters["Jx"].free
+    file.write_text(kite_template(on_line=False).replace("value: fill_in", "value: 1.5"))
+    free = read_kite(file)
+    assert "tether" not in free.effects and not {"dl", "CtD", "k_v"} & set(free.parameters) and Kite(free).tether is None
 
 
 @pytest.mark.parametrize(

@@ -106,6 +106,7 @@ def late_flight(tmp_path, monkeypatch):
     found = flight(seed=1, duration=50.0, effects=(("actuator_delay:rudder", (("tau", 0.15),)),))
     write_folder(tmp_path / "late", found.log)
     law = Late(**{f.name: getattr(found.law, f.name) for f in fields(found.law)})
+    (tmp_path / "kite.yaml").write_text(kite_text(DEVELOPMENT))
     inputs = Inputs(tmp_path / "late", tmp_path / "kite.yaml", Split(train=0.5, validation=0.25, test=0.25))
     context = SimpleNamespace(flight=tmp_path / "late", upstream=lambda _: tmp_path, inputs=inputs)
 

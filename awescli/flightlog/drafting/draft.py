@@ -16,10 +16,10 @@ from awescli.flightlog.drafting.rest import Rest, find_rest
 from awescli.flightlog.drafting.weather import Weather, wind_beside, wind_in_the_log
 from awescli.flightlog.geodesy import geodetic_from_ned
 from awescli.flightlog.plausible_units import is_unix
-from awescli.flightlog.read import NEEDED_BY_MODEL
+from awescli.flightlog.read import NEEDED_BY_MODEL, NEEDED_ON_LINE
 from awescli.flightlog.resample import usable_stamps
 from awescli.notation.errors import BadInput
-from awescli.notation.quantities import SURFACES
+from awescli.notation.quantities import OF_LINE, SURFACES
 
 BETTER = 1 / 3
 """What moving the origin to the winch must make of the difference between range and line, to be believed."""
@@ -156,7 +156,8 @@ def _unix(wind: Weather) -> bool:
 def _needed(signals: Mapping[str, Entry], parts: Mapping[str, Entry], wind: Weather | None) -> tuple[str, ...]:
     """Quantities without which there is no model."""
     there = {*signals, *(POSITION if parts else ())}
-    missing = [name for name in NEEDED_BY_MODEL if name not in there]
+    on_line = any(name in there for name in OF_LINE)
+    missing = [name for name in (*NEEDED_BY_MODEL, *(NEEDED_ON_LINE if on_line else ())) if name not in there]
     if not {"aileron", "elevator", "rudder"} & there:
         missing.append("rudder")
     if wind is None or not (wind.kitemill or {"direction", "speed"} <= set(wind.entries or ())):

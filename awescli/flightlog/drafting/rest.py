@@ -9,11 +9,13 @@ import numpy as np
 from awescli.flightlog.drafting.pool import Entry, Pool, entry, high
 from awescli.flightlog.units import GRAVITY
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
-from awescli.notation.quantities import SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES
 
 SPEEDS = ("m/s", "kt", "km/h", "ft/s", "mph")
 MOST_DEFLECTION = 1.2
 """rad: no control surface of a wing goes further."""
+FULL, FASTEST = 1.5, 500.0
+"""A throttle of 1 is full; no propeller turns 500 times a second."""
 PULSE = (700.0, 2300.0)
 """us: a servo's pulse width is no angle."""
 
@@ -31,7 +33,7 @@ class Rest:
 def find_rest(pool: Pool, seconds: np.ndarray, velocity: np.ndarray | None, angles: Mapping[str, np.ndarray] | None) -> Rest:
     """All that stands by itself. velocity: (3, N) NED; angles: phi, theta, psi (N,) rad, where known."""
     entries, left = {}, []
-    surfaces = {quantity: reading for quantity in SURFACES if (reading := _command(pool, quantity)) is not None}
+    surfaces = {quantity: reading for quantity in CONTROL_SURFACES if (reading := _command(pool, quantity)) is not None}
     unit = _unit_of_surfaces(pool, surfaces.values())
     for quantity, reading in surfaces.items():
         found = _surface(pool, reading, unit)
@@ -39,6 +41,14 @@ def find_rest(pool: Pool, seconds: np.ndarray, velocity: np.ndarray | None, angl
             entries[quantity] = found
         else:
             left.append((quantity, reading.column, found))
+    if (reading := _command(pool, "throttle")) is not None and not _is_pulse(pool, reading):
+        size = high(pool.values[reading.column])
+        line = entry(reading, reading.unit or ("%" if size > FULL else "-"))
+        entries["throttle"] = replace(line, assumed="" if reading.unit else f"unit by its size, {size:.3g}")
+    if (reading := pool.best("motor_speed")) is not None:
+        size = high(pool.values[reading.column])
+        line = entry(reading, reading.unit or ("rpm" if size > FASTEST else "1/s"))
+        entries["motor_speed"] = replace(line, assumed="" if reading.unit else f"unit by its size, {size:.3g}")
     if (reading := pool.best("V_a")) is not None:
         entries["V_a"] = _airspeed(pool, reading, velocity)
     for quantity in ("alpha", "beta"):

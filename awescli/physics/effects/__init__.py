@@ -19,6 +19,7 @@ from awescli.physics.effects.mass_offset import MassOffset
 from awescli.physics.effects.parasitic_drag import ParasiticDrag
 from awescli.physics.effects.pitch_curvature import PitchCurvature
 from awescli.physics.effects.position_latency import PositionLatency
+from awescli.physics.effects.probe_arm import ProbeArm
 from awescli.physics.effects.sideslip_drag import SideslipDrag
 from awescli.physics.effects.surface_bias import SurfaceBias
 from awescli.physics.effects.surface_dead_band import SurfaceDeadBand
@@ -29,6 +30,7 @@ from awescli.physics.effects.tether_drag import TetherDrag
 from awescli.physics.effects.tether_elasticity import TetherElasticity
 from awescli.physics.effects.tether_sag import TetherSag
 from awescli.physics.effects.tether_weight import TetherWeight
+from awescli.physics.effects.thrust import Thrust
 from awescli.physics.effects.turbulence import Turbulence
 from awescli.physics.effects.unsteady_lift import UnsteadyLift
 from awescli.physics.effects.vane_bias import VaneBias
@@ -40,13 +42,13 @@ from awescli.physics.effects.wind_veer import WindVeer
 EFFECTS = {
     e.name: e
     for e in (
-        Gravity, Aerodynamics, Tether,
+        Gravity, Aerodynamics, Thrust, Tether,
         WindShear, WindVeer, WindOffset, AirDensity, Turbulence,
         TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment, WinchLength, ClockOffset,
         MassOffset, AddedMass,
         ParasiticDrag, SideslipDrag, LiftStall, PitchCurvature, UnsteadyLift, AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, ActuatorLag, ActuatorDelay,
-        VaneBias, AirspeedScale, LoadCellScale, LoadCellLag, PositionLatency, HeadingBias, ImuBias,
+        ProbeArm, VaneBias, AirspeedScale, LoadCellScale, LoadCellLag, PositionLatency, HeadingBias, ImuBias,
         CustomTerm,
     )
 }  # fmt: skip

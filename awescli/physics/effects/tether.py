@@ -32,17 +32,27 @@ LAWS = {"seed": seed_pull, "exact": exact_pull}
 class Tether(Effect):
     """T = max(0, F_1 + k_v (|p| - (l_t + dl)) + c_v (phat . pdot - l_t_dot)), f_t = R_y(theta_t) R^T (-T phat), m_t = r_t x f_t.
 
-    Parameters it reads from the kite's table: k_v, c_v, dl, d_t (and through `line`: CtD, rtx, rty, rtz).
+    It puts the line on the kite, and reads from the kite's table what `requires` names: virtual spring, drag, attachment.
     """
 
     name = "tether"
     doc = "line constraint with virtual spring, drag and attachment moment"
     always = True
     last = True
+    gives_line = True
+    requires = ("d_t", "CtD", "rtx", "rty", "rtz", "k_v", "c_v", "dl")
+    inputs = ("tether_length", "reel_out_speed", "reel_out_acceleration", "tension", "tension_rate")
+    logged = ("tether_length", "reel_out_speed")
 
     def __init__(self, target="", declaration=None):
         super().__init__(target, declaration)
         self.pull, self.measured = LAWS[declaration.tether.law], declaration.tether.tension == "measured"
+        self.reads = ("tension",) if self.measured else ()
+
+    def declared_line(self, at):
+        v = at.values
+        length, speed = at.inputs["tether_length"], at.inputs["reel_out_speed"]
+        return Line(length, speed, v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0)
 
     def load(self, at, own):
         v, line, m = at.values, at.line, at.body.mass
