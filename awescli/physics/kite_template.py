@@ -68,7 +68,7 @@ def kite_template(surfaces: Sequence[str] = CONTROL_SURFACES, on_line: bool = Tr
         f"surfaces:{'' if surfaces else ' {}'}",
         f"  # {_said(SurfaceDeclaration)}",
         *(f"  {name}: {{sign: 1, lower: -0.5, upper: 0.5}}" for name in surfaces),
-        *([f"# {_said(TetherLaw)}", "tether: {law: exact, tension: constraint}"] if on_line else ["# no tether: the log is of a free flight"]),
+        *([f"# {_said(TetherLaw)}", "tether: {law: exact, tension: constraint}"] if on_line else ["# no tether: a free flight"]),
         f"# {_said(WindLaw)}",
         "wind: {law: table, std: 0.3}",
         "# in order; `awes effects` lists all that there are. What is missing here is what `awes trace-residual` looks for",
