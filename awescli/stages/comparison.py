@@ -10,7 +10,7 @@ from awescli.artifacts import PROVENANCE, read_json
 from awescli.notation.errors import BadInput
 from awescli.stages.answers import named, sized
 from awescli.stages.base import Stage
-from awescli.stages.runner import changes
+from awescli.stages.changes import changes
 
 TIMES = ("seconds", "timing")
 """Keys of times: they differ between any two runs and say nothing about the result."""

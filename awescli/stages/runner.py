@@ -30,6 +30,7 @@ from awescli.artifacts import (
 )
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.stages.base import Context, Inputs, Progress, Silent, Stage, StageConfig
+from awescli.stages.changes import changes, flat
 from awescli.stages.checking import raise_all, refused
 from awescli.stages.forced import Forced
 from awescli.stages.plan import Plan
@@ -342,37 +343,6 @@ class _Run:
         return changes({**kept["stamp"], "upstream": {}, "code": "", "versions": {}}, today)
 
 
-def changes(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What differs between two stamps, in words."""
-    words = []
-    for group, label in (("inputs", "input"), ("settings", "setting"), ("split", "split"), ("versions", "version of")):
-        old, new = _flat(then.get(group)), _flat(now[group])
-        for key in sorted({*old, *new}):
-            if old.get(key) != new.get(key):
-                is_hash = group == "inputs"
-                words.append(f"{label} {key} changed" + ("" if is_hash else f" {_word(old.get(key))} -> {_word(new.get(key))}"))
-    if then.get("seed") != now["seed"]:
-        words.append(f"seed changed {then.get('seed')} -> {now['seed']}")
-    for name, digest in now["upstream"].items():
-        if then["upstream"].get(name) != digest:
-            words.append(f"upstream {name} " + ("is no longer used" if digest is None else "changed"))
-    if then.get("code") != now["code"]:
-        words.append("code changed")
-    return words
-
-
-def _flat(tree: Any, prefix: str = "") -> dict[str, Any]:
-    """Nested mappings -> dotted keys."""
-    if not isinstance(tree, dict):
-        return {prefix.removesuffix("."): tree}
-    return {k: v for key, value in tree.items() for k, v in _flat(value, f"{prefix}{key}.").items()} if tree else {}
-
-
-def _word(value: Any) -> str:
-    text = "unset" if value is None else str(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
-
-
 def _settings(config: StageConfig, plan: Plan) -> dict[str, Any]:
     """The settings as plain JSON values. A path counts by its content where there is one: moving a file changes nothing."""
 
@@ -404,7 +374,7 @@ def _finite(summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _digest(stamp: Stamp) -> str:
-    return table_hash({key: repr(value) for key, value in _flat(stamp).items()})
+    return table_hash({key: repr(value) for key, value in flat(stamp).items()})
 
 
 def input_hash(path: Path, out: Path) -> str:
