@@ -186,5 +186,5 @@ def _passport(case: Case, draw: Draw, flight: ForeignFlight) -> dict[str, Any]:
 def _digest(case: Case, kind: Kind) -> str:
     """Eight digits of all that a flight is made from."""
     parts = [json.dumps(asdict(case)), kind.model_dump_json(), KITE.read_text()]
-    parts += [file.read_text() for file in sorted(HERE.glob("foreign_*.py")) if file.name not in NO_WORLD]
+    parts += [file.read_text() for file in (*sorted(HERE.glob("foreign_*.py")), HERE / "wrong_bounds.py") if file.name not in NO_WORLD]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:8]

@@ -69,7 +69,7 @@ class Foreign:
     @property
     def plain(self) -> bool:
         """Do surfaces follow their set-points at once?"""
-        return not self.world.actuators
+        return all(set(actuator.model_dump(exclude_none=True)) <= {"bias"} for actuator in self.world.actuators.values())
 
 
 @dataclass(frozen=True)
