@@ -23,7 +23,6 @@ GROUPS = {
     "position": ("p_n", "p_e", "p_d"), "velocity": ("v_n", "v_e", "v_d"), "attitude": ("phi", "theta", "psi"), "rates": ("p", "q", "r"),
     "acceleration": ("a_x", "a_y", "a_z"), "V_a": ("V_a",), "alpha": ("alpha",), "beta": ("beta",), "tension": ("tension",),
 }  # fmt: skip
-SUBSTEPS = 4
 
 
 def agreement(flight: ForeignFlight, kite: KiteDeclaration, scene: Scene, horizon: float = 5.0) -> dict[str, float]:
@@ -34,7 +33,7 @@ def agreement(flight: ForeignFlight, kite: KiteDeclaration, scene: Scene, horizo
     first = np.arange(0, len(log) - steps, steps)
     starts = np.stack([flight.truth[name][first] for name in STATES], axis=1)
     observed = observe(log, ours, first, steps, MEASURED).starting_at(starts)
-    predicted = Simulator(ours, wrt=(), substeps=SUBSTEPS).rollout(observed.segments)
+    predicted = Simulator(ours, wrt=()).rollout(observed.segments)
     worst = {}
     for group, names in GROUPS.items():
         worst[group] = 0.0
