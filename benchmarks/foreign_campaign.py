@@ -174,9 +174,10 @@ def main(arguments=None) -> int:
     made_by = commit()
     todo = cases(options.families, wanted, options.size, options.air, options.repeats, options.cache.absolute(), made_by)
     failed = run_campaign(run_case, todo, RESULTS / made_by, options.jobs, options.scheduler, say)
-    text = table(list(kept(RESULTS / made_by, todo).values()), agreed)
-    write_text(RESULTS.with_suffix(".md"), text)
-    print(text.partition("## Every flight")[0])
+    if results := list(kept(RESULTS / made_by, todo).values()):
+        text = table(results, agreed)
+        write_text(RESULTS.with_suffix(".md"), text)
+        print(text.partition("## Every flight")[0])
     return 3 if failed else 0
 
 
