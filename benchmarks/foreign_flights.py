@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from foreign_kinds import Kind, read_kinds
 from foreign_log import STATION, written
 from foreign_names import Scene
@@ -25,7 +26,7 @@ from awescli.control.path_following import PathFollowing
 from awescli.control.pattern import Pattern
 from awescli.notation.errors import NumericalFailure
 from awescli.notation.quantities import STATES
-from awescli.physics.declaration import KiteDeclaration, kite_text, read_kite
+from awescli.physics.declaration import KiteDeclaration, read_kite
 from awescli.physics.kite import Kite
 from awescli.simulation.campaign_flights import perturbed
 from awescli.simulation.made_wind import wind_record
@@ -98,7 +99,7 @@ def flight_folder(case: Case, cache: Path) -> Path:
         draw, flight = flown(case, kind, kite)
         for name, text in written(flight, draw.scene, kind, case.seed, kind.values(case.size)).items():
             write_text(folder / name, text)
-        write_text(folder / "kite.yaml", kite_text(declared(kite, kind, case.seed)))
+        write_text(folder / "kite.yaml", declared_text(kite, kind, case.seed))
         # last: a folder without it is made again
         write_text(folder / "passport.json", json.dumps(_passport(case, draw, flight), indent=1) + "\n")
     return folder
@@ -171,6 +172,18 @@ def declared(kite: KiteDeclaration, kind: Kind, seed: int) -> KiteDeclaration:
         law = {"law": "power", "exponent": _exponent(seed), "reference_height": STATION}
         guess = guess.model_copy(update={"wind": guess.wind.model_copy(update=law)})
     return with_wrong_bounds(guess, kite, MISSED, seed) if kind.conditions.bounds == "miss" else guess
+
+
+def declared_text(kite: KiteDeclaration, kind: Kind, seed: int) -> str:
+    """`declared` as a kite file: the truth's file with other numbers, so that it says no more than a user would."""
+    guess, content = declared(kite, kind, seed), yaml.safe_load(KITE.read_text())
+    for row in guess.table().rows:
+        if row.free:
+            numbers = {"value": float(row.value), "lower": float(row.lower), "upper": float(row.upper), "source": row.source}
+            content["parameters"][row.name] |= numbers
+    content["name"], content["description"] = "declared kite", "what the operator knows"
+    content["wind"] |= {key: getattr(guess.wind, key) for key in ("law", "exponent", "reference_height")}
+    return yaml.safe_dump(content, sort_keys=False, width=140)
 
 
 def _passport(case: Case, draw: Draw, flight: ForeignFlight) -> dict[str, Any]:
