@@ -26,10 +26,11 @@ class Criteria:
 
     # is it what is missing?
     floor_error: float = 0.02
-    """Relative error of the noise floor: a chi-square per degree of freedom within 1 +- this is at the floor, with as many samples as a flight
-    has; noise that is estimated from the flight is known no better."""
+    """Relative error of the noise floor: a chi-square per degree of freedom within 1 +- this is at the floor, for noise is known no better ..."""
     channel_error: float = 0.1
-    """The same of one channel: a fifteenth of the samples, and five of them vary together."""
+    """... the same of one channel, of which there is less ..."""
+    sampling: float = 2.0
+    """... and beside that as many standard deviations, sqrt(2 / n) for n samples, as a maximum over channels takes by chance."""
     rest_worth: float = 20.0
     """Deviance that model error must be worth for something to be missing: `decisive`, for each of force and moment."""
 

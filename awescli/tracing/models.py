@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from awescli.estimation.fit import Fit, JointFit, fit
+from awescli.estimation.fit import Fit, JointFit, Share, fit_together
 from awescli.estimation.levels import opened, prior_deviance
 from awescli.estimation.misfit import DIVERGED_COST, Misfit
 from awescli.estimation.problem import EstimationProblem, build, simulator_of, without_record
@@ -24,6 +24,8 @@ WHOLE = (5, 0.2)
 """... and of one that is fitted to the end."""
 
 
+NEAR = 4.0
+"""Shift (its square, in standard deviations) that validation may ask of the parameters before it is judged anew there: the linearisation holds."""
 AT_END = 1e-6
 """Share of its range by which a parameter at an end of it may be away from the end."""
 BEYOND = 10.0
@@ -77,10 +79,10 @@ class FittedModel:
     """keys: of the added effects; strengths: full names of their parameters that are fitted; fit: to the train loops of all flights;
     problems: with levels and noise as fitted; judged: what it makes of the validation loops, where only nuisances are fitted.
 
-    train, validation: deviance of every segment of all flights, parameters held; shift: (n,) what validation asks of the parameters beside train,
-    to first order, bounds kept; unseen: deviance of validation with what train leaves unknown of the parameters integrated out; deviance: of all
-    segments, the priors of parameters and levels and what integrating the parameters out adds (Laplace) included: -2 log evidence but for a
-    constant.
+    train, validation: deviance of every segment of all flights, parameters held; judged: on validation, near where all loops together want the
+    parameters, bounds kept; shift: (n,) from there to that place, to first order; unseen: deviance of validation with what train leaves unknown of
+    the parameters integrated out; deviance: of all segments, the priors of parameters and levels and what integrating the parameters out adds
+    (Laplace) included: -2 log evidence but for a constant.
     """
 
     keys: tuple[str, ...]
@@ -99,8 +101,7 @@ class FittedModel:
         """The model with its validation loops judged."""
         judged = tuple(judge(p, f.parameters) for p, f in zip(problems, fitted.flights, strict=True))
         train, validation = (np.concatenate([by_segment(f) for f in fits]) for fits in (fitted.flights, judged))
-        shift, gained, wider = _asked_of(fitted, judged)
-        unseen = float(validation.sum()) - gained + wider
+        judged, shift, unseen = _unseen(fitted, problems, judged)
         s, table = fitted.solution, fitted.prior
         std = np.array([table[n].prior_std for n in fitted.names])
         prior = float((((s.x - table.vector(fitted.names)) / std) ** 2).sum())
@@ -182,18 +183,30 @@ def bounded(fitted: JointFit) -> list[str]:
     return [p.name for p in rows if min(p.value - p.lower, p.upper - p.value) < AT_END * min(p.upper - p.lower, 1e12)]
 
 
-def _asked_of(fitted: JointFit, judged: Sequence[Fit]) -> tuple[np.ndarray, float, float]:
-    """(change of the parameters (n,) that the validation loops ask for, deviance that they gain by it, log determinant of what they add): loops
-    that took no part in a fit differ from it by what the fit does not know of the parameters, too."""
-    H, n = fitted.solution.H, len(fitted.names)
-    more, b = _validation(fitted, judged)
-    held = bounded(fitted)
+def _unseen(fitted: JointFit, problems: Sequence[EstimationProblem], judged: tuple[Fit, ...]) -> tuple[tuple[Fit, ...], np.ndarray, float]:
+    """(validation judged near where all loops together want the parameters, what is left of the way, its deviance with the parameters integrated
+    out): loops that took no part in a fit differ from it by what the fit does not know of the parameters, too.
+
+    With H the information of train, the parameters x + s on validation cost s' H s beside what they gain there; Gauss-Newton steps from s = 0.
+    """
+    H, held = fitted.solution.H, bounded(fitted)
     free = np.array([i for i, name in enumerate(fitted.names) if name not in held], int)
-    both = np.ix_(free, free)
-    shift = np.zeros(n)
-    shift[free] = np.linalg.solve(H[both] + more[both], b[free])
+    both, moved = np.ix_(free, free), np.zeros(len(fitted.names))
+    lower, upper = (np.array([getattr(fitted.parameters[n], end) for n in fitted.names]) - fitted.solution.x for end in ("lower", "upper"))
+    for again in (True, False):
+        more, b = _validation(fitted, judged)
+        asked, step = b - H @ moved, np.zeros(len(moved))
+        step[free] = np.linalg.solve(H[both] + more[both], asked[free])
+        if not again or step @ H @ step < NEAR:
+            break
+        moved = np.clip(moved + step, lower, upper)
+        judged = tuple(
+            judge(p, f.parameters.with_values(dict(zip(f.names, fitted.solution.x[place] + moved[place], strict=True))), j)
+            for p, f, place, j in zip(problems, fitted.flights, fitted.places, judged, strict=True)
+        )
     wider = np.linalg.slogdet(H[both] + more[both])[1] - np.linalg.slogdet(H[both])[1]
-    return shift, float(b @ shift), float(wider)
+    deviance = sum(float(by_segment(f).sum()) for f in judged)
+    return judged, step, deviance + float(moved @ H @ moved - asked @ step + wider)
 
 
 def _validation(fitted: JointFit, judged: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray]:
@@ -327,10 +340,12 @@ def _slight(processes: Sequence[Process], share: float = SLIGHT) -> tuple[Proces
     return tuple(p.at(begun(p)) for p in processes)
 
 
-def judge(problem: EstimationProblem, table: ParameterTable) -> Fit:
-    """What parameters make of the validation loops: only nuisances are fitted. Its information is that on the parameters."""
+def judge(problem: EstimationProblem, table: ParameterTable, before: Fit | None = None) -> Fit:
+    """What parameters make of the validation loops: only nuisances are fitted, from those of another fit to them or anew. Its information is that on
+    the parameters."""
     simulator = problem.simulator.holding(table)
-    found = fit(Misfit(simulator, problem.validation, (), problem.processes), table, prior=False, iterations=6, tolerance=1.0)
+    share = Share(Misfit(simulator, problem.validation, (), problem.processes), table, table, (), before and before.own)
+    found = fit_together([share], prior=False, iterations=6, tolerance=1.0).flights[0]
     misfit = Misfit(simulator, problem.validation, problem.names, problem.processes)
     links, trajectories = misfit.links(table.vector(problem.names), found.own)
     gram = links.gram()

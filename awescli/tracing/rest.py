@@ -41,13 +41,19 @@ class Repetition:
 class Rest:
     """worth: deviance that model error is worth to a model (negative: nothing); chi2: of the model without it, on validation loops, per degree of
     freedom; channels: the same per channel, over the noise that was found; levels: of the model error; repetition: of it, None where there is
-    none or too few loops."""
+    none or too few loops; samples: of all channels on validation."""
 
     worth: float
     chi2: float
     channels: dict[str, float]
     levels: dict[str, float]
     repetition: Repetition | None
+    samples: int
+
+    def floors(self, criteria: Criteria = CRITERIA) -> tuple[float, float]:
+        """(chi-square of all channels, of one) up to which nothing but noise is left."""
+        of_all, of_one = (criteria.sampling * np.sqrt(2 / max(n, 1.0)) for n in (self.samples, self.samples / max(len(self.channels), 1)))
+        return 1 + criteria.floor_error + float(of_all), 1 + criteria.channel_error + float(of_one)
 
     @property
     def largest(self) -> str:
@@ -58,9 +64,9 @@ class Rest:
 def rest_of(frame: Frame, model: FittedModel) -> tuple[FittedModel, Rest]:
     """(the model without model error, what is left)."""
     bare = fit_bare(frame, model) if model.rest else model
-    chi2 = bare.chi2
+    samples = int(sum(f.information.dof.sum() for f in bare.judged))
     repetition = repetition_of(model, find_loops(frame.flights[0].log)) if model.rest else None
-    return bare, Rest(bare.deviance - model.deviance if model.rest else 0.0, chi2, channels_of(bare), model.rest, repetition)
+    return bare, Rest(bare.deviance - model.deviance if model.rest else 0.0, bare.chi2, channels_of(bare), model.rest, repetition, samples)
 
 
 def channels_of(model: FittedModel) -> dict[str, float]:

@@ -90,14 +90,10 @@ def search(
 def admissible(before: FittedModel, after: FittedModel, criteria: Criteria = CRITERIA) -> bool:
     """Is a model with further strengths decisively likelier than the one before, also without the segment that speaks loudest for it, and does
     it gain on loops that it was not fitted to?"""
-    new = len(after.strengths) - len(before.strengths)
-    segments = np.concatenate([before.train - after.train, before.validation - after.validation])
-    unseen = before.validation - after.validation
-    return bool(
-        before.deviance - after.deviance >= criteria.decisive + criteria.per_parameter * new
-        and unseen.sum() > 0
-        and segments.sum() - segments.max() >= criteria.decisive
-    )
+    new, gain = len(after.strengths) - len(before.strengths), before.deviance - after.deviance
+    loudest = max(np.concatenate([before.train - after.train, before.validation - after.validation]).max(), 0.0)
+    least = criteria.decisive + criteria.per_parameter * new
+    return bool(gain >= least and gain - loudest >= criteria.decisive and before.unseen > after.unseen)
 
 
 def plausible(model: FittedModel, key: str) -> bool:
@@ -186,7 +182,7 @@ def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> 
         for start in (s for s in starts if s != null[shape]):
             trial = fit_on(frame, model, {name: start}, free=(name,))
             margin = criteria.decisive if probed else -criteria.decisive
-            if trial.deviance < best.deviance + margin and trial.validation.sum() < best.validation.sum() + max(margin, 0.0):
+            if trial.deviance < best.deviance + margin and trial.unseen < best.unseen + max(margin, 0.0):
                 best = trial
         model = best
     return model

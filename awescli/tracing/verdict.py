@@ -70,7 +70,7 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
 
 def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     before, after = e.search.null, e.model
-    gain, unseen = before.deviance - after.deviance, float(before.validation.sum() - after.validation.sum())
+    gain, unseen = before.deviance - after.deviance, before.unseen - after.unseen
     least = c.decisive + c.per_parameter * (len(after.strengths) - len(before.strengths))
     there = bool(after.keys)
     return (
@@ -88,17 +88,17 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
 def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     rest = e.rest
     worst = rest.channels.get(rest.largest, 1.0)
-    again = rest.repetition
+    again, (floor, of_one) = rest.repetition, rest.floors(c)
     return (
         Criterion(
             "rest_is_noise", rest.worth, c.rest_worth, rest.worth < c.rest_worth, "deviance that model error is worth beside the answer", "criteria.py"
         ),
         Criterion(
-            "floor", rest.chi2, 1 + c.floor_error, rest.chi2 <= 1 + c.floor_error, "chi-square per degree of freedom left on validation loops",
+            "floor", rest.chi2, floor, rest.chi2 <= floor, "chi-square per degree of freedom left on validation loops",
             "criteria.py",
         ),
         Criterion(
-            "floor_by_channel", worst, 1 + c.channel_error, worst <= 1 + c.channel_error, f"the largest of a channel ({rest.largest})", "criteria.py"
+            "floor_by_channel", worst, of_one, worst <= of_one, f"the largest of a channel ({rest.largest})", "criteria.py"
         ),
         Criterion(
             "rest_repeats", 1.0 if again is None else again.least, c.repeats, None if again is None else again.repeats(c),

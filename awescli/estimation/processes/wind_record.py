@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from awescli.estimation.processes.base import Group, Prior, Process
+from awescli.estimation.processes.base import Group, Process
 from awescli.physics.disturbances import GUSTS
 
-SHARE = 0.3
-"""Of the declared standard deviation: most of a record's error lasts the whole flight and is a parameter (`kite.record_errors`)."""
+SHARE = 0.7
+"""Of the declared standard deviation: what lasts the whole flight is a parameter (`kite.record_errors`), and the entries, each with an error of its
+own, differ from that."""
 SPACING = 1.25
 LEAST = 10.0
 """[s] a record with closer entries is a wind that is known better than its stations."""
@@ -26,5 +27,5 @@ class WindRecord(Process):
     def of(cls, declaration, log) -> "WindRecord":
         entries = np.diff(log.wind.time)
         memory = max(float(np.median(entries)), LEAST) if len(entries) else 60.0
-        level = Prior(max(SHARE * declaration.wind.std, 1e-3), 0.7)
-        return cls((Group("wind record", GUSTS, level.median, memory, level, Prior(memory)),), SPACING)
+        # not estimated: half a flight knows one or two entries, and the other half has others
+        return cls((Group.known("wind record", GUSTS, max(SHARE * declaration.wind.std, 1e-3), memory),), SPACING)
