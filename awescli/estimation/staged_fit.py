@@ -117,6 +117,17 @@ def recut(fit: Fit, misfit: Misfit) -> Own:
     return own
 
 
+def unaided(problem: EstimationProblem, fitted: Fit) -> float:
+    """Chi-square per degree of freedom of the fitted loops with nothing but starts, and what is certain beside a model, to help it: output error."""
+    certain = [p if p.certain else p.at(dict.fromkeys(p.levels, 0.0)) for p in problem.processes]
+    misfit = replace(problem.misfit(fitted.misfit.simulator), names=(), processes=tuple(certain))
+    own = misfit.carried(fitted.own, fitted.misfit)
+    share = Share(misfit, fitted.parameters, fitted.parameters, (), own)
+    alone = fit_together([share], prior=False, tolerance=LOOSE)
+    dof = max(float(alone.flights[0].information.dof.sum()), 1.0)
+    return float(alone.chi2 * dof / max(dof - len(fitted.names), 1.0))
+
+
 def widened(result: JointFit) -> JointFit:
     """The fit with what coloured residuals add to its covariance."""
     C = result.covariance
