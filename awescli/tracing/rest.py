@@ -1,5 +1,5 @@
-"""What a model leaves beside noise and the processes that are known to be there: is it worth anything, where does it stand, does it repeat from
-loop to loop?"""
+"""What a model leaves beside noise and the processes that are known to be there: is it worth anything, where does it stand, does it repeat
+from loop to loop?"""
 
 from dataclasses import dataclass
 
@@ -20,8 +20,8 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class Repetition:
-    """share: of the variance of the smoothed model error that repeats from loop to loop, p: with which chance would make it as large, by axis;
-    loops: that were compared."""
+    """share: of the variance of the smoothed model error that repeats from loop to loop, p: with which chance would make it as large, by
+    axis; loops: that were compared."""
 
     share: dict[str, float]
     p: dict[str, float]
@@ -39,9 +39,9 @@ class Repetition:
 
 @dataclass(frozen=True)
 class Rest:
-    """worth: deviance that model error is worth to a model (negative: nothing); chi2: of the model without it, on validation loops, per degree of
-    freedom; channels: the same per channel, over the noise that was found; levels: of the model error; repetition: of it, None where there is
-    none or too few loops; samples: of all channels on validation."""
+    """worth: deviance that model error is worth to a model (negative: nothing); chi2: of the model without it, on validation loops, per
+    degree of freedom; channels: the same per channel, over the noise that was found; levels: of the model error; repetition: of it, None
+    where there is none or too few loops; samples: of all channels on validation."""
 
     worth: float
     chi2: float
@@ -70,8 +70,8 @@ def rest_of(frame: Frame, model: FittedModel) -> tuple[FittedModel, Rest]:
 
 
 def channels_of(model: FittedModel) -> dict[str, float]:
-    """Channel -> mean square of the whitened residual on the first flight's validation loops, what is not known of starts, processes and parameters
-    included: 1 is noise alone."""
+    """Channel -> mean square of the whitened residual on the first flight's validation loops, what is not known of starts, processes and
+    parameters included: 1 is noise alone."""
     judged, place = model.judged[0], model.fit.places[0]
     if not len(judged.heard):
         return {}
@@ -95,8 +95,8 @@ def repetition_of(model: FittedModel, loops: Loops) -> Repetition | None:
 
 
 def repeated(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
-    """(share of the variance of the rows' mean, probability that rows turned by chance reach it). table: (loops, bins). Turning keeps how smooth
-    a row is."""
+    """(share of the variance of the rows' mean, probability that rows turned by chance reach it). table: (loops, bins). Turning keeps how
+    smooth a row is."""
     random, (rows, bins) = np.random.default_rng(seed), table.shape
     table = table - table.mean(axis=1, keepdims=True)
     total = float((table**2).mean()) or 1.0
@@ -105,7 +105,9 @@ def repeated(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
         return float((t.mean(axis=0) ** 2).mean())
 
     seen = mean_square(table)
-    turned = [mean_square(np.stack([np.roll(r, s) for r, s in zip(table, random.integers(0, bins, rows), strict=True)])) for _ in range(DRAWS)]
+    turned = [
+        mean_square(np.stack([np.roll(r, s) for r, s in zip(table, random.integers(0, bins, rows), strict=True)])) for _ in range(DRAWS)
+    ]
     # a mean of rows that do not repeat still has a rows-th of their variance
     share = (seen / total - 1 / rows) / (1 - 1 / rows)
     return float(np.clip(share, 0.0, 1.0)), float((1 + sum(t >= seen for t in turned)) / (1 + DRAWS))
@@ -134,4 +136,3 @@ def _by_loop(samples: np.ndarray, values: np.ndarray, loops: Loops) -> np.ndarra
         if (count > 0).all():
             rows.append(np.bincount(place, values[inside], BINS) / count)
     return np.array(rows).reshape(-1, BINS)
-

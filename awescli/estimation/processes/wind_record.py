@@ -8,8 +8,8 @@ from awescli.estimation.processes.base import Group, Process
 from awescli.physics.disturbances import GUSTS
 
 SHARE = 0.7
-"""Of the declared standard deviation: what lasts the whole flight is a parameter (`kite.record_errors`), and the entries, each with an error of its
-own, differ from that."""
+"""Of the declared standard deviation: what lasts the whole flight is a parameter (`kite.record_errors`), and the entries, each with an
+error of its own, differ from that."""
 SPACING = 1.25
 SLOW = 0.1
 """[m/s] a kite that climbs slower stays at its height."""
@@ -19,8 +19,8 @@ LEAST = 10.0
 
 @dataclass(frozen=True)
 class WindRecord(Process):
-    """On each axis a share of the kite file's `wind.std`. Every entry of a station has an error of its own, so that what the kite sees of them lasts
-    as long as it takes from one station's height to the next, or as long as an entry where there is one station."""
+    """On each axis a share of the kite file's `wind.std`. Every entry of a station has an error of its own, so that what the kite sees of
+    them lasts as long as it takes from one station's height to the next, or as long as an entry where there is one station."""
 
     name = "wind_record"
     doc = "slow error of the recorded wind"
