@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Cell, Section, absent, chip, esc, paragraph, table
 from awescli.report.plots import Figure, axis, bars, dots
-from awescli.report.words import COLOURS, channel, number, percent, unit_of, with_std
+from awescli.report.words import COLOURS, channel, listed, number, percent, unit_of, with_std
 
 
 def identification(evidence: Evidence) -> Section:
@@ -23,12 +23,14 @@ def identification(evidence: Evidence) -> Section:
 def sentence(evidence: Evidence) -> str:
     """How the fit went."""
     m, rows = evidence.identify or {}, evidence.params["parameters"]
-    chi2, gust = m.get("chi2"), m.get("gust_m_s")
+    chi2 = m.get("chi2")
     text = f"{len(rows)} free parameters, fitted to the train {esc(evidence.parts.of)}; outcome: {esc(m.get('outcome', '?'))}."
     if chi2 is not None:
         text += f" χ² per degree of freedom {number(chi2)} (1: nothing but noise is left on train)."
-    if gust:
-        text += f" Gusts of {number(gust)} m/s were estimated along."
+    if along := [f"{name} ({number(p['level'])} {p['unit']})" for name, p in (m.get("processes") or {}).items()]:
+        text += f" Estimated along, besides starts: {esc(listed(along))}."
+    if off := [f"{name} {number(factor)}" for name, factor in (m.get("noise_factors") or {}).items() if abs(factor - 1) > 0.1]:
+        text += f" Noise over the declared one: {esc(listed(off))}."
     weak = [n for n, p in rows.items() if not p.get("excited", True)]
     if weak:
         text += f" {len(weak)} parameters were hardly seen by this flight and stay near their priors."
