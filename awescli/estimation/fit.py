@@ -19,6 +19,8 @@ from awescli.notation.parameters import ParameterTable
 SWINGS, SWING = 5, 25.0
 """How often the log determinant is differentiated anew after a small step (its square, in standard deviations), at most: in a direction
 that is hardly seen it may change as fast as the cost, and the fit would swing for ever."""
+RISEN = 2.0
+"""Cost (chi-square) by which a step may miss what it was to gain: more, and the log determinant was not what its slope promised."""
 FAR = 1000.0
 """After a step as large as this (its square, as above) the fit is far away, and the log determinant is small beside the cost."""
 RELAXATIONS = 4
@@ -132,12 +134,14 @@ def _lifted(a: np.ndarray, place: np.ndarray, n: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Inner:
-    """Of one flight: its nuisances; what integrating them out adds to J'r (n,), and the unknowns at which that was found; how often."""
+    """Of one flight: its nuisances; what integrating them out adds to J'r (n,), and the unknowns at which that was found; how often; misled: it
+    has led uphill, and is left out."""
 
     own: Own
     tilt: np.ndarray
     tilted_at: np.ndarray | None
     swings: int = 0
+    misled: bool = False
 
 
 @dataclass(frozen=True)
@@ -198,6 +202,11 @@ class _Problem:
             H[np.ix_(place, place)] += info.H
             # what the nuisances alone can still gain counts as progress too
             gain += squares - float(info.cost.sum()) if fly.any() else 0.0
+        if before is not None and cost > before.cost + RISEN:
+            # the slope of the log determinant has led uphill: it changes too fast to be followed
+            for place, i in zip(self.places, new, strict=True):
+                b[place] -= i.tilt
+            new = [replace(i, tilt=0.0 * i.tilt, misled=True) for i in new]
         return Linearised(cost, b, H, tuple(new), gain, (x, tuple(known)))
 
     def trial(self, at: Linearised, x: np.ndarray, step: np.ndarray, share: float) -> tuple[float, tuple[_Inner, ...]]:
@@ -240,6 +249,8 @@ class _Problem:
     def _integrated(self, share, x, place, i: _Inner, before: Linearised | None, links, gram, heard) -> _Inner:
         """The tilt, found anew where it is due: never found, or the parameters have moved by a standard deviation since."""
         swings = i.swings
+        if i.misled:
+            return i
         if i.tilted_at is None and before is not None and float((step := x - before.known[0]) @ before.H @ step) > FAR:
             return i
         if i.tilted_at is not None and before is not None:

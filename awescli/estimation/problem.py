@@ -63,6 +63,10 @@ class EstimationProblem:
         fitted, validation = (o.scaled(factors) for o in (self.fitted, self.validation))
         return replace(self, fitted=fitted, validation=validation, factors=scaled)
 
+    def at_noise(self, factors: Mapping[str, float]) -> "EstimationProblem":
+        """With these factors on the declared noise."""
+        return self.with_factors({n: f / self.factors.get(n, 1.0) for n, f in factors.items()})
+
     def at(self, levels: Mapping[str, float], factors: Mapping[str, float]) -> "EstimationProblem":
         """With these levels of processes, by group, all others that need not be there at zero; and these factors on the noise."""
         processes = [p.at({g.name: levels.get(g.name, g.level if p.certain else 0.0) for g in p.groups}) for p in self.processes]

@@ -24,6 +24,8 @@ SLIGHT = 0.05
 """The same of whatever may be there, once the parameters are near."""
 OPEN = ("gusts", "drift")
 """Processes that are looked for once model error has shown what they are not."""
+LEVEL_ROUNDS = 4
+"""The same while parameters are held."""
 ROUNDS = 8
 """Most often are levels and parameters fitted in turn."""
 LOOSE, TIGHT = 2.0, 0.1
@@ -32,6 +34,8 @@ UNCHANGED = 2.0
 """Deviance that new levels must gain to be worth another fit."""
 OFF = 0.03
 """A noise whose factor is within 1 +- this is as declared."""
+AT_ONCE, SMALLEST, LARGEST = 1.5, 0.1, 5.0
+"""A noise changes by at most the first factor in a round, and stays between the others in all."""
 SAME_OPTIMUM = 1.0
 """Difference in cost (chi-square) below which two starts have led to the same optimum."""
 
@@ -87,10 +91,13 @@ def fit_flights(
             p.shorter(horizon, p.simulator.holding(t)).with_processes(opened(p.processes, (MODEL_ERROR,), WIDE))
             for p, t in zip(problems, tables, strict=True)
         ]
-        result, short = fit_levels(short, labels, tables, per_flight, prior, 2, LOOSE, on_iteration)
+        began = None
+        if horizon == horizons[0]:
+            short, began = levels_first(short, labels, tables, per_flight, on_iteration)
+        result, short = fit_levels(short, labels, tables, per_flight, prior, 2, LOOSE, on_iteration, began)
         tables = [f.parameters for f in result.flights]
-        problems = [p.with_processes(s.processes) for p, s in zip(problems, short, strict=True)]
-        owns = [recut(f, p.misfit()) for f, p in zip(result.flights, problems, strict=True)]
+        problems = [replace(p.at_noise(s.factors), processes=s.processes) for p, s in zip(problems, short, strict=True)]
+        owns = [recut(f, p.misfit(p.simulator.holding(f.parameters))) for f, p in zip(result.flights, problems, strict=True)]
     problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
     owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
     result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
@@ -100,6 +107,14 @@ def fit_flights(
         problems = [p for p, _ in looked]
         result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
     return widened(result), tuple(problems)
+
+
+def levels_first(problems, labels, tables, per_flight, on_iteration: OnIteration) -> tuple[list[EstimationProblem], list[Own]]:
+    """(The problems, nuisances) with levels of processes and noise as the flights show them while the parameters stay as declared: a flight that the model
+    follows badly would otherwise drive the parameters far away before its model error is as open as it must be."""
+    held = [replace(p, names=()) for p in problems]
+    found, held = fit_levels(held, labels, tables, per_flight, False, LEVEL_ROUNDS, LOOSE, on_iteration)
+    return [replace(h, names=p.names) for h, p in zip(held, problems, strict=True)], [f.own for f in found.flights]
 
 
 def recut(fit: Fit, misfit: Misfit) -> Own:
@@ -114,6 +129,10 @@ def recut(fit: Fit, misfit: Misfit) -> Own:
     for w, label in enumerate(misfit.labels):
         if label in found:
             own.path[..., w] = np.interp(at, times.ravel(), fit.own.path[..., found.index(label)].ravel())
+    x, fresh = fit.parameters.vector(misfit.names), misfit.own()
+    (cost, whole), (plain, whole_plain) = misfit.costs(x, own), misfit.costs(x, fresh)
+    lost = (whole_plain & ~whole) | ((whole_plain >= whole) & (plain < cost))
+    own.starts[lost], own.path[lost] = fresh.starts[lost], fresh.path[lost]
     return own
 
 
@@ -198,10 +217,16 @@ def _relevelled(problem: EstimationProblem, fit: Fit) -> tuple[EstimationProblem
         return problem, fit.own, 0.0
     processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.heard)
     factors = noise_factors(fit.misfit, fit.information, fit.links, fit.heard)
-    off = {n: f for n, f in factors.items() if abs(f - 1) > OFF}
+    off = {n: g for n, f in factors.items() if abs((g := _trusted(problem.factors.get(n, 1.0), f)) - 1) > OFF}
     problem = problem.with_processes(_hurried(problem.processes, processes))
     new = problem.with_factors(off) if off else problem
     return new, new.misfit(fit.misfit.simulator).carried(fit.own, fit.misfit), np.inf if off else gain
+
+
+def _trusted(before: float, factor: float) -> float:
+    """A further factor on a noise, in small steps and never far from what is declared: what is much more than noise is not noise, and a model that
+    is still far from the flight would be excused by it."""
+    return float(np.clip(before * np.clip(factor, 1 / AT_ONCE, AT_ONCE), SMALLEST, LARGEST)) / before
 
 
 def _hurried(before: Sequence[Process], after: Sequence[Process]) -> tuple[Process, ...]:

@@ -56,7 +56,7 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     ratio = e.null_error / e.identified_error if e.identified_error else None
     return (
         Criterion(
-            "null_flew", lost, c.lost_share, lost <= c.lost_share, "share of segments that diverged under the declared model", "criteria.py"
+            "null_flew", lost, c.lost_share, lost <= c.lost_share, "share of segments that diverged under the declared model", "set on development flights"
         ),
         Criterion(
             "null_converged",
@@ -64,7 +64,7 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "converged or stalled",
             null.fit.solution.outcome in ("converged", "stalled"),
             "how the fit of the declared model ended",
-            "gauss_newton.py",
+            "definition",
         ),
         Criterion(
             "null_as_identified",
@@ -72,7 +72,7 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             c.worse_than_identified,
             None if ratio is None else ratio <= c.worse_than_identified,
             "its error on validation loops over that of the model that identify handed on",
-            "trial A2: another optimum is another question",
+            "another optimum is another question",
         ),
     )
 
@@ -97,7 +97,7 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             0.0,
             there and unseen > 0,
             "its deviance gained on loops it was not fitted to",
-            "criteria.py",
+            "set on development flights",
         ),
     )
 
@@ -113,7 +113,7 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             c.rest_worth,
             rest.worth < c.rest_worth,
             "deviance that model error is worth beside the answer",
-            "criteria.py",
+            "set on development flights",
         ),
         Criterion(
             "floor",
@@ -121,9 +121,9 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             floor,
             rest.chi2 <= floor,
             "chi-square per degree of freedom left on validation loops",
-            "criteria.py",
+            "set on development flights",
         ),
-        Criterion("floor_by_channel", worst, of_one, worst <= of_one, f"the largest of a channel ({rest.largest})", "criteria.py"),
+        Criterion("floor_by_channel", worst, of_one, worst <= of_one, f"the largest of a channel ({rest.largest})", "set on development flights"),
         Criterion(
             "rest_repeats",
             1.0 if again is None else again.least,
@@ -153,7 +153,7 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             0,
             not failed,
             "significant candidates whose fit failed from every start",
-            "trial A4",
+            "a fit that failed proves nothing",
         ),
         Criterion(
             "no_parameter_hides_it",
@@ -161,7 +161,7 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             c.at_bound,
             not e.suspects,
             "effects that bring a parameter back from its bound",
-            "criteria.py",
+            "set on development flights",
         ),
         Criterion(
             "no_better_empirical_term",
@@ -169,9 +169,9 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             c.empirical,
             e.empirical_lead < c.empirical,
             "deviance by which as few empirical terms lead the answer",
-            "criteria.py",
+            "set on development flights",
         ),
-        Criterion("calm_air", gusts, c.gusty, gusts < c.gusty, "level of the gusts that the flight shows [m/s]", "criteria.py"),
+        Criterion("calm_air", gusts, c.gusty, gusts < c.gusty, "level of the gusts that the flight shows [m/s]", "set on development flights"),
     )
 
 
