@@ -60,10 +60,12 @@ class Line(NamedTuple):
 
 
 class Load(NamedTuple):
-    """Force [N] and moment about the reference point [N m], body axes."""
+    """Force [N] and moment about the reference point [N m], body axes; and what answers the kite's own acceleration: the mass [kg] that
+    moves with it across the line, but not along it. It resists, and weighs nothing (its weight, if any, is part of `force`)."""
 
     force: tuple[Number, Number, Number]
     moment: tuple[Number, Number, Number]
+    mass_across: Number = 0.0
 
 
 @dataclass
@@ -94,4 +96,5 @@ class Instant:
     line: Line | None = None
     applied: Load | None = None
     tension: Number = None
+    acceleration: tuple = ()
     derivative: tuple = ()

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from awescli.notation.constraints import parse_constraint
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
-from awescli.notation.frames import add, cross, dot, rotate, rotation_body_to_ned, scale
+from awescli.notation.frames import add, cross, dot, rotate, rotate_back, rotation_body_to_ned, scale
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.notation.scalars import sqrt
@@ -16,7 +16,7 @@ from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.aerodynamics import body_axes, parse_monomial
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Body, Coefficients, Instant, Line, Load
-from awescli.physics.rigid_body import state_derivative
+from awescli.physics.rigid_body import acceleration, state_derivative
 
 REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz", "d_t", "CtD", "rtx", "rty", "rtz", "k_v", "c_v", "dl")
 """Parameters that every kite file names: mass, gravity, geometry, inertia, tether (see effects/tether.py)."""
@@ -201,20 +201,22 @@ class Kite:
         at.applied = aerodynamic_load(at)
         for e in self._at("load"):
             load = e.load(at, e.own(at))
-            at.applied = Load(add(at.applied.force, load.force), add(at.applied.moment, load.moment))
-        at.derivative = state_derivative(z, R, body, self._about_centre_of_mass(at))
+            force, moment = add(at.applied.force, load.force), add(at.applied.moment, load.moment)
+            at.applied = Load(force, moment, at.applied.mass_across + load.mass_across)
+        at.acceleration = acceleration(body, at.applied, rotate_back(R, at.p_hat))
+        at.derivative = state_derivative(z, R, body, at.acceleration, self._about_centre_of_mass(at))
         return at
 
     @staticmethod
-    def _about_centre_of_mass(at: Instant) -> Load:
+    def _about_centre_of_mass(at: Instant) -> tuple:
         """Moment about the centre of mass: M - cg x F (weight, which acts there, contributes nothing by itself)."""
         x, _, z = at.body.cg
         if isinstance(x, float) and isinstance(z, float) and x == z == 0.0:
-            return at.applied
+            return at.applied.moment
         weight = scale(at.body.mass * at.values["g"], (at.R[2][0], at.R[2][1], at.R[2][2]))
         surface = tuple(f - w for f, w in zip(at.applied.force, weight, strict=True))
         arm = cross(at.body.cg, surface)
-        return Load(at.applied.force, tuple(m - a for m, a in zip(at.applied.moment, arm, strict=True)))
+        return tuple(m - a for m, a in zip(at.applied.moment, arm, strict=True))
 
     def derivative(self, x, u, c) -> list:
         """d/dt of the 12 states and the effects' states (the set-points are held)."""
@@ -229,12 +231,12 @@ class Kite:
     def outputs(self, x, u, c) -> list:
         """What the sensors report and what was commanded, in the order of `quantities.OUTPUTS`."""
         at = self.instant(x, u, c)
-        z, f, m = at.z, at.applied.force, at.body.mass
+        z, a = at.z, at.acceleration
         reported = {
             "p_n": z.p_n, "p_e": z.p_e, "p_d": z.p_d,
             "v_n": at.v_ned[0], "v_e": at.v_ned[1], "v_d": at.v_ned[2],
             "phi": z.phi, "theta": z.theta, "psi": z.psi, "p": z.p, "q": z.q, "r": z.r,
-            "a_x": f[0] / m, "a_y": f[1] / m, "a_z": f[2] / (m + at.body.added_z),
+            "a_x": a[0], "a_y": a[1], "a_z": a[2],
             "V_a": at.V_a, "alpha": at.alpha, "beta": at.beta, "tension": at.tension,
         }  # fmt: skip
         for e in self._at("report"):
