@@ -45,12 +45,13 @@ class Coefficients(NamedTuple):
 class Line(NamedTuple):
     """The line as the tether law sees it.
 
-    length [m] and speed [m/s] paid out by the winch, drag coefficient C_tD, share of the drag's lateral part (0 or 1),
+    length [m], speed [m/s] and acceleration [m/s2] paid out by the winch, drag coefficient C_tD, share of the drag's lateral part (0 or 1),
     attachment from the reference point [m, FRD], axial stiffness EA [N] (0: inextensible) with damping [N s/m], sag weight [N/m].
     """
 
     length: Number
     speed: Number
+    acceleration: Number
     drag_coefficient: Number
     lateral_drag: Number
     attachment: tuple[Number, Number, Number]

@@ -193,7 +193,8 @@ class Kite:
             coefficients = e.coefficients(coefficients, at, e.own(at))
         at.coefficients = coefficients
         # line
-        line = Line(inputs["tether_length"], inputs["reel_out_speed"], v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0)
+        paid_out = inputs["tether_length"], inputs["reel_out_speed"], inputs["reel_out_acceleration"]
+        line = Line(*paid_out, v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0)
         for e in self._at("line"):
             line = e.line(line, at, e.own(at))
         at.line = line
