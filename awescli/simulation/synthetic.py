@@ -22,8 +22,6 @@ from awescli.simulation.segments import noise_std, wrap
 
 EPOCH = 1_650_000_000.0
 """Unix time of the first sample [s]: an arbitrary constant, so that the same seed writes the same bytes on any day."""
-AIRSPEED = 40.0
-"""[m/s] at which the frozen field of gusts is crossed; mean of the published flight (parameters.yaml, km1)."""
 RECORDED = tuple(name for name in MEASURED if name not in ("alpha", "beta"))
 """What Kitemill's recorder writes of the measured quantities: it has no vanes."""
 FARTHEST = 3.0
@@ -169,10 +167,6 @@ def simulate_flight(
     length, speed = reel_out.at(time)
     inputs = inputs_of(_Commanded(time, dt, {"tether_length": length, "reel_out_speed": speed}, wind), kite)
     at = {n: i for i, n in enumerate(kite.input_names)}
-    if "turbulence.sigma" in kite.parameters:
-        gusts = dryden(samples, dt, AIRSPEED, seed + 1, kite.parameters["turbulence.L"].value)
-        inputs[:, [at[f"turbulence_{axis}"] for axis in "ned"]] = gusts
-        inputs[:, at["turbulence_p"]] = roll_gust(samples, dt, AIRSPEED, kite.parameters["b"].value, seed + 2)
     if start is None:
         if pattern is None:
             raise BadInput("without a start the kite needs a pattern to be put on")
@@ -182,9 +176,16 @@ def simulate_flight(
     K = len(starts)
     replayed = np.zeros((samples, len(SURFACES))) if setpoints is None else setpoints
     segments = Segments(np.zeros(K, dtype=int), starts, np.repeat(replayed[None], K, axis=0), np.repeat(inputs[None], K, axis=0), dt)
-    flown = Simulator(kite, wrt=(), law=law, substeps=substeps).rollout(segments)
+    simulator = Simulator(kite, wrt=(), law=law, substeps=substeps)
+    flown = simulator.rollout(segments)
     best, last = _best(flown, pattern, lead, dt)
     rows = slice(lead, max(last, lead + 1))
+    if "turbulence.sigma" in kite.parameters:
+        # a frozen field of gusts is crossed at the airspeed at which this kite flies the same way in still air
+        columns, gusts = _gusts(kite, samples, dt, float(flown["V_a"][best, rows].mean()), seed, at)
+        flown = simulator.rollout(segments.with_inputs(columns, gusts))
+        best, last = _best(flown, pattern, lead, dt)
+        rows = slice(lead, max(last, lead + 1))
     outputs = {n: flown.outputs[best, rows, i] for i, n in enumerate(OUTPUTS)}
     outputs |= {n: flown.states[best, rows, STATES.index(n)] for n in "uvw"}
     line = {"tether_length": length[rows], "reel_out_speed": speed[rows]}
@@ -214,6 +215,13 @@ def as_recorded(
     inputs = {n: flown.outputs[n].copy() for n in SURFACES} | dict(flown.inputs)
     notes = (f"Synthetic flight, seed {seed}.",)
     return FlightLog(name, epoch, flown.dt, flown.time, measured, inputs, np.ones(len(flown.time), bool), wind, notes=notes)
+
+
+def _gusts(kite, samples: int, dt: float, airspeed: float, seed: int, at: Mapping[str, int]) -> tuple[list[int], np.ndarray]:
+    """(their input columns, (samples, 4) gusts of unit variance) for a kite that flies at `airspeed` [m/s]."""
+    rows = dryden(samples, dt, airspeed, seed + 1, kite.parameters["turbulence.L"].value)
+    roll = roll_gust(samples, dt, airspeed, kite.parameters["b"].value, seed + 2)
+    return [at[f"turbulence_{axis}"] for axis in "nedp"], np.column_stack([rows, roll])
 
 
 def _best(flown: Trajectories, pattern: Pattern | None, lead: int, dt: float) -> tuple[int, int]:
