@@ -6,6 +6,7 @@ from kites import DEVELOPMENT, at_point, declared, lively, sizes
 from oracles import body_to_ned
 
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
+from awescli.physics.effects.custom_term import FEATURES
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 
@@ -167,15 +168,30 @@ def test_coefficients(key, coefficient, change):
 
 
 def test_a_custom_term_is_a_coefficient_of_its_channel():
-    """Guards qbar S (b or c): a term's k counts as a moment or force coefficient."""
+    """Guards qbar S (b or c): a term's k counts as a moment or force coefficient. The airspeed counts in units of the kite's own: 2.5 times
+    that at which a lift coefficient of 1 carries 50 kg on 3 m2."""
+    unit = 2.5 * np.sqrt(2 * 50 * 9.80665 / (1.225 * 3.0))
     for channel, arm in (("f_x", 1.0), ("f_z", 1.0), ("m_x", 7.4), ("m_y", 0.405), ("m_z", 7.4)):
         with_it, without = both(f"custom_term:{channel}*alpha*V_a", {"k": 0.02}, tether_length=400.0)
         change = np.concatenate([np.subtract(getattr(with_it.applied, n), getattr(without.applied, n)) for n in ("force", "moment")])
         expected = np.zeros(6)
         expected[("f_x", "f_y", "f_z", "m_x", "m_y", "m_z").index(channel)] = (
-            0.02 * without.dynamic_pressure * 3.0 * arm * without.alpha * without.V_a / 40
+            0.02 * without.dynamic_pressure * 3.0 * arm * without.alpha * without.V_a / unit
         )
         assert change == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("feature", ["V_a", "tether_length", "tension"])
+def test_features_of_a_custom_term_do_not_know_how_large_a_kite_is(feature):
+    """Guards against one kite's sizes in generic code: a kite of twice the length (8 times the mass, sqrt(2) times the speed, a line twice
+    as long, 8 times the pull) has the same features."""
+    small, large = Kite(DEVELOPMENT), Kite(declared(m=400.0, S=12.0, b=14.8, c=0.81))
+    line = {"p_n": 200.0, "p_e": 40.0, "p_d": -150.0, "tension": 3000.0, "v": 0.0, "w": 0.0, "wind_speed_0": 0.0, "u": 38.0}
+    twice = {n: (2.0 if n[0] == "p" else 8.0 if n == "tension" else np.sqrt(2.0)) * v for n, v in line.items()}
+    at, scaled = small.instant(*at_point(small, **line)), large.instant(*at_point(large, **twice))
+    scaled.inputs["tether_length"] = 2 * at.inputs["tether_length"]
+    assert FEATURES[feature](scaled) == pytest.approx(FEATURES[feature](at), rel=1e-9)
+    assert 0.3 < FEATURES[feature](at) < 3
 
 
 # --- surfaces ---
