@@ -51,6 +51,16 @@ def test_an_effect_acts_at_exactly_one_place(key):
     assert effect.name == key.partition(":")[0] and effect.doc and all(p.source for p in effect.parameters)
 
 
+@pytest.mark.parametrize("key", KEYS)
+def test_an_effect_writes_nothing_into_the_instant(key):
+    """Guards the pure contract: the states of an instant are those of the vector, whatever an effect wants to remember for its rates."""
+    kite = Kite(DEVELOPMENT, extra=(key,)).with_values(sizes(key))
+    x, u, c = at_point(kite)
+    at = kite.instant(x, u, c)
+    assert at.states == dict(zip(kite.state_names[12:], x[12:], strict=False))
+    assert at.inputs == dict(zip(kite.input_names, u, strict=True)) and at.values == dict(zip(kite.parameter_names, c, strict=True))
+
+
 def test_the_tables_of_the_tests_are_complete():
     """Guards this file: an effect that is added to EFFECTS must get a plausible size here."""
     assert set(PLAUSIBLE) == {n for n, e in EFFECTS.items() if not e.always}

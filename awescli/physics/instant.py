@@ -73,7 +73,8 @@ class Load(NamedTuple):
 class Instant:
     """One instant, filled from top to bottom by `kite.Kite`; effects read what stands above their place.
 
-    z: the 12 states; R: rows of body-to-NED; v_ned [m/s]; inputs: the exogenous inputs by name; values: all parameters by name.
+    z: the 12 states; R: rows of body-to-NED; v_ned [m/s]; inputs: the exogenous inputs by name; values: all parameters by name;
+    received: key of an effect -> what stood at its place before it acted.
     """
 
     z: SimpleNamespace
@@ -85,6 +86,7 @@ class Instant:
     distance: Number
     p_hat: tuple
     states: dict[str, Number] = field(default_factory=dict)
+    received: dict[str, Any] = field(default_factory=dict)
     deflections: dict[str, Number] = field(default_factory=dict)
     wind: Wind | None = None
     V_a: Number = None

@@ -153,6 +153,13 @@ class Kite:
     def _at(self, place: str):
         return self.by_place.get(place, ())
 
+    def _through(self, place: str, value, at: Instant):
+        """What the effects at a place make of what stands there, one after the other; each keeps what it received."""
+        for e in self._at(place):
+            at.received[e.key] = value
+            value = getattr(e, place)(value, at, e.own(at))
+        return value
+
     def instant(self, x, u, c) -> Instant:
         """Fill one instant, from the state down to the loads' sum about the reference point."""
         values = dict(zip(self.parameter_names, c, strict=True))
@@ -165,16 +172,13 @@ class Kite:
         distance = sqrt(dot(position, position))
         at = Instant(z, R, rotate(R, (z.u, z.v, z.w)), inputs, values, setpoints, distance, scale(1 / distance, position), states)
         # surfaces
-        at.deflections = setpoints
-        for e in self._at("actuate"):
-            at.deflections = e.actuate(at.deflections, at, e.own(at))
+        at.deflections = self._through("actuate", setpoints, at)
         # air
         stations = inputs | {
             f"wind_{n.removeprefix('record.')}": inputs[f"wind_{n.removeprefix('record.')}"] + values[n] for n in self.record
         }
         wind = wind_vector(*declared_wind(self.declaration.wind, self.heights, -z.p_d, stations), inputs["density"])
-        for e in self._at("airflow"):
-            wind = e.airflow(wind, at, e.own(at))
+        wind = self._through("airflow", wind, at)
         # what is estimated beside it, a signal and the parameters through which it is differentiated; last, so that no effect scales it
         odd = inputs["gust_phase"]
         gust = {a: inputs[f"gust_{a}"] + ((1 - odd) * values[f"gust.{a}"] + odd * values[f"gust_odd.{a}"]) for a in "nedp"}
@@ -185,27 +189,20 @@ class Kite:
         # kite
         v = values
         body = Body(v["m"], 0.0, v["Jx"], v["Jy"], v["Jz"], v["Jxz"], (0.0, 0.0, 0.0))
-        for e in self._at("body"):
-            body = e.body(body, at, e.own(at))
-        at.body = body
-        coefficients = Coefficients(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        for e in self._at("coefficients"):
-            coefficients = e.coefficients(coefficients, at, e.own(at))
-        at.coefficients = coefficients
+        at.body = self._through("body", body, at)
+        at.coefficients = self._through("coefficients", Coefficients(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), at)
         # line
         paid_out = inputs["tether_length"], inputs["reel_out_speed"], inputs["reel_out_acceleration"]
         line = Line(*paid_out, v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0)
-        for e in self._at("line"):
-            line = e.line(line, at, e.own(at))
-        at.line = line
+        at.line = self._through("line", line, at)
         # loads, each seeing the sum of those before it
         at.applied = aerodynamic_load(at)
         for e in self._at("load"):
             load = e.load(at, e.own(at))
             force, moment = add(at.applied.force, load.force), add(at.applied.moment, load.moment)
             at.applied = Load(force, moment, at.applied.mass_across + load.mass_across)
-        at.acceleration = acceleration(body, at.applied, rotate_back(R, at.p_hat))
-        at.derivative = state_derivative(z, R, body, at.acceleration, self._about_centre_of_mass(at))
+        at.acceleration = acceleration(at.body, at.applied, rotate_back(R, at.p_hat))
+        at.derivative = state_derivative(z, R, at.body, at.acceleration, self._about_centre_of_mass(at))
         return at
 
     @staticmethod
@@ -240,8 +237,7 @@ class Kite:
             "a_x": a[0], "a_y": a[1], "a_z": a[2],
             "V_a": at.V_a, "alpha": at.alpha, "beta": at.beta, "tension": at.tension,
         }  # fmt: skip
-        for e in self._at("report"):
-            reported = e.report(reported, at, e.own(at))
+        reported = self._through("report", reported, at)
         return [*(reported[name] for name in MEASURED), *at.setpoints.values()]
 
     def with_values(self, values: dict[str, float]) -> "Kite":

@@ -317,7 +317,7 @@ def test_unsteady_lift_lags(calm):
     lagging = kite.with_values(values)
     c = [float(v) for v in lagging.parameters.vector()]
     at = lagging.instant(list(result.states[0].T), list(segments.inputs[0].T), c)
-    CL, steady = at.coefficients.CL, at.states["unsteady_lift.steady"]
+    CL, steady = at.coefficients.CL, at.received["unsteady_lift"].CL
     middle = (np.diff(CL) / 0.02 - ((steady - CL)[1:] + (steady - CL)[:-1]) / 2 / 0.1) * 0.1
     assert np.abs(middle[5:]).max() < 0.01 * np.ptp(steady)  # trapezoidal rule; set-points jump in between
 
