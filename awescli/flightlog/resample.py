@@ -7,6 +7,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from awescli.flightlog.log import FlightLog, WindRecord, runs_of
+from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES, MEASURED, SURFACES
 
@@ -155,12 +156,6 @@ def sample_interval(stamps: np.ndarray) -> float:
     if rate >= 1 and abs(round(rate) / rate - 1) < 0.01:
         return 1.0 / round(rate)
     return round(mean, 4) if mean >= 0.01 else mean
-
-
-def wrap(angle: np.ndarray) -> np.ndarray:
-    """Angle [rad] in (-pi, pi]; values already there keep every bit."""
-    outside = (angle > np.pi) | (angle <= -np.pi)
-    return np.where(outside, np.pi - np.mod(np.pi - angle, 2 * np.pi), angle) if outside.any() else angle
 
 
 def _place(time: np.ndarray, stamps: np.ndarray, dt: float, max_gap: float) -> _Placement:

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import savgol_filter
 
+from awescli.flightlog.smoothing import local_quadratic
 from awescli.learning.correction import ROWS, Correction, initial_weights
 from awescli.learning.network_inputs import check_inputs, inputs_of_instant
 from awescli.notation.errors import BadInput
@@ -54,8 +54,7 @@ def input_signals(log, kite: Kite, names: Sequence[str]) -> np.ndarray:
 def residual_acceleration(log, kite: Kite) -> np.ndarray:
     """(N, 6) measured less modelled derivatives of (u, v, w, p, q, r), by a local quadratic through the measured states."""
     at, *_ = instants(log, kite)
-    window = max(5, 2 * int(round(SMOOTHING / log.dt / 2)) + 1)
-    measured = savgol_filter(np.stack([log[STATES[r]] for r in ROWS], axis=1), window, 2, deriv=1, delta=log.dt, axis=0)
+    measured = local_quadratic(np.stack([log[STATES[r]] for r in ROWS], axis=1), log.dt, SMOOTHING, derivative=1)
     modelled = np.stack([np.broadcast_to(np.asarray(at.derivative[r], dtype=float), (len(log),)) for r in ROWS], axis=1)
     return measured - modelled
 

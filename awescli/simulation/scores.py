@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES
 
 
 def error(measured: np.ndarray, simulated: np.ndarray, name: str) -> np.ndarray:
     """measured - simulated; differences of angles wrapped to (-pi, pi]."""
     difference = measured - simulated
-    return np.pi - (np.pi - difference) % (2 * np.pi) if name in ANGLES else difference
+    return wrap(difference) if name in ANGLES else difference
 
 
 def rmse(e: np.ndarray) -> float:

@@ -12,13 +12,14 @@ import numpy as np
 
 from awescli.control.pattern import Pattern, arc
 from awescli.flightlog.log import FlightLog, WindRecord
+from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 from awescli.simulation.gusts import dryden, roll_gust
 from awescli.simulation.rollout import Segments, Simulator, Trajectories, inputs_of
-from awescli.simulation.segments import noise_std, wrap
+from awescli.simulation.segments import noise_std
 
 EPOCH = 1_650_000_000.0
 """Unix time of the first sample [s]: an arbitrary constant, so that the same seed writes the same bytes on any day."""

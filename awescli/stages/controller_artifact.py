@@ -29,8 +29,8 @@ def read_controller(folder: Path):
 
 def wind_direction(log) -> float:
     """Mean direction the wind comes from over a flight [rad]."""
-    import numpy as np
+    from awescli.notation.angles import mean_direction
 
     if log.wind is None:
         return 0.0
-    return float(np.arctan2(np.sin(log.wind.direction).mean(), np.cos(log.wind.direction).mean()))
+    return mean_direction(log.wind.direction)

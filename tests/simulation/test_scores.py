@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT
 
+from awescli.notation.angles import wrap
 from awescli.simulation import scores
-from awescli.simulation.segments import noise_std, wrap
+from awescli.simulation.segments import noise_std
 
 
 def test_nrmse_is_the_error_over_the_range():

@@ -22,8 +22,8 @@ class Effect:
     that it cannot be flown without one.
 
     Every method receives what stands at its place, the instant `at`, and `own`: the values of its parameters by short name.
-    It must give back its input unchanged, to the last bit, when all parameters are null. It writes nothing into the instant (the tether alone
-    says its tension there): what it received at its place is kept for its `rates` and `initial`, see `received`.
+    It must give back its input unchanged, to the last bit, when all parameters are null. It writes nothing into the instant (the tether
+    alone says its tension there): what it received at its place is kept for its `rates` and `initial`, see `received`.
     """
 
     name: str = ""
