@@ -48,8 +48,7 @@ class Question:
 
 def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None) -> Simulator:
     """Compile the declared kite with `extra` effects at null, differentiable in its free parameters and in those of `extra`."""
-    heights = log.wind.height if log.wind is not None else (10.0,)
-    kite = Kite(declaration, heights, extra)
+    kite = Kite(declaration, log.wind.height, extra)
     own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
     wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in (*GUSTS, *ODD_GUSTS, *ROLL_GUSTS, *kite.record)]
     return Simulator(kite, wrt, law)

@@ -205,7 +205,7 @@ class HybridKite:
 
 def hybrid_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log) -> Simulator:
     """The simulator of what train-hybrid left (network.json, network.safetensors) on the kite file beside them."""
-    return Simulator(kite_from_artifact(description, arrays, declaration, log.wind.height if log.wind is not None else (10.0,)), GUSTS)
+    return Simulator(kite_from_artifact(description, arrays, declaration, log.wind.height), GUSTS)
 
 
 def kite_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, heights) -> Kite | HybridKite:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from awescli.stages.base import Context, StageConfig
+from awescli.stages.base import Context
 
 
 def flight_parts(context: Context, flight: Path | None = None):
@@ -30,8 +30,7 @@ def driven_upstream(context: Context, declaration, log):
 
     fitted = read_controller(context.upstream("fit-controller"))
     driven = with_setpoint_dynamics(declaration, fitted)
-    heights = log.wind.height if log.wind is not None else (10.0,)
-    return driven, loop(fitted, Kite(driven, heights), wind_direction(log))
+    return driven, loop(fitted, Kite(driven, log.wind.height), wind_direction(log))
 
 
 def score_parts(simulator, log, parts, horizon: float) -> dict:
@@ -44,6 +43,3 @@ def score_parts(simulator, log, parts, horizon: float) -> dict:
         nrmse[part] = prediction.nrmse()
         diverged[part] = prediction.diverged
     return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged}
-
-
-__all__ = ["StageConfig", "driven_upstream", "flight_parts", "score_parts"]

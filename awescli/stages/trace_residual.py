@@ -45,8 +45,7 @@ class TraceResidual(Stage):
 
         # the prior is what the user declared; the search starts from what identify found
         started = {n: p.value for n, p in identified.table().items()}
-        settings = config.model_dump(exclude={"report"})
-        finding, before = trace_flight(declared, log, parts, start=started, progress=progress, **settings)
+        finding, before = trace_flight(declared, log, parts, start=started, progress=progress, **config.model_dump())
         progress("scoring on unseen loops")
         after = finding.after()
         scores = {"before": score_parts(before, log, parts, config.horizon), "after": score_parts(after, log, parts, config.horizon)}
