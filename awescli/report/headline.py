@@ -3,6 +3,7 @@
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Section, bullets, esc, link, paragraph
 from awescli.report.plots import Figure, dots, log_axis
+from awescli.report.power import power_claim, power_figure
 from awescli.report.words import COLOURS, channel, effect_words, listed, number, percent, short, times, with_std
 
 ODDS = {
@@ -21,7 +22,7 @@ SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "
 def headline(evidence: Evidence) -> Section:
     """Title, verdict, claims, numbers of the ladder, and the ladder per channel."""
     said = paragraph(f"{lead(evidence)} {worth(evidence)}", "lead") if evidence.effects else ""
-    body = said, tiles(evidence), bullets(claims(evidence)), ladder(evidence)
+    body = said, tiles(evidence), bullets(claims(evidence)), ladder(evidence), power_figure(evidence)
     return Section("summary", title(evidence), body)
 
 
@@ -81,7 +82,7 @@ def tiles(evidence: Evidence) -> str:
 
 def claims(evidence: Evidence) -> list[str]:
     """What the page claims, each sentence with a link to its plot."""
-    found = [_error(evidence)]
+    found = [_error(evidence), power_claim(evidence)]
     if evidence.effects:
         found += [_effect(evidence, e) for e in evidence.effects["effects"]]
         found.append(_gain(evidence))

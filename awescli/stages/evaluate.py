@@ -53,8 +53,20 @@ class Evaluate(Stage):
             for model in models
         }
         summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"]}
+        if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
+            summary["power"] = power
         if config.report:
             summary["report"] = str(context.out / self.name / REPORT)
         if config.figures:
             summary["figures"] = str(context.out / self.name / FIGURES)
         return summary
+
+
+def power_line(powers: dict[str, dict]) -> str:
+    """Measured mean power of the test loops, and every model's error of it, the last one's with its interval; empty where there is none."""
+    if not powers:
+        return ""
+    said = [f"{model} {100 * p['error_share']:+.1f} %" for model, p in powers.items() if p["error_share"] is not None]
+    *_, last = powers.values()
+    between = " ({:+.1f} to {:+.1f})".format(*(100 * share for share in last["interval_share"])) if last["interval_share"] else ""
+    return "; ".join([f"{last['measured_mean_W'] / 1000:.3g} kW measured", *([f"{', '.join(said)}{between}"] if said else [])])

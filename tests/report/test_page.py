@@ -189,3 +189,23 @@ def test_intervals_and_shares_in_words():
     assert with_std(5.0, 0.0, "m") == "5.000 m"
     assert percent(0.1487) == "14.9 %" and percent(0.004385) == "0.44 %"
     assert times(0.148, 0.0044) == "34 times smaller" and times(1, 1) == "unchanged" and times(1, 2) == "2.0 times larger"
+
+
+def test_the_power_of_the_test_loops_stands_on_the_first_screen():
+    """Guards what an operator asks for: measured power, every model's error, the last one's interval, a figure, over how many seconds."""
+    text = own(usual())
+    first = re.sub(r"<[^>]+>", "", text[text.index("<body") : text.index('<section id="flight">')])
+    assert "0.280 kW measured" in first and "22 of 24 s of 3 test loops" in first
+    for said in ("as declared −10.0 %", "identified −3.3 %", "hybrid −0.37 % (−1.4 % to +0.63 % over loops, 95 %)"):
+        assert said in first, said
+    assert 'id="fig-power"' in text
+
+
+def test_a_flight_without_a_line_has_no_power():
+    whole = evidence()
+    scores = {
+        k: {n: v for n, v in block.items() if n != "power"} if isinstance(block, dict) else block for k, block in whole.scores.items()
+    }
+    text = own(page(replace(whole, scores=scores)))
+    assert "fig-power" not in text and "mechanical power" not in text
+    links_lead_somewhere(text)
