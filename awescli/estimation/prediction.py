@@ -12,7 +12,7 @@ from awescli.estimation.fit import fit
 from awescli.estimation.nuisance_wind import RecordError
 from awescli.flightlog.split import segments as segment_starts
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
-from awescli.notation.quantities import MEASURED, OUTPUTS, STATES
+from awescli.notation.quantities import MEASURED, STATES
 from awescli.physics.declaration import Noise
 from awescli.simulation import scores
 from awescli.simulation.rollout import Simulator, Trajectories
@@ -101,10 +101,7 @@ def compare(log, trajectories: Trajectories, first: np.ndarray, skip: int, range
     rows = first[:, None] + np.arange(count)[None]
     names = [n for n in SCORED if n in STATES or n in log]
     measured = {n: log[n][rows] for n in names}
-    simulated = {
-        n: trajectories.states[:, skip:, STATES.index(n)] if n in ("u", "v", "w") else trajectories.outputs[:, skip:, OUTPUTS.index(n)]
-        for n in names
-    }
+    simulated = {n: trajectories[n][:, skip:] for n in names}
     part = np.concatenate([np.arange(a, b) for a, b in ranges])
     spans = {n: scores.span(log[n][part], n) for n in names}
     return Prediction(

@@ -48,7 +48,7 @@ class Problem:
     """One flight, one kite, one shape of network. `data` cuts segments, `cost` and `gradient` judge weights on them."""
 
     def __init__(
-        self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, substeps: int = 1, decay: float = 0.0,
+        self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, step: float | None = None, decay: float = 0.0,
         solver: str = "rk4", parametric: Parametric | None = None, orthogonality: float = 0.0,
     ):  # fmt: skip
         self.parametric, self.orthogonality = parametric, orthogonality
@@ -61,7 +61,7 @@ class Problem:
         self.warmup = max(2, int(round(warmup / log.dt)))
         if solver == "rk4":
             inputs = network_inputs(kite, correction.inputs)
-            self.corrected = CorrectedSimulator(kite, inputs, correction.sizes, ROWS, self.outputs, law, substeps)
+            self.corrected = CorrectedSimulator(kite, inputs, correction.sizes, ROWS, self.outputs, law, step)
         else:
             from awescli.simulation.hybrid_torch import SlowSimulator
 
@@ -70,7 +70,7 @@ class Problem:
         self.hybrid = HybridKite(kite, correction)
         # the law is a function of the physical parameters, which stand first
         own = len(kite.parameter_names)
-        self.simulator = Simulator(self.hybrid, GUSTS, (lambda x, u, c: law(x, u, c[:own])) if law else None, substeps)
+        self.simulator = Simulator(self.hybrid, GUSTS, (lambda x, u, c: law(x, u, c[:own])) if law else None, step)
         self.constants = correction.constants
 
     def observed(self, first: np.ndarray, horizon: int) -> Observed:

@@ -96,6 +96,10 @@ class KiteDeclaration(_Frozen):
     tether: TetherLaw = TetherLaw()
     wind: WindLaw = WindLaw()
     surfaces: dict[Literal["aileron", "elevator", "rudder", "flaps"], SurfaceDeclaration] = {}
+    set_point_rate: float = Field(
+        50.0, gt=0.1, le=1e4, description="rate at which the flight controller sets the surfaces and holds them [Hz]; a slower log lacks "
+        "set-points, which are taken on the line between its rows"
+    )
     effects: tuple[str, ...] = Field(
         ("gravity", "aerodynamics", "tether"),
         description="ordered; each name from the table of effects, with `:target` where an effect has several places to act",

@@ -66,7 +66,7 @@ def dev_like(
     duration: float = 150.0,
     turn: float = -1.0,
     noise: bool = True,
-    substeps: int = 4,
+    step: float = 0.005,
     spread: tuple[float, float] = (0.05, 0.3),
 ) -> CampaignFlight:
     """A flight of `truth` (data/kites/development.yaml), with `effects` (key -> values by short name) that its user does not declare.
@@ -92,7 +92,7 @@ def dev_like(
     )  # fmt: skip
     flown = with_effects(truth, effects or {})
     log = fly(
-        flown, law.setpoints, wind, reel_out, pattern=law.pattern, duration=duration, seed=seed, noise=noise, substeps=substeps,
+        flown, law.setpoints, wind, reel_out, pattern=law.pattern, duration=duration, seed=seed, noise=noise, step=step,
         recorded_wind=as_measured(wind, seed + 1), name=f"development-{seed}",
     )  # fmt: skip
     return CampaignFlight(log, flown, perturbed(truth, seed, spread), law)

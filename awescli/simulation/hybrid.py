@@ -13,6 +13,7 @@ from awescli.engine.dense import compile_network, weight_count
 from awescli.engine.machine import LANES
 from awescli.notation.quantities import OUTPUTS, STATES
 from awescli.simulation.rollout import Segments
+from awescli.simulation.stepping import Stepping, longest_step
 
 
 @dataclass(frozen=True)
@@ -24,11 +25,13 @@ class Prepared:
     inputs: np.ndarray  # (G, K+1, n_u, L)
     parameters: np.ndarray  # (G, n_c, L)
     dt: float
+    stepping: Stepping
     count: np.ndarray
 
     def groups(self, which) -> "Prepared":
         """Some of the groups, by index."""
-        return Prepared(self.starts[which], self.setpoints[which], self.inputs[which], self.parameters[which], self.dt, self.count[which])
+        arrays = (a[which] for a in (self.starts, self.setpoints, self.inputs, self.parameters))
+        return Prepared(*arrays, self.dt, self.stepping, self.count[which])
 
     def __len__(self) -> int:
         return int(self.count.sum())
@@ -79,14 +82,14 @@ class CorrectedSimulator:
 
     network_inputs: function (x, u, c) lists -> list of scalars, recorded with the physics; sizes: layer widths (inputs, hidden...,
     outputs); outputs: names of the simulated channels that the cost sees (of OUTPUTS, or u, v, w);
-    law: as `rollout.Simulator`.
+    law, step: as `rollout.Simulator`; the poles are those of the physics.
     """
 
     def __init__(
         self, kite, network_inputs: Callable, sizes: Sequence[int], rows: Sequence[int], outputs: Sequence[str],
-        law: Callable | None = None, substeps: int = 1,
+        law: Callable | None = None, step: float | None = None,
     ):  # fmt: skip
-        self.kite, self.substeps, self.outputs = kite, substeps, tuple(outputs)
+        self.kite, self._longest, self.outputs = kite, step, tuple(outputs)
         dimensions = (len(kite.x_names), len(kite.input_names), len(kite.parameter_names))
 
         def right_hand_side(x, u, c):
@@ -115,15 +118,18 @@ class CorrectedSimulator:
             c[:, names.index(name)] = value
         G = -(-len(segments) // LANES)
         count = np.minimum(LANES, len(segments) - LANES * np.arange(G))
-        return Prepared(*(grouped(a) for a in (segments.starts, segments.setpoints, segments.inputs, c)), segments.dt, count)
+        if self._longest is None:
+            self._longest = longest_step(self.kite, segments.starts, segments.setpoints[:, 0], segments.inputs[:, 0])
+        stepping = Stepping.between(segments.dt, self._longest, self.kite.declaration.set_point_rate)
+        return Prepared(*(grouped(a) for a in (segments.starts, segments.setpoints, segments.inputs, c)), segments.dt, stepping, count)
 
-    def _storage(self, G: int, steps: int):
-        """Arrays that live from call to call: fresh pages of this size cost as much time as the rollout."""
-        key = (G, steps)
+    def _storage(self, G: int, m: int):
+        """Arrays for m steps of G groups that live from call to call: fresh pages of this size cost as much time as the rollout."""
+        key = (G, m)
         if key not in self._buffers:
             if len(self._buffers) > 4:
                 self._buffers.clear()
-            n_x, m = len(self.kite.x_names), steps * self.substeps
+            n_x = len(self.kite.x_names)
             self._buffers[key] = (
                 np.empty((G, m, 4, n_x, LANES)),
                 np.empty((G, m, 4, self.network.kept, LANES)),
@@ -137,11 +143,11 @@ class CorrectedSimulator:
         G, samples = prepared.setpoints.shape[:2]
         X, Y = np.empty((G, samples, len(self.kite.x_names), LANES)), np.empty((G, samples, len(self.outputs), LANES))
         alive = np.full((G, LANES), samples)
-        stages, kept = self._storage(G, samples - 1)
+        stages, kept = self._storage(G, (samples - 1) * prepared.stepping.substeps)
         hybrid_kernels.rollout(
             self.f.value, self.g.value, self.initial.value, self.law.value if self.law else None, self.network, self.n_s, self.rows,
             constants, weights, prepared.starts, prepared.setpoints, prepared.inputs,
-            prepared.parameters, prepared.dt, self.substeps, X, Y, stages, kept, alive,
+            prepared.parameters, prepared.dt, prepared.stepping, X, Y, stages, kept, alive,
         )  # fmt: skip
         return Run(prepared, weights, constants, X, Y, alive, (stages, kept))
 
@@ -159,7 +165,7 @@ class CorrectedSimulator:
         X0bar, Wbar = np.zeros_like(p.starts), np.empty((len(p.count), self.n_weights))
         hybrid_kernels.gradient(
             self.f.adjoint, self.g.adjoint, self.initial.adjoint, self.law.adjoint if self.law else None, self.network, self.n_s,
-            self.rows, run.constants, run.weights, p.setpoints, p.inputs, p.parameters, p.dt, self.substeps,
+            self.rows, run.constants, run.weights, p.setpoints, p.inputs, p.parameters, p.dt, p.stepping,
             run.X, Ybar, stages, kept, run.alive_lanes, X0bar, Wbar,
         )  # fmt: skip
         return Wbar.sum(0), ungrouped(X0bar, p.count)

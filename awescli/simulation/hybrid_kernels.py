@@ -18,8 +18,8 @@ from awescli.simulation.kernels import COMMON, Loop, compile_loop, passed, rows_
 _NETWORK = ("ptr network", "i64 n_in", "i64 n_rows", "ptr rows", "ptr constants", "ptr weights", "ptr stages", "ptr kept", "i64 n_kept")
 _REVERSE = (
     "ptr f", "ptr g", "ptr initial", "ptr law", "i64 n_s", "i64 n_sp", "i64 n_u", "i64 n_y", "i64 samples", "i64 substeps", "double h",
-    "ptr sp", "ptr inputs", "ptr c", "ptr X", "ptr Ybar", "ptr alive", "ptr x0bar", "ptr total", "ptr work", "ptr accumulate",
-    "ptr turned", "i64 n_delta", *_NETWORK,
+    "double sp_first", "double sp_onward", "ptr sp", "ptr inputs", "ptr c", "ptr X", "ptr Ybar", "ptr alive", "ptr x0bar", "ptr total",
+    "ptr work", "ptr accumulate", "ptr turned", "i64 n_delta", *_NETWORK,
 )  # fmt: skip
 """Arguments of the printed loops, for one group of lanes; see `rollout` and `gradient`."""
 
@@ -49,7 +49,7 @@ class _Keeping(Loop):
     def sample(self, u, k) -> None:
         self.evaluate("%g", self.x, u, self.row("%Y", self.whole("mul", k, "%n_y")))
 
-    def begin_step(self, sub, derivative) -> None:
+    def begin_step(self, at_sample, derivative) -> None:
         derivative(0, 0.0, self.x, self.total)
 
     def derivative(self, stage, x, k) -> None:
@@ -74,7 +74,7 @@ class _Reverse(Body):
         self.u, self.v, self.seen = self._rows("%n_u"), self._rows(self.n_x), self._rows(self.n_x)
         self.w, self.ybar = self._rows(self.whole("add", "%n_s", "%n_in")), self._rows("%n_rows")
         self.delta, self.xbar, self.before, self.kbar = (self._rows(n) for n in ("%n_delta", "%n_s", "%n_s", "%n_s"))
-        self.setpointbar = self._rows("%n_sp")
+        self.setpointbar, self.interpolated = self._rows("%n_sp"), self._rows("%n_sp")
         self._print()
 
     def _rows(self, n) -> str:
@@ -133,6 +133,7 @@ class _Reverse(Body):
                         vectors = (f"ptr {a}" for a in (self.kbar, self.before, self.v))
                         self.call("@combined", *vectors, f"double {share}", f"double {onward}", "i64 %n_s")
                     self._stage(self.whole("add", first, j), self.whole("add", k, 1))
+                self._set_points_within(k, sub, self.row("%stages", self.whole("mul", first, self.n_x)), recorded)
             self._adjoint("%g", x, u, self.row("%Ybar", self.whole("mul", k, "%n_y")))
             self._only(self.v, self.n_x, k)
             self._gather()
@@ -141,6 +142,21 @@ class _Reverse(Body):
                 with self.loop("%n_s") as i:
                     _add_rows(self, self.xbar, None, self.v, i)
         self._start()
+
+    def _set_points_within(self, k, sub, x, recorded) -> None:
+        """Where a step has set-points of its own: through the law that was asked at its begin, with the state x and the inputs there (those
+        of the first stage, which was the last to be reversed), or else they are recorded ones."""
+        along = self.line(f"fmul double %sp_onward, {self.line(f'sitofp i64 {sub} to double')}")
+        share = self.line(f"fadd double %sp_first, {along}")
+        with self.when(self.line(f"fcmp one double {share}, {hexadecimal(0.0)}")):
+            with self.when(self.line("icmp ne ptr %law, null")):
+                vectors = (f"ptr {a}" for a in (self.interpolated, recorded, self.row(recorded, "%n_sp")))
+                self.call("@between", *vectors, f"double {share}", "i64 %n_sp")
+                self._through_law(x, self.interpolated, self.u)
+                self._only(self.v, self.n_x, self.whole("add", k, 1))
+                with self.loop("%n_s") as i:
+                    _add_rows(self, self.xbar, None, self.v, i)
+            self.call("@zero", f"ptr {self.setpointbar}", "i64 %n_sp")
 
     def _stage(self, place, after) -> None:
         """v = (d corrected derivative / d x)^T kbar at a kept stage, and the weights' share; `after`: the sample that the step leads to."""
@@ -211,12 +227,12 @@ def _print_zero() -> str:
     return body.function("zero", ("ptr %a", "i64 %n"), "internal")
 
 
-def rollout(f, g, initial, law, network, n_s, rows, constants, weights, X0, SP, U, C, h, substeps, X, Y, stages, kept, alive):
+def rollout(f, g, initial, law, network, n_s, rows, constants, weights, X0, SP, U, C, h, stepping, X, Y, stages, kept, alive):
     """Simulate, and keep. f: [derivative, network inputs]; network: a `DenseProgram`; rows: which derivatives it corrects; others as
     `kernels.rollout`. Fills also stages (G, K*substeps, 4, n_x, L) and kept (G, K*substeps, 4, n_kept, L)."""
     G, samples, n_x, _ = X.shape
     n_u, n_y, loop = U.shape[2], Y.shape[2], _rollout()
-    sizes = (n_s, SP.shape[2], n_u, n_y, samples, substeps, h)
+    sizes = (n_s, SP.shape[2], n_u, n_y, samples, stepping.substeps, h, stepping.first, stepping.onward)
     rows, constants, weights = _plain(rows, constants, weights)
     of_network = (network.value, network.sizes[0], len(rows), rows, constants, weights)
 
@@ -231,19 +247,19 @@ def rollout(f, g, initial, law, network, n_s, rows, constants, weights, X0, SP, 
     each_group(work, G)
 
 
-def gradient(f, g, initial, law, network, n_s, rows, constants, weights, SP, U, C, h, substeps, X, Ybar, stages, kept, alive, X0bar, Wbar):
+def gradient(f, g, initial, law, network, n_s, rows, constants, weights, SP, U, C, h, stepping, X, Ybar, stages, kept, alive, X0bar, Wbar):
     """Reverse of `rollout` for d cost / d Y = Ybar (G, K+1, n_y, L). f, g, initial, law: `adjoint` addresses; network: a `DenseProgram`.
 
     Fills X0bar (G, 12, L) = d cost / d starts and Wbar (G, n_weights), each group's d cost / d weights. Uses up kept.
     """
     G, samples, n_x, _ = X.shape
     n_u, loop = U.shape[2], _gradient()
-    sizes = (n_s, SP.shape[2], n_u, Ybar.shape[2], samples, substeps, h)
+    sizes = (n_s, SP.shape[2], n_u, Ybar.shape[2], samples, stepping.substeps, h, stepping.first, stepping.onward)
     rows, constants, weights = _plain(rows, constants, weights)
     of_network = (network.deltas, network.backward, network.sizes[0], len(rows), rows, constants, weights)
 
     def work(group):
-        scratch = lane_rows(n_u + 3 * n_x + 4 * n_s + network.sizes[0] + len(rows) + network.deltas)
+        scratch = lane_rows(n_u + 4 * n_x + 3 * n_s + network.sizes[0] + len(rows) + network.deltas)
         total, turned = np.zeros(network.padded), np.zeros(network.turned)
         own = (*(a[group] for a in (SP, U, C, X, Ybar, alive, X0bar)), total, scratch, network.accumulate, turned)
         loop(*passed(f, g, initial, law, *sizes, *own, *of_network, stages[group], kept[group], network.kept))

@@ -16,6 +16,7 @@ from awescli.notation.errors import BadInput, did_you_mean
 from awescli.notation.quantities import OUTPUTS, STATES
 from awescli.simulation.kernels import LIMIT
 from awescli.simulation.rollout import Segments
+from awescli.simulation.stepping import Stepping, longest_step
 
 
 class ClassicalRK4(RK4):
@@ -61,8 +62,8 @@ class TorchHybrid:
     """Rollouts of physics + network as a differentiable torch function of the weights. Arguments as `hybrid.CorrectedSimulator`,
     but inputs_of_instant maps an `Instant` to the network's inputs: here each term is computed as it is written.
 
-    solver: a name in `solver_names()`; options: tolerances and the like for torchdiffeq.odeint. Set-points are held from sample to
-    sample, so adaptive solvers are restarted at each.
+    solver: a name in `solver_names()`; options: tolerances and the like for torchdiffeq.odeint. Set-points are held over a step, so
+    adaptive solvers are restarted at each.
     """
 
     def __init__(self, kite, inputs_of_instant, sizes, rows, outputs, *, solver: str = OURS, options: dict | None = None):
@@ -72,48 +73,58 @@ class TorchHybrid:
         self.kite, self.inputs, self.sizes, self.rows = kite, inputs_of_instant, tuple(sizes), list(rows)
         self.outputs = tuple(outputs)
         self.solver, self.options = solver, options or ({} if solver in FIXED else TOLERANCE)
-        self.n_s = len(kite.state_names)
+        self.n_s, self._longest = len(kite.state_names), None
+
+    def _stepping(self, segments: Segments) -> Stepping:
+        """As that of the first segments that were simulated."""
+        if self._longest is None:
+            self._longest = longest_step(self.kite, segments.starts, segments.setpoints[:, 0], segments.inputs[:, 0])
+        return Stepping.between(segments.dt, self._longest, self.kite.declaration.set_point_rate)
 
     def rollout(self, segments: Segments, weights: torch.Tensor, constants: np.ndarray) -> torch.Tensor:
         """(K, N+1, n_out) outputs, from recorded set-points."""
-        kite, dt, N = self.kite, segments.dt, segments.steps
+        kite, N = self.kite, segments.steps
+        stepping = self._stepping(segments)
+        n, step = stepping.substeps, segments.dt / stepping.substeps
         U, SP = torch.as_tensor(segments.inputs), torch.as_tensor(segments.setpoints)
         c = [float(v) for v in kite.parameters.vector()]
         for name, value in segments.values.items():
             c[kite.parameter_names.index(name)] = torch.as_tensor(value)
 
-        def columns(x, k):
-            return [*x.unbind(-1), *SP[:, k].unbind(-1)]
+        def columns(x, k, share=0.0):
+            held = SP[:, k] + share * (SP[:, k + 1] - SP[:, k]) if share else SP[:, k]
+            return [*x.unbind(-1), *held.unbind(-1)]
 
         def right_hand_side(t, x):
-            # t counts samples: whole numbers are exact, so that `floor` tells before from after
-            k = min(max(int(np.floor(float(t.detach()))), 0), N - 1)
-            share = t - k
+            # t counts steps: whole numbers are exact, so that `floor` tells before from after
+            done = min(max(int(np.floor(float(t.detach()))), 0), N * n - 1)
+            k, i = divmod(done, n)
+            share = (t - k * n) / n
             u = list((U[:, k] + share * (U[:, k + 1] - U[:, k])).unbind(-1))
-            at = kite.instant(columns(x, k), u, c)
+            at = kite.instant(columns(x, k, stepping.first + i * stepping.onward), u, c)
             rates = [*at.derivative, *(rate for e in kite.effects for rate in e.rates(at, e.own(at)))]
             derivative = torch.stack(torch.broadcast_tensors(*(torch.as_tensor(d) for d in rates)), -1)
             seen = [torch.as_tensor(s, dtype=x.dtype).expand(x.shape[0]) for s in self.inputs(at)]
             correction = network(torch.stack(seen, -1), self.sizes, constants, weights)
             full = torch.zeros_like(derivative)
             full[:, self.rows] = correction
-            return dt * (derivative + full)
+            return step * (derivative + full)
 
         x = torch.as_tensor(segments.starts)
         if self.n_s > 12:
             own = [torch.zeros(len(segments), dtype=x.dtype)] * (self.n_s - 12)
             started = kite.initial([*x.unbind(-1), *own, *SP[:, 0].unbind(-1)], list(U[:, 0].unbind(-1)), c)
             x = torch.cat([x, torch.stack([torch.as_tensor(s, dtype=x.dtype).expand(len(segments)) for s in started], -1)], -1)
-        times = torch.arange(N + 1, dtype=x.dtype)
+        times = torch.arange(N * n + 1, dtype=x.dtype)
         if self.solver in FIXED:
-            # perturb: the last stage of a step is evaluated just before the sample, where the old set-point still holds
-            states = odeint(right_hand_side, x, times, method=self.solver, options={"perturb": True, **self.options})
+            # perturb: the last stage of a step is evaluated just before its end, where the old set-point still holds
+            states = odeint(right_hand_side, x, times, method=self.solver, options={"perturb": True, **self.options})[::n]
         else:
             found = [x]
-            for k in range(N):
+            for k in range(N * n):
                 inside = torch.stack([times[k], times[k + 1] * (1 - 1e-12)])
                 found.append(odeint(right_hand_side, found[-1], inside, method=self.solver, **self.options)[-1])
-            states = torch.stack(found)
+            states = torch.stack(found[::n])
         reported = []
         for k in range(N + 1):
             y = dict(zip(OUTPUTS, kite.outputs(columns(states[k], k), list(U[:, k].unbind(-1)), c), strict=True))

@@ -1,7 +1,7 @@
 """Step compiled programs through time: classical RK4, LANES segments abreast, groups of lanes on all cores.
 
 The loops know addresses of programs and sizes, no kite. x = [states, held set-points]; exogenous inputs run linearly between samples,
-set-points are held from sample to sample (seed eq. 9e as flown: sample and hold).
+set-points are held over a step at least (seed eq. 9e as flown: sample and hold; `stepping.Stepping` says where they are taken).
 
 They are printed as LLVM IR like the programs they call, with sizes as arguments: one compiled loop serves every kite, and costs a tenth
 of a second once. Loops that do more (`sensitivities`, `hybrid_kernels`) are this one with some of its parts printed otherwise.
@@ -17,13 +17,15 @@ from awescli.engine.lanes import abreast, apart, lane_rows
 from awescli.engine.llvm_ir import Body, hexadecimal, print_rowwise
 from awescli.engine.machine import LANES, _compile
 from awescli.simulation.groups import each_group, groups_of, members, parts
+from awescli.simulation.stepping import Stepping
 
 LIMIT = 1e6
 """A state beyond this, or not finite, has diverged; its lane stops there and is set back to its start so that it stays harmless."""
 
 COMMON = (
     "ptr f", "ptr g", "ptr initial", "ptr law", "i64 n_s", "i64 n_sp", "i64 n_u", "i64 n_y", "i64 samples", "i64 substeps", "double h",
-    "i64 first", "i64 until", "ptr x0", "ptr sp", "ptr inputs", "ptr c", "ptr X", "ptr Y", "ptr alive", "ptr work",
+    "double sp_first", "double sp_onward", "i64 first", "i64 until", "ptr x0", "ptr sp", "ptr inputs", "ptr c", "ptr X", "ptr Y",
+    "ptr alive", "ptr work",
 )  # fmt: skip
 """Arguments of the printed loops, for one group of lanes; see `rollout`. Samples first..until-1 are done, and the step from the last of
 them: what the next call goes on from stays in `work`."""
@@ -75,9 +77,9 @@ class Loop(Body):
         self.evaluate("%g", self.x, u, self.total)
         self.copy(self.row("%Y", self.whole("mul", k, "%n_y")), self.row(self.total, "%n_s"), "%n_y")
 
-    def begin_step(self, sub, derivative) -> None:
-        """The first derivative of a step: at a sample it is known."""
-        with self.when(self.line(f"icmp ne i64 {sub}, 0")):
+    def begin_step(self, at_sample, derivative) -> None:
+        """The first derivative of a step, which is known where the step begins as a sample was left."""
+        with self.when(self.line(f"xor i1 {at_sample}, true")):
             derivative(0, 0.0, self.x, self.total)
 
     def derivative(self, stage: int, x, k) -> None:
@@ -114,7 +116,7 @@ class Loop(Body):
             self.sample(u, k)
             with self.when(self.line(f"icmp slt i64 {k}, {last}")):
                 with self.loop("%substeps") as sub:
-                    self._step(sub, substeps, u, step, half, sixth)
+                    self._step(k, sub, substeps, u, step, half, sixth)
                 self._stop_diverged(self.whole("add", k, 1))
 
     def _start(self) -> None:
@@ -133,9 +135,26 @@ class Loop(Body):
         with self.when(self.line("icmp ne ptr %law, null")):
             self.fill("law", u, "%n_s", "%n_sp")
 
-    def _step(self, sub, substeps, u, step, half, sixth) -> None:
+    def _set_points_within(self, k, sub, share, u) -> str:
+        """The set-points of step `sub` after sample k, where they are not those of the sample; whether they are.
+
+        share: of the way to the next sample at which the step begins; a law is asked again there.
+        """
+        so_far = self.line(f"fmul double %sp_onward, {self.line(f'sitofp i64 {sub} to double')}")
+        along = self.line(f"fadd double %sp_first, {so_far}")
+        at_sample = self.line(f"fcmp oeq double {along}, {hexadecimal(0.0)}")
+        with self.when(self.line(f"xor i1 {at_sample}, true")):
+            held, here = self.row(self.x, "%n_s"), self.row("%sp", self.whole("mul", k, "%n_sp"))
+            self.call("@between", f"ptr {held}", f"ptr {here}", f"ptr {self.row(here, '%n_sp')}", f"double {along}", "i64 %n_sp")
+            with self.when(self.line("icmp ne ptr %law, null")):
+                self.call("@between", f"ptr {self.u}", f"ptr {u}", f"ptr {self.row(u, '%n_u')}", f"double {share}", "i64 %n_u")
+                self.fill("law", self.u, "%n_s", "%n_sp")
+        return self.line(f"and i1 {at_sample}, {self.line(f'icmp eq i64 {sub}, 0')}")
+
+    def _step(self, k, sub, substeps, u, step, half, sixth) -> None:
         """One classical Runge-Kutta step."""
         after, so_far = self.row(u, "%n_u"), self.line(f"sitofp i64 {sub} to double")
+        at_sample = self._set_points_within(k, sub, self.line(f"fdiv double {so_far}, {substeps}"), u)
 
         def derivative(stage, at, x, k):
             share = self.line(f"fdiv double {self.line(f'fadd double {so_far}, {hexadecimal(at)}')}, {substeps}")
@@ -146,16 +165,16 @@ class Loop(Body):
             """A printed formula on the stepped components; arguments: vectors, and a number at the end."""
             self.call(f"@{name}", *(f"ptr {a}" for a in arguments[:-1]), f"double {arguments[-1]}", "i64 %n_s")
 
-        x, stage, total, k = self.x, self.stage, self.total, self.k
+        x, stage, total, rates = self.x, self.stage, self.total, self.k
         self.copy(self.row(stage, "%n_s"), self.row(x, "%n_s"), "%n_sp")
         # k1 + 2 k2 + 2 k3 is summed as it comes
-        self.begin_step(sub, derivative)
+        self.begin_step(at_sample, derivative)
         rowwise("moved", stage, x, total, half)
         for number, far in ((1, half), (2, step)):
-            derivative(number, 0.5, stage, k)
-            rowwise("went_on", stage, total, x, total, k, far)
-        derivative(3, 1.0, stage, k)
-        rowwise("stepped", x, x, total, k, sixth)
+            derivative(number, 0.5, stage, rates)
+            rowwise("went_on", stage, total, x, total, rates, far)
+        derivative(3, 1.0, stage, rates)
+        rowwise("stepped", x, x, total, rates, sixth)
         self.end_step(step)
 
     def _stop_diverged(self, k) -> None:
@@ -210,21 +229,21 @@ def compile_loop(text: str, arguments: Sequence[str]) -> Callable:
     return ctypes.CFUNCTYPE(None, *(_C_TYPES[a.split()[0]] for a in arguments))(address)
 
 
-def rollout(f, g, initial, law, n_s, X0, SP, U, C, h, substeps, X, Y) -> np.ndarray:
+def rollout(f, g, initial, law, n_s, X0, SP, U, C, h, stepping: Stepping, X, Y) -> np.ndarray:
     """Simulate K segments. X0 (K, 12); SP (K, N+1, n_sp); U (K, N+1, n_u); C (K, n_c); h [s] between samples.
 
     f, g, initial, law: addresses of `value` functions; g: [derivative, outputs]; law = 0: recorded set-points. Fills X (K, N+1, n_x) and
     Y (K, N+1, n_y); returns (K,) the number of samples before divergence.
     """
-    return on_segments(_rollout(), (f, g, initial, law), n_s, (X0, SP, U, C), h, substeps, X, Y)
+    return on_segments(_rollout(), (f, g, initial, law), n_s, (X0, SP, U, C), h, stepping, X, Y)
 
 
-def on_segments(loop, programs, n_s, inputs, h, substeps, X, Y, more_rows: int = 0, more: Callable[[slice], tuple] | None = None):
+def on_segments(loop, programs, n_s, inputs, h, stepping, X, Y, more_rows: int = 0, more: Callable[[slice], tuple] | None = None):
     """Run a loop over all groups of segments; more_rows: of `work`, behind those of a rollout; more: arguments behind COMMON for some
     segments. Returns (K,) the number of samples before divergence."""
     K, samples, n_x = X.shape
     n_sp, n_u, n_y = (a.shape[2] for a in (*inputs[1:3], Y))
-    sizes = (n_s, n_sp, n_u, n_y, samples, substeps, h)
+    sizes = (n_s, n_sp, n_u, n_y, samples, stepping.substeps, h, stepping.first, stepping.onward)
     alive = np.full((groups_of(K), LANES), samples)
 
     def work(group):

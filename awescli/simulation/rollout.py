@@ -7,10 +7,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from awescli.engine.machine import Program, compile_program
+from awescli.flightlog.smoothing import local_quadratic
+from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.physics.kite import GUSTS, ODD_GUSTS, ROLL_GUSTS, Kite
+from awescli.simulation.stepping import Stepping, longest_step
 
 _INDEX = {name: i for i, name in enumerate(OUTPUTS)}
+BODY_VELOCITY = ("u", "v", "w")
+WINCH_SMOOTHING = 0.4
+"""[s] over which the rates of the winch's speed and of the load are taken: both are slow, and noisy or written in steps."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +68,11 @@ class Trajectories:
     alive: np.ndarray
 
     def __getitem__(self, name: str) -> np.ndarray:
+        """(K, N+1) what sensors report of `name`; u, v, w as a log derives them (`FlightLog.body_velocity`): from the reported velocity
+        and the reported attitude, with what is wrong about these."""
+        if name in BODY_VELOCITY:
+            R = rotation_body_to_ned(*(self[angle] for angle in ("phi", "theta", "psi")))
+            return rotate_back(R, tuple(self[axis] for axis in ("v_n", "v_e", "v_d")))[BODY_VELOCITY.index(name)]
         return self.outputs[:, :, _INDEX[name]]
 
     @property
@@ -90,10 +101,11 @@ class Simulator:
 
     wrt: names of the parameters that sensitivities may be asked for (default: the free ones and the nuisance wind).
     law: function of (x, u, c) lists -> four set-points, or None to replay the recorded ones.
+    step: longest step [s]; None: as the poles of the kite ask for (`stepping.longest_step`).
     """
 
-    def __init__(self, kite: Kite, wrt: Sequence[str] | None = None, law: Callable | None = None, substeps: int = 1):
-        self.kite, self.substeps = kite, substeps
+    def __init__(self, kite: Kite, wrt: Sequence[str] | None = None, law: Callable | None = None, step: float | None = None):
+        self.kite, self.step, self._longest = kite, step, step
         self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *GUSTS, *ODD_GUSTS, *ROLL_GUSTS])
         self.n_s = len(kite.state_names)
         self.f, self.g = (self._compiled(fn, linearised=False) for fn in (kite.derivative, self._at_sample))
@@ -120,7 +132,14 @@ class Simulator:
         """The same compiled simulator with its kite at the values of a parameter table."""
         other = copy(self)
         other.kite = self.kite.with_values({name: table[name].value for name in self.kite.parameter_names})
+        other._longest = self.step
         return other
+
+    def stepping(self, segments: Segments) -> Stepping:
+        """The steps between two samples of segments; the poles are looked at once, at the starts of the first segments."""
+        if self._longest is None:
+            self._longest = longest_step(self.kite, segments.starts, segments.setpoints[:, 0], segments.inputs[:, 0])
+        return Stepping.between(segments.dt, self._longest, self.kite.declaration.set_point_rate)
 
     def _parameters(self, segments: Segments, values: Mapping[str, float] | None) -> np.ndarray:
         """(K, n_c) parameter values of each segment."""
@@ -135,9 +154,9 @@ class Simulator:
         return c
 
     def _inputs(self, segments: Segments, values) -> tuple:
-        """(n_s, X0, SP, U, C, h, substeps) as the kernels take them."""
+        """(n_s, X0, SP, U, C, h, stepping) as the kernels take them."""
         arrays = (segments.starts, segments.setpoints, segments.inputs, self._parameters(segments, values))
-        return self.n_s, *(np.ascontiguousarray(a, dtype=float) for a in arrays), segments.dt, self.substeps
+        return self.n_s, *(np.ascontiguousarray(a, dtype=float) for a in arrays), segments.dt, self.stepping(segments)
 
     def _room(self, segments: Segments) -> tuple[np.ndarray, np.ndarray]:
         """(states, outputs) of all segments, to be filled."""
@@ -206,10 +225,10 @@ def inputs_of(log, kite: Kite) -> np.ndarray:
     signals = {
         "tether_length": length,
         "reel_out_speed": speed,
-        "reel_out_acceleration": _smooth_rate(speed, log.dt),
+        "reel_out_acceleration": local_quadratic(speed, log.dt, WINCH_SMOOTHING, derivative=1),
         "density": wind["density"],
         "tension": tension,
-        "tension_rate": _smooth_rate(tension, log.dt),
+        "tension_rate": local_quadratic(tension, log.dt, WINCH_SMOOTHING, derivative=1),
         **{f"{kind}_{axis}": zero for kind in ("turbulence", "gust") for axis in "nedp"},
         "gust_phase": zero,
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
@@ -229,15 +248,8 @@ def wind_inputs(log) -> dict[str, np.ndarray]:
     return series
 
 
-def _backward_rate(signal: np.ndarray, dt: float, span: int = 5) -> np.ndarray:
-    """Rate of change over the last `span` samples: what a lagging actuator has behind it."""
+def _backward_rate(signal: np.ndarray, dt: float, behind: float = 0.1) -> np.ndarray:
+    """Rate of change over the last `behind` seconds, one sample at least: what a lagging actuator has behind it."""
+    span = max(1, int(round(behind / dt)))
     padded = np.concatenate([np.repeat(signal[:1], span), signal])
     return (signal - padded[:-span]) / (span * dt)
-
-
-def _smooth_rate(signal: np.ndarray, dt: float, span: float = 0.4) -> np.ndarray:
-    """Rate of change by a local quadratic over `span` seconds."""
-    from scipy.signal import savgol_filter
-
-    window = max(5, 2 * int(round(span / dt / 2)) + 1)
-    return savgol_filter(signal, window, 2, deriv=1, delta=dt) if len(signal) >= window else np.gradient(signal, dt)

@@ -112,7 +112,7 @@ def _loop() -> Callable:
 
 
 def sensitivities(
-    g: Program, initial: Program, law: Program | None, n_s, X0, SP, U, C, h, substeps, columns: np.ndarray, restart: np.ndarray, X, Y, J,
+    g: Program, initial: Program, law: Program | None, n_s, X0, SP, U, C, h, stepping, columns: np.ndarray, restart: np.ndarray, X, Y, J,
     ends: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
     """`kernels.rollout`, and the exact derivative of those of its outputs that g differentiates: J (K, N+1, n_rows, n_col).
@@ -132,4 +132,4 @@ def sensitivities(
         to = (len(J[here]), J.strides[0] // 8, J[here], ends.strides[0] // 8, ends[here])
         return (*more_programs, n_col, n_wrt, *columns, restart, n_rows, *to, np.empty(n_col, np.int64))
 
-    return on_segments(_loop(), programs, n_s, (X0, SP, U, C), h, substeps, X, Y, rows, more)
+    return on_segments(_loop(), programs, n_s, (X0, SP, U, C), h, stepping, X, Y, rows, more)

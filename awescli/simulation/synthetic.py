@@ -18,7 +18,7 @@ from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 from awescli.simulation.gusts import dryden, roll_gust
-from awescli.simulation.rollout import Segments, Simulator, Trajectories, inputs_of
+from awescli.simulation.rollout import BODY_VELOCITY, Segments, Simulator, Trajectories, inputs_of
 from awescli.simulation.segments import noise_std
 
 EPOCH = 1_650_000_000.0
@@ -145,14 +145,14 @@ def simulate_flight(
     setpoints: np.ndarray | None = None,
     settle: float = 30.0,
     seed: int = 0,
-    substeps: int = 4,
+    step: float = 0.005,
 ) -> Flown:
     """Simulate one long segment, up to its end or to where the kite departs.
 
     kite: a Kite made for the wind's heights, or what stands in its place (a hybrid); law: function of (x, u, c) -> four set-points
     (`PathFollowing.setpoints`, or a fitted law's), or None to replay setpoints (N+1, 4); reel_out: anything with `ReelOut.at`;
     start: (12,) states at t = 0, or None: the kite is put on the pattern at several phases and speeds `settle` seconds before t = 0,
-    and the run that follows the pattern best is kept. seed: of the gusts; substeps: RK4 steps per sample of dt [s]. pattern: what the
+    and the run that follows the pattern best is kept. seed: of the gusts; step: longest of RK4 [s]. pattern: what the
     kite must not stray from; without one only a kite that the numbers or the ground end departs.
     """
     if kite.declaration.tether.tension == "measured":
@@ -177,7 +177,7 @@ def simulate_flight(
     K = len(starts)
     replayed = np.zeros((samples, len(SURFACES))) if setpoints is None else setpoints
     segments = Segments(np.zeros(K, dtype=int), starts, np.repeat(replayed[None], K, axis=0), np.repeat(inputs[None], K, axis=0), dt)
-    simulator = Simulator(kite, wrt=(), law=law, substeps=substeps)
+    simulator = Simulator(kite, wrt=(), law=law, step=step)
     flown = simulator.rollout(segments)
     best, last = _best(flown, pattern, lead, dt)
     rows = slice(lead, max(last, lead + 1))
@@ -188,7 +188,7 @@ def simulate_flight(
         best, last = _best(flown, pattern, lead, dt)
         rows = slice(lead, max(last, lead + 1))
     outputs = {n: flown.outputs[best, rows, i] for i, n in enumerate(OUTPUTS)}
-    outputs |= {n: flown.states[best, rows, STATES.index(n)] for n in "uvw"}
+    outputs |= {n: flown[n][best, rows] for n in BODY_VELOCITY}
     line = {"tether_length": length[rows], "reel_out_speed": speed[rows]}
     return Flown(time[rows], dt, outputs, line, departed=last < samples)
 

@@ -35,7 +35,7 @@ class SimulateConfig(StageConfig):
     duration: float = Field(60.0, gt=0, le=3600, description="how long it flies [s]; beyond the log, winch and wind go on as they were")
     noise: bool = Field(True, description="add the kite file's sensor noise to the written log")
     seed: int | None = Field(None, ge=0, description="seed of noise and turbulence; default the plan's")
-    substeps: int = Field(2, ge=1, le=20, description="integration steps per sample")
+    step: float = Field(0.01, ge=1e-4, le=0.02, description="longest step of the integration [s]")
 
 
 class Simulate(Stage):
@@ -82,7 +82,7 @@ class Simulate(Stage):
         context.progress.task(f"flying {duration:g} s, {model}")
         flown = simulate_flight(
             kite, law, wind, LoggedReelOut(log, first), pattern=pattern, duration=duration, dt=log.dt,
-            start=smooth_states(log)[first], setpoints=recorded, seed=seed, substeps=config.substeps,
+            start=smooth_states(log)[first], setpoints=recorded, seed=seed, step=config.step,
         )  # fmt: skip
         epoch = log.start + float(log.time[first])
         written = as_recorded(flown, kite.declaration, wind, seed=seed, noise=config.noise, name="flight", epoch=epoch)

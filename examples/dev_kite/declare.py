@@ -5,6 +5,7 @@ every other parameter, the aerodynamic polynomial term by term, the sensor noise
 """
 
 import math
+import re
 import sys
 from pathlib import Path
 
@@ -24,6 +25,12 @@ def terms(polynomial: str) -> dict[str, str]:
     """`CL0 + CLa*alpha` -> {"1": "CL0", "alpha": "CLa"}."""
     parts = (term.strip().partition("*") for term in polynomial.split("+"))
     return {monomial(rest): name for name, _, rest in parts}
+
+
+def held(control: str) -> dict[str, float]:
+    """`zero-order, 50 Hz` -> how often the controller sets the surfaces; nothing where it is not said."""
+    rate = re.search(r"([\d.]+) *Hz", control)
+    return {"set_point_rate": float(rate[1])} if rate else {}
 
 
 def kite_of(nominal: dict) -> dict:
@@ -50,6 +57,7 @@ def kite_of(nominal: dict) -> dict:
         "tether": {"law": "seed", "tension": "constraint"},
         "wind": law,
         "surfaces": {s: {"sign": 1} for s in ("aileron", "elevator", "rudder", "flaps")},
+        **held(nominal.get("control_hold", "")),
         "effects": ["gravity", "aerodynamics", "tether"],
         "noise": {
             "position": noise["position_m"], "velocity": noise["velocity_ms"], "euler": noise["euler_deg"] * deg,

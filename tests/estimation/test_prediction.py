@@ -38,6 +38,19 @@ def test_a_perfect_model_scores_near_the_noise_floor(noisy):
     assert set(STATES) <= set(prediction.simulated) <= set(SCORED)
 
 
+def test_a_biased_heading_is_in_the_velocity_of_the_log_and_of_the_model():
+    """Guards derived channels: u, v, w of a log are formed with the reported heading, and so are those of a model that knows its bias of
+    3 deg. Beside the noise, the flight scores as one without a bias does."""
+    biased = flight(seed=1, duration=40.0, noise=True, effects=(("heading_bias", (("b", np.radians(3.0)),)),))
+    above = {}
+    for name, campaign in (("clean", flight(seed=1, duration=40.0, noise=True)), ("biased", biased)):
+        prediction = predict(of(campaign), campaign.log, RANGES, 5.0)
+        above[name] = {n: prediction.nrmse()[n] / prediction.noise_floor()[n] for n in ("mean", "u", "v", "w")}
+    assert above["biased"]["mean"] == pytest.approx(above["clean"]["mean"], rel=0.1)
+    for n in "uvw":
+        assert above["biased"][n] == pytest.approx(above["clean"][n], rel=0.1), n
+
+
 def test_the_floor_is_what_noise_makes(noisy, calm):
     """Guards the noise floor by its meaning: NRMSE between the noisy and the noise-free log of the same flight."""
     prediction = predict(of(noisy), noisy.log, RANGES, 2.0)

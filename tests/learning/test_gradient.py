@@ -1,5 +1,7 @@
 """The gradient of the corrected rollout: against differences, against torch on the same physics source, and at null weights."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from learning.small_flight import small_kite, small_segments
@@ -32,18 +34,22 @@ def follow(x, u, c):
 
 
 @pytest.mark.parametrize(
-    ("effects", "values", "law", "half"),
+    ("effects", "values", "law", "half", "every"),
     [
-        (("gravity", "aerodynamics", "tether"), {}, None, 5.0),
-        (("gravity", "aerodynamics", "tether"), {}, None, 1.6),  # partly outside the box: the fade has a gradient of its own
-        (("gravity", "aerodynamics", "actuator_lag:rudder", "tether"), LAG, follow, 5.0),
+        (("gravity", "aerodynamics", "tether"), {}, None, 5.0, 1),
+        (("gravity", "aerodynamics", "tether"), {}, None, 1.6, 1),  # partly outside the box: the fade has a gradient of its own
+        (("gravity", "aerodynamics", "actuator_lag:rudder", "tether"), LAG, follow, 5.0, 1),
+        (("gravity", "aerodynamics", "tether"), {}, None, 5.0, 3),  # several steps to a sample, with set-points of their own
+        (("gravity", "aerodynamics", "actuator_lag:rudder", "tether"), LAG, follow, 5.0, 3),
     ],
-    ids=["plain", "fading", "lag and law"],
+    ids=["plain", "fading", "lag and law", "slow log", "slow log, lag and law"],
 )
-def test_gradient_is_that_of_the_discretised_rollout(effects, values, law, half):
+def test_gradient_is_that_of_the_discretised_rollout(effects, values, law, half, every):
     kite, c = small_kite(effects, **values), some_correction(half=half)
     segments = small_segments(kite, 5, 30)
-    simulator = CorrectedSimulator(kite, network_inputs(kite, INPUTS), c.sizes, ROWS, COMPARED, law, substeps=2)
+    kept = slice(None, None, every)
+    segments = replace(segments, setpoints=segments.setpoints[:, kept], inputs=segments.inputs[:, kept], dt=every * segments.dt)
+    simulator = CorrectedSimulator(kite, network_inputs(kite, INPUTS), c.sizes, ROWS, COMPARED, law, step=0.01)
     target = simulator.rollout(simulator.prepare(segments), 0 * c.weights, c.constants).outputs
     size = target.std((0, 1)) + 1e-2
 
@@ -73,17 +79,18 @@ SOLVERS = {
 
 
 @pytest.fixture(scope="module")
-def small_rollout():
-    """(kite, correction, segments, outputs and gradient of the fast path)"""
+def small_rollout(request):
+    """(kite, correction, segments, outputs and gradient of the fast path); request.param: steps of 20 ms between two samples"""
     kite, c = small_kite(), some_correction()
     segments = small_segments(kite, 3, 6)
+    segments = replace(segments, dt=request.param * segments.dt)
     simulator = CorrectedSimulator(kite, network_inputs(kite, INPUTS), c.sizes, ROWS, COMPARED)
     run = simulator.rollout(simulator.prepare(segments), c.weights, c.constants)
     outputs = run.outputs
     return kite, c, segments, outputs, simulator.gradient(run, 2 * outputs)[0]
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize(("solver", "small_rollout"), [*((s, 1) for s in SOLVERS), ("rk4_classical", 3)], indirect=["small_rollout"])
 def test_gradient_agrees_with_autograd_through_torchdiffeq(solver, small_rollout):
     torch = pytest.importorskip("torch")
     from awescli.simulation.hybrid_torch import TorchHybrid

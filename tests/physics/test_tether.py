@@ -222,7 +222,7 @@ def test_the_integrator_converges_with_order_four(calm):
     for i, name in enumerate(kite.input_names):
         u[:, :, i] = flight.inputs[:, :, old.input_names.index(name)]
     segments = Segments(flight.first, flight.starts, flight.setpoints, u, flight.dt)
-    ends = [Simulator(kite, (), substeps=n).rollout(segments).states[:, :, :12] for n in (1, 2, 4, 8, 64)]
+    ends = [Simulator(kite, (), step=0.02 / n).rollout(segments).states[:, :, :12] for n in (1, 2, 4, 8, 64)]
     order = order_of([np.abs(e - ends[-1]).max() for e in ends[:-1]])
     assert ((3.5 < order) & (order < 4.6)).all(), order
 
@@ -230,7 +230,7 @@ def test_the_integrator_converges_with_order_four(calm):
 def test_halving_the_step_hardly_changes_a_rollout_of_five_seconds(calm, kite):
     """Guards the step of 20 ms as good enough: positions within 0.1 mm, velocities 0.2 mm/s, angles and rates 1e-4, far below noise."""
     segments = replay(calm, kite, 5.0)
-    one, two = (Simulator(kite, (), substeps=n).rollout(segments).states[:, :, :12] for n in (1, 2))
+    one, two = (Simulator(kite, (), step=0.02 / n).rollout(segments).states[:, :, :12] for n in (1, 2))
     change = np.abs(one - two).max(axis=(0, 1))
     assert change[:3].max() < 1e-4 and change[3:6].max() < 2e-4 and change[6:].max() < 1e-4, change
 

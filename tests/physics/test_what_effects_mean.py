@@ -213,7 +213,7 @@ def test_a_dead_band_loses_small_deflections():
         assert with_it.deflections["rudder"] == pytest.approx(expected, abs=1e-15)
 
 
-def flown(key, calm, values=None, seconds=2.0, setpoint=None, substeps=4):
+def flown(key, calm, values=None, seconds=2.0, setpoint=None, step=0.005):
     """(kite, trajectories, segments) of the kite with an effect on a lively segment; setpoint: of the rudder, (N+1,)."""
     from dataclasses import replace
 
@@ -224,7 +224,7 @@ def flown(key, calm, values=None, seconds=2.0, setpoint=None, substeps=4):
         setpoints[:, :, SURFACES.index("rudder")] = setpoint
         inputs[:, :, kite.input_names.index("rudder_rate")] = np.gradient(setpoint, segments.dt)
         segments = replace(segments, setpoints=setpoints, inputs=inputs)
-    result = Simulator(kite, (), substeps=substeps).rollout(segments, values)
+    result = Simulator(kite, (), step=step).rollout(segments, values)
     assert not result.diverged.any()
     return kite, result, segments
 
@@ -306,7 +306,7 @@ def test_a_short_delay_is_flown_as_it_is_fitted(calm, tau):
     """Guards the poles of the Pade form: with steps of 20 ms, as fits take them, a step of the set-point goes the way that it goes with
     steps of 5 ms (poles of a shorter delay did not, and a lag explained flights with a short delay better than a delay)."""
     step, values = np.where(np.arange(101) >= 10, 0.1, 0.0), {"actuator_delay:rudder.tau": tau}
-    fine, coarse = (deflection(*flown("actuator_delay:rudder", calm, values, setpoint=step, substeps=n), values) for n in (4, 1))
+    fine, coarse = (deflection(*flown("actuator_delay:rudder", calm, values, setpoint=step, step=h), values) for h in (0.005, 0.02))
     assert coarse == pytest.approx(fine, abs=0.005)
 
 

@@ -53,7 +53,7 @@ def test_a_limited_surface_follows_a_step_no_faster_than_its_limit():
     inputs = np.zeros((1, n, len(at)))
     inputs[:, :, at["tether_length"]], inputs[:, :, at["density"]], inputs[:, :, at["wind_speed_0"]] = 300.0, 1.225, 8.0
     start = np.array([[240.0, 0.0, -180.0, 30.0, 0.0, 1.0, 0.0, 0.6, 1.5, 0.0, 0.0, 0.0]])
-    simulator = Simulator(kite, (), law=loop(law, kite, 0.0, disturbed=True), substeps=4)
+    simulator = Simulator(kite, (), law=loop(law, kite, 0.0, disturbed=True), step=0.005)
     flown = simulator.rollout(Segments(np.zeros(1, int), start, step, inputs, 0.02))
     deflection = flown.states[0, :, kite.x_names.index("actuator_lag:rudder.deflection")]
     assert deflection[10] == pytest.approx(0.0, abs=1e-9)

@@ -272,7 +272,7 @@ def test_torchdiffeq_flies_the_same_path(calm, kite, method):
         options = {"rtol": 1e-10, "atol": 1e-11} if method == "dopri5" else {}
         states.append(odeint(rate, states[-1], torch.tensor([0.0, 1.0], dtype=torch.float64), method=method, **options)[-1])
     in_torch = torch.stack(states, dim=1).numpy()
-    ours = {n: Simulator(kite, (), substeps=n).rollout(segments).states[:, :, :12] for n in (1, 8)}
+    ours = {n: Simulator(kite, (), step=0.02 / n).rollout(segments).states[:, :, :12] for n in (1, 8)}
     own_error = np.abs(ours[1] - ours[8]).max(axis=(0, 1))
     apart = np.abs(in_torch - ours[1 if method == "rk4" else 8]).max(axis=(0, 1))
     assert (apart <= (3.0 if method == "rk4" else 0.1) * own_error + 1e-9).all(), (apart, own_error)

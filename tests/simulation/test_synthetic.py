@@ -148,7 +148,7 @@ def test_the_flown_kite_predicts_its_own_flight():
     kite = Kite(f.flown, f.log.wind.height)
     measured = observe(f.log, kite, np.array([0]), 250, ("p_n", "p_e", "p_d", "phi"))
     # the recorded wind is off by the station's errors, 5 cm/s and 0.3 deg
-    error = measured.residual(Simulator(kite, wrt=(), substeps=4).rollout(measured.segments)) * measured.sigma
+    error = measured.residual(Simulator(kite, wrt=(), step=0.005).rollout(measured.segments)) * measured.sigma
     assert np.abs(error[0, -1, :3]).max() < 3.0
 
 

@@ -22,8 +22,8 @@ class ActuatorDelay(Effect):
     probes = {"tau": (0.06, 0.12, 0.2)}
 
     def _tau(self, own):
-        # the Pade poles, 3.5/tau, must be stepped through well by RK4 at 20 ms: at 36 ms, inside its region of stability, a fit of a short
-        # delay would still be worse than that of a lag
+        # the Pade poles, 3.5/tau, must be stepped through well by the longest step: at 36 ms, inside RK4's region of stability, a fit of a
+        # short delay would still be worse than that of a lag
         shortest = 5 * SHORTEST
         return select(own.tau - shortest, own.tau, shortest + 0.0 * own.tau)
 

@@ -2,9 +2,11 @@
 
 from awescli.notation.scalars import select
 
-SHORTEST = 0.012
-"""[s] the shortest lag that is stepped through: with 20 ms steps RK4 is stable to h/tau = 2.78. What lags by less is a mixture of this lag
-and none, late by tau on average: a fit can go to null and come back from it, and the cost has no step on the way."""
+LONGEST_STEP = 0.02
+"""[s] no model is stepped by more (`simulation.stepping`)."""
+SHORTEST = 0.6 * LONGEST_STEP
+"""[s] the shortest lag that is stepped through: RK4 is stable to h/tau = 2.78. What lags by less is a mixture of this lag and none, late by
+tau on average: a fit can go to null and come back from it, and the cost has no step on the way."""
 
 
 def lag_time(tau):
