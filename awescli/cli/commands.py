@@ -67,8 +67,10 @@ def _copy_figures(screen: Screen, folder: Path, to: Path) -> None:
 
 def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:
     """Everything that can be wrong before hours are spent; all complaints together."""
+    from awescli.flightlog.loops import find_loops
     from awescli.flightlog.quality import data_quality
     from awescli.flightlog.read import read_flight
+    from awescli.flightlog.split import split
     from awescli.physics.declaration import read_kite
     from awescli.stages.plan import read_plan
 
@@ -87,7 +89,12 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     except BadInput as e:
         errors.append(e)
     if log is not None:
-        quality = data_quality(log)
+        parts = None
+        try:
+            parts = split(find_loops(log), **plan.split.model_dump(), log=log)
+        except BadInput as e:
+            errors.append(e)
+        quality = data_quality(log, parts)
         for title, content in quality_sections(quality).items():
             screen.section(title, content)
         screen.answer({"plan": str(plan.file), "quality": json_safe(quality.as_dict())})
@@ -97,6 +104,8 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
 
 def quality_sections(quality: Any) -> dict[str, Any]:
     """A DataQuality (flightlog/quality.py) as title -> table, list or sentence."""
+    from awescli.flightlog.split import PARTS
+
     sections: dict[str, Any] = {
         "signals": {
             c.name: {"unit": c.unit, "low": c.low, "high": c.high, "noise": "" if c.noise is None else c.noise, "clock": c.group}
@@ -105,6 +114,10 @@ def quality_sections(quality: Any) -> dict[str, Any]:
         "checks": {
             c.name: {"value": c.value, "limit": c.threshold, "unit": c.unit, "": "good" if c.ok else "NOT GOOD", "means": c.sentence}
             for c in quality.checks
+        },
+        "ranges of the parts": {
+            r.name: {"unit": r.unit, **{p: between(getattr(r, p)) for p in PARTS}, "test goes": f"{r.test_reach:.2f} x"}
+            for r in quality.ranges
         },
         "phases [s]": dict(quality.phases),
         "left out [s]": dict(quality.left_out),
@@ -117,6 +130,11 @@ def quality_sections(quality: Any) -> dict[str, Any]:
     bad = [c.name for c in quality.checks if not c.ok]
     sections["verdict"] = "good" if quality.ok else "look at " + ", ".join([*bad, *(["what is missing"] if quality.missing else [])])
     return sections
+
+
+def between(ends: tuple[float, float]) -> str:
+    """A range in a cell."""
+    return "{:.4g} to {:.4g}".format(*(round(end, 1) for end in ends))
 
 
 def verify(screen: Screen, stages: tuple[Stage, ...], folder: Path) -> None:

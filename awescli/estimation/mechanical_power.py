@@ -5,7 +5,7 @@ import numpy as np
 from awescli.estimation.prediction import Prediction
 from awescli.simulation import scores
 
-WHOLE = 0.8
+LEAST_COVERED = 0.5
 """Share of a loop that predictions must cover for its energy to be compared with that of other loops."""
 
 
@@ -17,8 +17,9 @@ def mechanical_power(prediction: Prediction, speed: np.ndarray, loops: np.ndarra
     mean_W, measured_mean_W: over all predicted seconds inside loops (seconds, of loop_seconds that these loops last: predictions begin
     anew every horizon, and what is left at the end of a stretch is not predicted); error_share: mean_W / measured_mean_W - 1, with
     interval_share over loops (95 %, see `scores.share_interval`); energy_per_loop_J: NRMSE over the range of the measured energies (None
-    for loops that are all alike), RMSE over their mean (relative_rmse), of loops that predictions cover by WHOLE at least; by_loop: what
-    was covered of each, and its energies. A diverged prediction goes on with its last error, as in all other scores.
+    for loops that are all alike) and RMSE over their mean (relative_rmse), of loops that predictions cover by LEAST_COVERED, each scaled
+    to the whole loop; by_loop: the seconds covered of each, and its energies in them. A diverged prediction goes on with its last error,
+    as in all other scores.
     """
     dt = float(prediction.time[1])
     rows = prediction.first[:, None] + np.arange(len(prediction.time))[None]
@@ -32,7 +33,8 @@ def mechanical_power(prediction: Prediction, speed: np.ndarray, loops: np.ndarra
     E, predicted = (np.array([energy[inside & (of == k)].sum() for k in numbers]) for energy in energies)
     seconds = np.array([(inside & (of == k)).sum() * dt for k in numbers])
     lasting = (loops[numbers, 1] - loops[numbers, 0]) * dt
-    compared = seconds >= WHOLE * lasting
+    compared = seconds >= LEAST_COVERED * lasting
+    whole = (lasting / seconds)[compared]
     total = float(seconds.sum())
     interval = scores.share_interval(E, predicted)
     return {
@@ -40,7 +42,7 @@ def mechanical_power(prediction: Prediction, speed: np.ndarray, loops: np.ndarra
         "error_share": float(predicted.sum() / E.sum() - 1) if E.sum() else None,
         "interval_share": None if interval is None else list(interval),
         "seconds": total, "loop_seconds": float(lasting.sum()), "loops": len(numbers),
-        "energy_per_loop_J": {**_energy_errors(E[compared], predicted[compared]), "loops": int(compared.sum())},
+        "energy_per_loop_J": {**_energy_errors(whole * E[compared], whole * predicted[compared]), "loops": int(compared.sum())},
         "by_loop": [
             {"loop": int(k) + 1, "seconds": float(covered), "of_seconds": float(whole), "measured_J": float(a), "predicted_J": float(b)}
             for k, covered, whole, a, b in zip(numbers, seconds, lasting, E, predicted, strict=True)

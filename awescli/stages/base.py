@@ -56,8 +56,9 @@ class Split(BaseModel):
     train: float = Field(0.5, gt=0, lt=1, description="share of loops that models are fitted to")
     validation: float = Field(0.2, gt=0, lt=1, description="share of loops that choices are made on")
     test: float = Field(0.3, gt=0, lt=1, description="share of loops that nothing is fitted to or chosen on")
-    order: Literal["chronological", "interleaved"] = Field(
-        "chronological", description="chronological: train first, test last; interleaved: spread over the flight"
+    order: Literal["balanced", "chronological", "interleaved"] = Field(
+        "balanced",
+        description="balanced: few stretches with alike ranges; chronological: train first, test last; interleaved: spread over the flight",
     )
 
     @model_validator(mode="after")

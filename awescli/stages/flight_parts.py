@@ -18,7 +18,7 @@ def flight_parts(context: Context, flight: Path | None = None):
         raise BadInput(
             f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}", str(folder), "See `awes check` for what it has."
         )
-    return log, split(find_loops(log), **context.split.model_dump())
+    return log, split(find_loops(log), **context.split.model_dump(), log=log)
 
 
 def driven_upstream(context: Context, declaration, log):

@@ -56,17 +56,19 @@ def test_energy_is_the_integral_of_tension_over_length():
 
 
 def test_what_predictions_do_not_cover_is_said():
-    """Guards loops that end between two predictions: seconds are told, means are of the covered ones, and a loop of which half is
-    missing is not compared with whole ones."""
-    samples, loops = 2001, np.array([[0, 500], [500, 1000], [1000, 1500]])
-    first = np.array([0, 250, 500, 750, 1000])  # the third loop's second half is not predicted
-    block = mechanical_power(pieces(np.linspace(2000, 4000, samples), first, 1.1), np.full(samples, 0.5), loops)
-    assert [row["seconds"] for row in block["by_loop"]] == pytest.approx([10.0, 10.0, 5.0])
-    assert (block["seconds"], block["loop_seconds"]) == (pytest.approx(25.0), pytest.approx(30.0))
-    assert (block["loops"], block["energy_per_loop_J"]["loops"]) == (3, 2)
-    T = np.linspace(2000, 4000, samples)
-    assert block["measured_mean_W"] == pytest.approx(0.5 * T[[0, 1250]].mean(), rel=1e-6)
-    assert mechanical_power(pieces(T, np.array([1600])), np.full(samples, 0.5), loops) is None
+    """Guards loops that end between two predictions: seconds are told, means are of the covered ones; a loop of which most is missing is
+    not compared, one of which a part is missing counts with what it would be as a whole."""
+    samples, loops = 2001, np.array([[0, 500], [500, 1000], [1000, 1400], [1400, 2000]])
+    first = np.array([0, 250, 500, 750, 1000, 1400])  # 5 of the third loop's 8 s are predicted, 5 of the fourth's 12 s
+    T = np.where(np.arange(samples) < 1000, 2000.0, 4000.0)
+    block = mechanical_power(pieces(T, first, 1.1), np.full(samples, 0.5), loops)
+    assert [row["seconds"] for row in block["by_loop"]] == pytest.approx([10.0, 10.0, 5.0, 5.0])
+    assert (block["seconds"], block["loop_seconds"]) == (pytest.approx(30.0), pytest.approx(40.0))
+    assert block["measured_mean_W"] == pytest.approx((20 * 1000 + 10 * 2000) / 30, rel=1e-3)
+    # measured 10, 10 and 16 kJ, each predicted a tenth too large
+    assert block["energy_per_loop_J"]["loops"] == 3
+    assert block["energy_per_loop_J"]["nrmse"] == pytest.approx(np.sqrt(np.mean(np.square([1.0, 1.0, 1.6]))) / 6, rel=1e-3)
+    assert mechanical_power(pieces(T, np.array([1600])), np.full(samples, 0.5), loops[:3]) is None
 
 
 def test_a_prediction_that_diverged_goes_on_with_its_last_error():

@@ -117,7 +117,8 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
                     "rows": [[1.0, 1.0, 10], [0.5, 0.6, 20], [0.4, 0.5, 5]]},
     }  # fmt: skip
     flown = {
-        "outcome": "flew_on", "survived_s": 30.0, "asked_s": 30.0, "start_s": 56.0, "model": models[-1], "surfaces": "controller",
+        "outcome": "flew_on", "survived_s": 30.0, "asked_s": 30.0, "start_s": 56.0, "unseen_s": 8.0, "model": models[-1],
+        "surfaces": "controller",
         "effects": {f"actuator_lag:rudder{evil}": {"tau": 0.2}}, "wind": {"speed": 8.0, "direction": None, "height": 10.0, "shear": 0.14},
         "nrmse": {"5": {n: 0.02 for n in (*SCORED, "mean")}}, "path_error_m": {"5": 1.5},
     }  # fmt: skip

@@ -11,6 +11,7 @@ import pytest
 from plotly.offline import get_plotlyjs
 from report.small_evidence import evidence
 
+from awescli.flightlog.ranges import loop_ranges, part_ranges, ranges_check
 from awescli.report.html import SECTIONS, page
 from awescli.report.words import number, percent, times, with_std
 
@@ -209,3 +210,25 @@ def test_a_flight_without_a_line_has_no_power():
     text = own(page(replace(whole, scores=scores)))
     assert "fig-power" not in text and "mechanical power" not in text
     links_lead_somewhere(text)
+
+
+def test_the_page_says_how_long_a_free_flight_is_compared_with_unseen_loops():
+    """Guards test stretches that end before the simulated flight does: what follows them was fitted."""
+    whole = evidence()
+    text = re.sub(r"<[^>]+>", "", own(usual()))
+    assert "The first 8.00 s of the comparison are test loops" in text
+    unseen = own(page(replace(whole, flown={**whole.flown, "unseen_s": 30.0})))
+    assert "of the comparison are test loops" not in unseen
+
+
+def test_the_page_compares_the_ranges_of_the_parts():
+    """Guards the table and the named check: who reads a test error sees what train flew."""
+    whole = evidence()
+    ranges = part_ranges(loop_ranges(whole.log, whole.loops.bounds), whole.loops.bounds, whole.parts)
+    quality = replace(whole.quality, ranges=ranges, checks=(*whole.quality.checks, ranges_check(ranges)))
+    text = own(page(replace(whole, quality=quality)))
+    links_lead_somewhere(text)
+    table = text[text.index('id="tab-ranges"') :]
+    assert "rudder rate" in table[: table.index("</table>")]
+    checks = text[text.index('id="tab-quality"') : text.index('id="tab-ranges"')]
+    assert "Validation and test stay within what train flew." in checks

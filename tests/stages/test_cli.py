@@ -6,6 +6,7 @@ import pty
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from stages.dummy_stages import DUMMIES, make_folder
@@ -181,6 +182,17 @@ def test_every_part_of_the_data_quality_is_shown(capsys):
     shown = capsys.readouterr().out
     for name in ("p_n", "position against velocity", "made up", "verdict: "):
         assert name in shown
+
+
+def test_check_compares_the_ranges_of_the_parts():
+    """Guards a test part that leaves what train flew: `check` says so, with a table; the default split of the bundled flight does not."""
+    plan = ["check", "--stages", str(Path(__file__).parents[2] / "stages.yaml"), "--set", "split.order=chronological"]
+    result = CliRunner().invoke(build_app(STAGES), plan)
+    shown = " ".join(result.stdout.split())
+    assert result.exit_code == 0 and "ranges of the parts" in shown and "verdict: look at ranges" in shown
+    assert "Test flies tether length 532 to 554 m, train 480 to 516 m" in shown
+    result = CliRunner().invoke(build_app(STAGES), plan[:3])
+    assert "verdict: good" in result.stdout and "ranges of the parts" in result.stdout
 
 
 def test_schema_prints_both_schemas(folder):
