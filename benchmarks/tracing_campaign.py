@@ -137,7 +137,7 @@ def run_case(name: str, case: dict) -> dict:
         how = {"air": case.get("air", "table"), "duration": case.get("duration", 150.0)}
         flight = dev_like(_with_terms(truth, case.get("terms", {})), case["seed"], effects, **how)
         declared = flight.declared.model_copy(update={"aerodynamics": truth.aerodynamics})
-        parts = split(find_loops(flight.log))
+        parts = split(find_loops(flight.log), log=flight.log)
         finding, before = trace_flight(declared, flight.log, parts)
         told = account(finding, flight.log, parts, 5.0, before, finding.after())
     except AwesError as e:
