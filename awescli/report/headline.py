@@ -16,6 +16,12 @@ LEADS = {
     "not_deterministic": "The air was gusty: the residual does not repeat from {one} to {one}, and no effect helps on unseen {of}.",
 }
 """Where effects.json points to another of its keys, the page points to a place on the page."""
+UNUSED = {
+    "nothing_to_learn": "found nothing to learn: physics explains validation nearly to the noise",
+    "too_short": "was not used: physics leaves more than noise, but this flight is too short to prove a correction of it",
+    "diverged": "was not used: with every one that was tried the simulation diverged",
+}
+"""Why a trained network is no model of the ladder: outcome (`learning.acceptance.OUTCOMES`) -> what the first screen says."""
 SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
 
 
@@ -176,8 +182,8 @@ def _bounds(evidence: Evidence) -> list[str]:
 
 def _hybrid(evidence: Evidence) -> str:
     if evidence.hybrid is not None and "hybrid" not in evidence.models:
-        nothing = link("hybrid", "found nothing")
-        return f"A network on top of physics {nothing} that helps on unseen {esc(evidence.parts.of)}; it stays at zero."
+        said = UNUSED.get(evidence.hybrid.get("outcome", ""), "was not scored")
+        return f"A {link('hybrid', 'network on top of physics')} {said}; it stays at zero."
     if "hybrid" not in evidence.models:
         return ""
     base = evidence.models[-2] if len(evidence.models) > 1 else "hybrid"

@@ -96,7 +96,8 @@ class Identify(Stage):
 def shown(row: dict) -> dict:
     """One parameter in the terminal's table."""
     said = (
-        ("at its bound", row["at_bound"]), ("hardly seen", not row["excited"]), (f"with {', '.join(row['partners'])}", row["partners"]),
+        ("at its bound", row["at_bound"]), ("hardly seen, near its prior", row["determined"] == "hardly"),
+        ("poorly determined", row["determined"] == "poorly"), (f"with {', '.join(row['partners'])}", row["partners"]),
         (row.get("flight", ""), "flight" in row),
     )  # fmt: skip
     return {

@@ -73,7 +73,7 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
             predictions[f"{model}_{n}"] = log[n][rows] + rng.standard_normal(rows.shape) * 0.3 / 3**k
     row = {
         "value": 1.1, "std": 0.05, "unit": "-", "prior": 1.0, "prior_std": 0.2,
-        "shift_in_prior_std": 0.5, "excited": True, "at_bound": True,
+        "shift_in_prior_std": 0.5, "excited": True, "at_bound": True, "determined": "well",
         "partners": [f"Cb{evil}"], "advice": f"at its bound{evil}",
     }  # fmt: skip
     residuals = {"time": predictions["time"], "test_first": first}

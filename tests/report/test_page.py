@@ -232,3 +232,31 @@ def test_the_page_compares_the_ranges_of_the_parts():
     assert "rudder rate" in table[: table.index("</table>")]
     checks = text[text.index('id="tab-quality"') : text.index('id="tab-ranges"')]
     assert "Validation and test stay within what train flew." in checks
+
+
+@pytest.mark.parametrize(
+    ("outcome", "said"),
+    [
+        ("nothing_to_learn", "found nothing to learn"),
+        ("too_short", "too short to prove a correction"),
+        ("diverged", "the simulation diverged"),
+    ],
+)
+def test_why_a_network_is_not_used(outcome, said):
+    """Guards the difference between "there is nothing" and "this flight cannot prove it", on the first screen."""
+    text = own(page(replace(evidence(), hybrid={"outcome": outcome})))
+    first = re.sub(r"<[^>]+>", "", text[text.index("<body") : text.index('<section id="flight">')])
+    assert f"network on top of physics {'was not used: ' if said[0] == 't' else ''}" in first and said in first
+    assert "that helps" not in first and ("found nothing" in first) == (outcome == "nothing_to_learn")
+
+
+def test_weak_parameters_are_not_all_near_their_priors():
+    """Guards the sentence over the table: who stayed near its prior and who moved without being seen are told apart."""
+    whole = evidence()
+    row = {**whole.params["parameters"]["Ca"], "excited": False, "at_bound": False, "determined": "hardly"}
+    moved = {**row, "determined": "poorly", "shift_in_prior_std": 2.36}
+    params = {"parameters": {"Jx": moved, "Jy": {**moved, "at_bound": True}, "CL0": row}}
+    text = re.sub(r"<[^>]+>", "", own(page(replace(whole, params=params))))
+    assert "One parameter was hardly seen by this flight and stay near their priors" not in text
+    assert "One parameter was hardly seen by this flight and stays near its prior." in text
+    assert "2 parameters were hardly seen by it and yet more than one prior std from their priors, or at a bound" in text
