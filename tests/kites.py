@@ -9,6 +9,7 @@ from awescli.flightlog.log import FlightLog
 from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration, read_kite
+from awescli.physics.disturbances import even, odd
 from awescli.physics.effects import EFFECTS
 from awescli.physics.kite import Kite
 from awescli.simulation.campaign_flights import CampaignFlight, dev_like
@@ -133,7 +134,7 @@ def gust_windows(gusts, steps: int, dt: float) -> tuple[tuple[str, int, int], ..
     """A column for every node and axis of a wind, carried through the whole segment: (parameter, first step, last step)."""
     nodes = gusts.nodes(steps, dt)
     edges = [0, *(int(n) for n in nodes), steps + 1]
-    return tuple((f"{('gust', 'gust_odd')[j % 2]}.{a}", edges[j], edges[j + 2]) for j in range(len(nodes)) for a in gusts.axes)
+    return tuple(((even, odd)[j % 2](f"gust_{a}"), edges[j], edges[j + 2]) for j in range(len(nodes)) for a in gusts.axes)
 
 
 def _with_vanes(observed: Observed, std: float) -> Observed:

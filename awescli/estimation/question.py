@@ -12,7 +12,8 @@ from awescli.flightlog.split import Split, segments
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import GUSTS, ODD_GUSTS, ROLL_GUSTS, Kite
+from awescli.physics.disturbances import GUSTS, ROLL_GUST, both
+from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed, observe
 
@@ -50,7 +51,7 @@ def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), l
     """Compile the declared kite with `extra` effects at null, differentiable in its free parameters and in those of `extra`."""
     kite = Kite(declaration, log.wind.height, extra)
     own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
-    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in (*GUSTS, *ODD_GUSTS, *ROLL_GUSTS, *kite.record)]
+    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in (*both((*GUSTS, ROLL_GUST)), *kite.record)]
     return Simulator(kite, wrt, law)
 
 

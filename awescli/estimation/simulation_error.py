@@ -9,6 +9,7 @@ from scipy.linalg import block_diag
 from awescli.estimation.chain import Chain
 from awescli.estimation.information import integrated, reduce
 from awescli.estimation.nuisance_wind import RecordError
+from awescli.physics.disturbances import PHASE, both, even
 from awescli.simulation.rollout import Columns, Simulator
 from awescli.simulation.segments import Observed
 
@@ -29,7 +30,7 @@ def with_gust_noise(simulator: Simulator, observed: Observed, gusts: RecordError
     """
     nodes = gusts.nodes(observed.segments.steps, observed.segments.dt)
     between = gusts.between_nodes(observed.segments.steps, observed.segments.dt)
-    windows = tuple((f"gust.{axis}", int(a), int(a) + 1) for a in nodes for axis in gusts.axes)
+    windows = tuple((even(f"gust_{axis}"), int(a), int(a) + 1) for a in nodes for axis in gusts.axes)
     _, J = simulator.sensitivities(observed.segments, Columns((), (), windows), observed.outputs, values)
     axes = len(gusts.axes)
     direct = J[:, np.repeat(nodes, axes), :, np.arange(len(windows))].reshape(len(nodes), axes, *J.shape[:1], J.shape[2])
@@ -53,7 +54,7 @@ class SimulationError:
         # links begin at all nodes but that at the end; a wind that is the same all the time, and none, make one link of the segment
         self._nodes = nodes[:-1] if len(nodes) > 1 else np.zeros(1, int)
         self._axes = gusts.axes if len(nodes) else ""
-        self._gust_inputs = [simulator.kite.input_names.index(f"gust_{axis}") for axis in (*gusts.axes, "phase")]
+        self._gust_inputs = [simulator.kite.input_names.index(n) for n in (*(f"gust_{axis}" for axis in gusts.axes), PHASE)]
         self._hats = gusts.hats(segments.steps, segments.dt)
         self.integrates = gusts.random and len(nodes) > 0
 
@@ -118,7 +119,7 @@ class SimulationError:
 
     def _chain(self, own: np.ndarray, names: tuple[str, ...], values: dict[str, float], extra=None):
         """(trajectories, chain); globals are the parameters `names`, then `extra`."""
-        gusts = tuple(f"{kind}.{axis}" for kind in ("gust", "gust_odd") for axis in self._axes)
+        gusts = both(f"gust_{axis}" for axis in self._axes)
         outputs, nodes = self.observed.outputs, self._nodes
         trajectories, J, ends = self.simulator.links(self.segments(own), nodes, gusts, names, outputs, values)
         if extra is not None:

@@ -12,7 +12,8 @@ from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.notation.quantities import OUTPUTS, STATES
 from awescli.notation.scalars import exp, maximum, tanh
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import GUSTS, Kite
+from awescli.physics.disturbances import GUSTS, even
+from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 
 CORRECTED = ("u", "v", "w", "p", "q", "r")
@@ -205,7 +206,7 @@ class HybridKite:
 
 def hybrid_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log) -> Simulator:
     """The simulator of what train-hybrid left (network.json, network.safetensors) on the kite file beside them."""
-    return Simulator(kite_from_artifact(description, arrays, declaration, log.wind.height), GUSTS)
+    return Simulator(kite_from_artifact(description, arrays, declaration, log.wind.height), tuple(map(even, GUSTS)))
 
 
 def kite_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, heights) -> Kite | HybridKite:

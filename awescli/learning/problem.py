@@ -12,7 +12,8 @@ from awescli.learning.starts import Own, estimated_starts, own_unknowns
 from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES, STATES
-from awescli.physics.kite import GUSTS, Kite
+from awescli.physics.disturbances import GUSTS, even
+from awescli.physics.kite import Kite
 from awescli.simulation.hybrid import CorrectedSimulator, Prepared
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed, noise_std, observe
@@ -70,7 +71,7 @@ class Problem:
         self.hybrid = HybridKite(kite, correction)
         # the law is a function of the physical parameters, which stand first
         own = len(kite.parameter_names)
-        self.simulator = Simulator(self.hybrid, GUSTS, (lambda x, u, c: law(x, u, c[:own])) if law else None, step)
+        self.simulator = Simulator(self.hybrid, tuple(map(even, GUSTS)), (lambda x, u, c: law(x, u, c[:own])) if law else None, step)
         self.constants = correction.constants
 
     def observed(self, first: np.ndarray, horizon: int) -> Observed:

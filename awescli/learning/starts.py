@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from awescli.notation.quantities import STATES
-from awescli.physics.kite import GUSTS
+from awescli.physics.disturbances import GUSTS, even
 from awescli.simulation.rollout import Columns, Simulator
 from awescli.simulation.segments import Observed
 
@@ -41,7 +41,7 @@ def own_unknowns(simulator: Simulator, observed: Observed, values=None, wind_std
     Always begun from the starts that `observed` holds and null wind, so that the answer depends on the model alone. Segments that
     diverge, or of which nothing counts, keep that. The simulator must know GUSTS (`wrt`) for wind_std > 0.
     """
-    names = GUSTS if wind_std > 0 else ()
+    names = tuple(map(even, GUSTS)) if wind_std > 0 else ()
     prior = np.array([0.0] * 12 + [1 / wind_std**2 if names else 0.0] * len(names))
     columns = Columns(states=STATES, parameters=names)
     weight = np.where(np.isfinite(observed.sigma), 1 / observed.sigma, 0.0)

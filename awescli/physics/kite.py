@@ -12,6 +12,8 @@ from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.notation.scalars import sqrt
 from awescli.physics.airflow import air_data, declared_wind, wind_vector
 from awescli.physics.declaration import KiteDeclaration, parameter_of
+from awescli.physics.disturbances import DISTURBANCES, FORCES, GUSTS, MOMENTS, PHASE, ROLL_GUST, disturbances
+from awescli.physics.disturbances import parameters as nuisance_parameters
 from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.aerodynamics import body_axes, parse_monomial
 from awescli.physics.effects.base import Effect
@@ -20,17 +22,9 @@ from awescli.physics.rigid_body import acceleration, state_derivative
 
 REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz", "d_t", "CtD", "rtx", "rty", "rtz", "k_v", "c_v", "dl")
 """Parameters that every kite file names: mass, gravity, geometry, inertia, tether (see effects/tether.py)."""
-GUSTS = ("gust.n", "gust.e", "gust.d")
-"""Nuisance wind [m/s] that every kite carries at null: the error of the recorded wind, and gusts, are differentiated through it."""
-ODD_GUSTS = ("gust_odd.n", "gust_odd.e", "gust_odd.d")
-"""As GUSTS, with weight `gust_phase`, an input between 0 and 1, where GUSTS have the rest: two rows of hats make a wind that is linear in
-time between nodes. The phase is 0 unless somebody fills it."""
-ROLL_GUSTS = ("gust.p", "gust_odd.p")
-"""The same of the roll gust [rad/s]."""
 _SIGNALS = (
     "tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate",
-    "turbulence_n", "turbulence_e", "turbulence_d", "turbulence_p", "gust_n", "gust_e", "gust_d", "gust_p",
-    "gust_phase",
+    "turbulence_n", "turbulence_e", "turbulence_d", "turbulence_p", *DISTURBANCES, PHASE,
 )  # fmt: skip
 
 
@@ -137,11 +131,9 @@ class Kite:
         self.effects = [make_effect(k, declaration) for k in with_new(keys, extra)]
         table = declaration.table()
         own = [p for effect in self.effects for p in effect.rows() if p.name not in table]
-        gusts = [Parameter(n, 0.0, "m/s", std=max(declaration.wind.std, 1e-6), source="nuisance") for n in (*GUSTS, *ODD_GUSTS)]
-        gusts += [Parameter(n, 0.0, "rad/s", std=1e-6, source="nuisance") for n in ROLL_GUSTS]
         record = record_errors(declaration, len(self.heights))
         self.record = tuple(p.name for p in record)
-        self.parameters: ParameterTable = table.with_rows([*own, *gusts, *record])
+        self.parameters: ParameterTable = table.with_rows([*own, *nuisance_parameters(), *record])
         self.parameter_names = tuple(self.parameters)
         self.constraints = tuple(parse_constraint(text) for text in declaration.constraints)
         self.state_names = (*STATES, *(s for e in self.effects for s in e.state_names()))
@@ -179,10 +171,10 @@ class Kite:
         }
         wind = wind_vector(*declared_wind(self.declaration.wind, self.heights, -z.p_d, stations), inputs["density"])
         wind = self._through("airflow", wind, at)
-        # what is estimated beside it, a signal and the parameters through which it is differentiated; last, so that no effect scales it
-        odd = inputs["gust_phase"]
-        gust = {a: inputs[f"gust_{a}"] + ((1 - odd) * values[f"gust.{a}"] + odd * values[f"gust_odd.{a}"]) for a in "nedp"}
-        wind = wind._replace(roll=wind.roll + gust["p"], **{axis: getattr(wind, axis) + gust[axis] for axis in "ned"})
+        # gusts last, so that no effect scales them
+        beside = disturbances(inputs, values)
+        gusts = {axis: getattr(wind, axis) + beside[gust] for axis, gust in zip("ned", GUSTS, strict=True)}
+        wind = wind._replace(roll=wind.roll + beside[ROLL_GUST], **gusts)
         at.wind = wind
         at.air_velocity, at.V_a, at.alpha, at.beta = air_data(R, at.v_ned, wind)
         at.dynamic_pressure = wind.density * at.V_a * at.V_a / 2
@@ -197,12 +189,14 @@ class Kite:
         at.line = self._through("line", line, at)
         # loads, each seeing the sum of those before it
         at.applied = aerodynamic_load(at)
+        at.applied = at.applied._replace(force=add(at.applied.force, scale(at.body.mass, tuple(beside[f] for f in FORCES))))
         for e in self._at("load"):
             load = e.load(at, e.own(at))
             force, moment = add(at.applied.force, load.force), add(at.applied.moment, load.moment)
             at.applied = Load(force, moment, at.applied.mass_across + load.mass_across)
         at.acceleration = acceleration(at.body, at.applied, rotate_back(R, at.p_hat))
-        at.derivative = state_derivative(z, R, at.body, at.acceleration, self._about_centre_of_mass(at))
+        derivative = state_derivative(z, R, at.body, at.acceleration, self._about_centre_of_mass(at))
+        at.derivative = (*derivative[:9], *(rate + beside[m] for rate, m in zip(derivative[9:], MOMENTS, strict=True)))
         return at
 
     @staticmethod

@@ -10,7 +10,8 @@ from awescli.engine.machine import Program, compile_program
 from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
-from awescli.physics.kite import GUSTS, ODD_GUSTS, ROLL_GUSTS, Kite
+from awescli.physics.disturbances import DISTURBANCES, GUSTS, PHASE, ROLL_GUST, both
+from awescli.physics.kite import Kite
 from awescli.simulation.stepping import Stepping, longest_step
 
 _INDEX = {name: i for i, name in enumerate(OUTPUTS)}
@@ -106,7 +107,7 @@ class Simulator:
 
     def __init__(self, kite: Kite, wrt: Sequence[str] | None = None, law: Callable | None = None, step: float | None = None):
         self.kite, self.step, self._longest = kite, step, step
-        self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *GUSTS, *ODD_GUSTS, *ROLL_GUSTS])
+        self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *both((*GUSTS, ROLL_GUST))])
         self.n_s = len(kite.state_names)
         self.f, self.g = (self._compiled(fn, linearised=False) for fn in (kite.derivative, self._at_sample))
         self.initial = self._compiled(kite.initial)
@@ -229,8 +230,7 @@ def inputs_of(log, kite: Kite) -> np.ndarray:
         "density": wind["density"],
         "tension": tension,
         "tension_rate": local_quadratic(tension, log.dt, WINCH_SMOOTHING, derivative=1),
-        **{f"{kind}_{axis}": zero for kind in ("turbulence", "gust") for axis in "nedp"},
-        "gust_phase": zero,
+        **dict.fromkeys((*(f"turbulence_{axis}" for axis in "nedp"), *DISTURBANCES, PHASE), zero),
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
         **wind,
     }

@@ -91,6 +91,6 @@ def test_the_nuisance_wind_adds_to_the_declared_one():
     x, u, c = at_point(kite)
     by_signal = kite.instant(*at_point(kite, gust_e=0.7)).wind
     c_moved = list(c)
-    c_moved[kite.parameter_names.index("gust.e")] = 0.7
+    c_moved[kite.parameter_names.index("gust_e.even")] = 0.7
     by_parameter, before = kite.instant(x, u, c_moved).wind, kite.instant(x, u, c).wind
     assert by_signal == by_parameter and by_signal.e == before.e + 0.7 and by_signal.n == before.n

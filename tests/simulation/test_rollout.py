@@ -14,7 +14,7 @@ from awescli.simulation.closed_loop import loop
 from awescli.simulation.rollout import Columns, Simulator
 from awescli.simulation.survival import flies, samples_flown
 
-WRT = ("CLa", "Cmq", "Jx", "Cndr", "CtD", "rtz", "dl", "gust.n", "gust.e", "gust.d")
+WRT = ("CLa", "Cmq", "Jx", "Cndr", "CtD", "rtz", "dl", "gust_n.even", "gust_e.even", "gust_d.even")
 
 
 @pytest.fixture(scope="module")
@@ -66,10 +66,10 @@ def test_sensitivities_to_parameters(simulator, segments, kite):
 
 def test_sensitivities_to_windows_of_wind(simulator, segments, kite):
     """Guards the columns that count only during some steps: against gusts switched on as an input over the same window."""
-    windows = (("gust.n", 0, 25), ("gust.d", 25, 60), ("gust.e", 60, 101))
+    windows = (("gust_n.even", 0, 25), ("gust_d.even", 25, 60), ("gust_e.even", 60, 101))
     _, J = simulator.sensitivities(segments, Columns((), ("CLa",), windows))
-    _, whole = simulator.sensitivities(segments, Columns((), ("gust.n",)))
-    _, split = simulator.sensitivities(segments, Columns((), (), (("gust.n", 0, 40), ("gust.n", 40, 101))))
+    _, whole = simulator.sensitivities(segments, Columns((), ("gust_n.even",)))
+    _, split = simulator.sensitivities(segments, Columns((), (), (("gust_n.even", 0, 40), ("gust_n.even", 40, 101))))
     # windows that together make the whole segment add up to the parameter
     assert np.abs(split.sum(-1) - whole[..., 0]).max() < 1e-9 * np.abs(whole).max()
     # before its window a gust has no influence; inside it has at once (airspeed)

@@ -9,7 +9,8 @@ from kites import DEVELOPMENT, lively, sizes, truly
 from awescli.estimation.fit import fit
 from awescli.estimation.nuisance_wind import RecordError
 from awescli.estimation.simulation_error import SimulationError
-from awescli.physics.kite import GUSTS, ODD_GUSTS, Kite, make_effect
+from awescli.physics.disturbances import GUSTS, both
+from awescli.physics.kite import Kite, make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.candidates import variants
 from awescli.tracing.screen import holm, screen
@@ -23,7 +24,7 @@ FREE = ("CL0", "CLa", "CD0", "CYb", "Clb", "Cma", "Cnb", "Cndr", "dl")
 def library(calm):
     kite = Kite(DEVELOPMENT, calm.log.wind.height, KEYS)
     own = [p.name for e in kite.effects if e.key in KEYS for p in e.rows()]
-    return Simulator(kite, (*FREE, *own, *GUSTS, *ODD_GUSTS))
+    return Simulator(kite, (*FREE, *own, *both(GUSTS)))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,50 @@
+"""What acts on every kite beside its effects and is not known: gusts, and what the model does not say of forces and moments.
+
+Each is an input of a kite, null unless somebody fills it. An estimator integrates it out; for that each comes with two parameters,
+through which it is differentiated: between two nodes in time a disturbance runs linearly from its value at one to its value at the other.
+Nodes are counted, and `even` and `odd` ones have a parameter each, weighted by an input, `phase`: 0 at even nodes, 1 at odd ones.
+"""
+
+from collections.abc import Iterable
+
+from awescli.notation.parameters import Parameter
+
+GUSTS = ("gust_n", "gust_e", "gust_d")
+"""Velocity of the air [m/s], NED, added to the wind that the record and the effects say."""
+ROLL_GUST = "gust_p"
+"""[rad/s] gradient of the vertical gust along the span (MIL-F-8785C's p_g)."""
+FORCES = ("force_x", "force_y", "force_z")
+"""Force per mass [m/s2], body axes, beside the aerodynamic one: a tether answers it."""
+MOMENTS = ("moment_x", "moment_y", "moment_z")
+"""Angular acceleration [rad/s2], body axes, beside that of the moments."""
+DISTURBANCES = (*GUSTS, ROLL_GUST, *FORCES, *MOMENTS)
+PHASE = "phase"
+
+_UNITS = dict.fromkeys(GUSTS, "m/s") | {ROLL_GUST: "rad/s"} | dict.fromkeys(FORCES, "m/s2") | dict.fromkeys(MOMENTS, "rad/s2")
+
+
+def even(name: str) -> str:
+    """The parameter through which a disturbance is differentiated at even nodes, and all the time where there are no nodes."""
+    return f"{name}.even"
+
+
+def odd(name: str) -> str:
+    """The same at odd nodes."""
+    return f"{name}.odd"
+
+
+def both(names: Iterable[str]) -> tuple[str, ...]:
+    """Parameters of some disturbances: those of even nodes, then those of odd ones."""
+    names = tuple(names)
+    return (*map(even, names), *map(odd, names))
+
+
+def parameters() -> list[Parameter]:
+    """Both parameters of every disturbance, at null."""
+    return [Parameter(which(name), 0.0, _UNITS[name], source="nuisance") for which in (even, odd) for name in DISTURBANCES]
+
+
+def disturbances(inputs: dict, values: dict) -> dict:
+    """Every disturbance at an instant, by name."""
+    phase = inputs[PHASE]
+    return {n: inputs[n] + ((1 - phase) * values[even(n)] + phase * values[odd(n)]) for n in DISTURBANCES}
