@@ -52,6 +52,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "position_latency": {"tau": 0.15},
     "heading_bias": {"b": 0.035},
     "imu_bias": {"bx": 0.02, "by": -0.03, "bz": 0.3},
+    "hinge_blowback": {"k": 1.5e-4},
     "custom_term": {"k": 0.02},
 }
 """effect -> its parameters by short name, at a size that effects.md lists as typical."""

@@ -163,8 +163,6 @@ class Kite:
         position = (z.p_n, z.p_e, z.p_d)
         distance = sqrt(dot(position, position))
         at = Instant(z, R, rotate(R, (z.u, z.v, z.w)), inputs, values, setpoints, distance, scale(1 / distance, position), states)
-        # surfaces
-        at.deflections = self._through("actuate", setpoints, at)
         # air
         stations = inputs | {
             f"wind_{n.removeprefix('record.')}": inputs[f"wind_{n.removeprefix('record.')}"] + values[n] for n in self.record
@@ -178,6 +176,8 @@ class Kite:
         at.wind = wind
         at.air_velocity, at.V_a, at.alpha, at.beta = air_data(R, at.v_ned, wind)
         at.dynamic_pressure = wind.density * at.V_a * at.V_a / 2
+        # surfaces
+        at.deflections = self._through("actuate", setpoints, at)
         # kite
         v = values
         body = Body(v["m"], 0.0, v["Jx"], v["Jy"], v["Jz"], v["Jxz"], (0.0, 0.0, 0.0))

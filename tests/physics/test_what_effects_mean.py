@@ -213,6 +213,18 @@ def test_a_dead_band_loses_small_deflections():
         assert with_it.deflections["rudder"] == pytest.approx(expected, abs=1e-15)
 
 
+def test_the_air_blows_a_surface_back():
+    """Guards the balance of a spring and a hinge moment: at 50 m/s (1531 Pa) 2.8e-4 per Pa lose 30 % of a deflection, at half the speed a
+    quarter of that moment loses 10 %; both signs, one surface only."""
+    for speed, rudder in ((50.0, 0.12), (50.0, -0.12), (25.0, 0.12)):
+        still = {"wind_speed_0": 0.0, "wind_speed_1": 0.0, "wind_speed_2": 0.0, "u": speed, "v": 0.0, "w": 0.0, "density": 1.225}
+        with_it, without = both("hinge_blowback:rudder", {"k": 2.8e-4}, rudder=rudder, **still)
+        moment = 2.8e-4 * 1.225 / 2 * speed**2
+        assert with_it.deflections["rudder"] == pytest.approx(rudder / (1 + moment)) and without.deflections["rudder"] == rudder
+        assert 1 - 1 / (1 + moment) == pytest.approx(0.3 if speed == 50 else 0.097, abs=0.01)
+        assert with_it.deflections["aileron"] == 0.01
+
+
 def flown(key, calm, values=None, seconds=2.0, setpoint=None, step=0.005):
     """(kite, trajectories, segments) of the kite with an effect on a lively segment; setpoint: of the rudder, (N+1,)."""
     from dataclasses import replace

@@ -11,6 +11,7 @@ from awescli.physics.effects.clock_offset import ClockOffset
 from awescli.physics.effects.custom_term import CustomTerm
 from awescli.physics.effects.gravity import Gravity
 from awescli.physics.effects.heading_bias import HeadingBias
+from awescli.physics.effects.hinge_blowback import HingeBlowback
 from awescli.physics.effects.imu_bias import ImuBias
 from awescli.physics.effects.lift_stall import LiftStall
 from awescli.physics.effects.load_cell_lag import LoadCellLag
@@ -45,7 +46,7 @@ EFFECTS = {
         TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment, WinchLength, ClockOffset,
         MassOffset, AddedMass,
         ParasiticDrag, SideslipDrag, LiftStall, PitchCurvature, UnsteadyLift, AeroelasticTwist, SurfaceBias,
-        SurfaceEffectiveness, SurfaceDeadBand, ActuatorLag, ActuatorDelay,
+        SurfaceEffectiveness, SurfaceDeadBand, HingeBlowback, ActuatorLag, ActuatorDelay,
         VaneBias, AirspeedScale, LoadCellScale, LoadCellLag, PositionLatency, HeadingBias, ImuBias,
         CustomTerm,
     )

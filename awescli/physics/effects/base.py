@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from awescli.notation.parameters import Parameter
 from awescli.physics.instant import Body, Coefficients, Instant, Line, Load, Wind
 
-PLACES = ("actuate", "airflow", "body", "coefficients", "line", "load", "report")
+PLACES = ("airflow", "actuate", "body", "coefficients", "line", "load", "report")
 """Where an effect may act, in the order in which an instant is filled. An effect fills exactly one of these methods."""
 
 
