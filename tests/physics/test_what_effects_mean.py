@@ -271,7 +271,7 @@ def test_an_actuator_lag_of_second_order(calm):
     assert deflection(*case, values)[11:] == pytest.approx(0.1 * response[11:], abs=1e-3)
 
 
-@pytest.mark.parametrize("key", ["actuator_lag:rudder", "actuator_delay:rudder", "unsteady_lift", "load_cell_lag"])
+@pytest.mark.parametrize("key", ["actuator_lag:rudder", "actuator_delay:rudder", "unsteady_lift", "load_cell_lag", "airspeed_lag"])
 def test_a_lag_comes_out_of_null_without_a_step(calm, key):
     """Guards the lags that are too short to be stepped through: what a flight reports moves in proportion to the lag, from null past the
     shortest one (a step there is a wall for a fit: nothing that it tries beyond is better)."""
@@ -378,3 +378,18 @@ def test_a_load_cell_filter_is_first_order(calm):
         expected.append(T[k + 1] - slope * 0.2 + (expected[-1] - T[k] + slope * 0.2) * decay)
     # the load jumps with the held set-points: a sample's jump times 10 % of the filter's memory
     assert np.abs(y - expected).max() < 0.02 * np.ptp(T) and np.abs(y - T).max() > 0.1 * np.ptp(T)
+
+
+def test_a_pitot_behind_tubes_is_first_order(calm):
+    """Guards tau dy/dt = V_a - y: the reported airspeed is the exact response to the true one, from a start that has been running as it
+    does (a start at the airspeed itself would be off by tau times its rate, 2 m/s)."""
+    values = {"airspeed_lag.tau": 0.3}
+    _, lagging, segments = flown("airspeed_lag", calm, values)
+    _, true, _ = flown("", calm)
+    V, y, h = true["V_a"][0], lagging["V_a"][0], segments.dt
+    expected, decay = [y[0]], np.exp(-h / 0.3)
+    for k in range(len(V) - 1):
+        slope = (V[k + 1] - V[k]) / h
+        expected.append(V[k + 1] - slope * 0.3 + (expected[-1] - V[k] + slope * 0.3) * decay)
+    assert np.abs(y - expected).max() < 2e-3 * np.ptp(V) and np.abs(y - V).max() > 0.1 * np.ptp(V)
+    assert y[0] == pytest.approx(V[0] - 0.3 * (V[1] - V[0]) / h, abs=0.2)

@@ -6,6 +6,7 @@ from awescli.physics.effects.added_mass import AddedMass
 from awescli.physics.effects.aerodynamics import Aerodynamics
 from awescli.physics.effects.aeroelastic_twist import AeroelasticTwist
 from awescli.physics.effects.air_density import AirDensity
+from awescli.physics.effects.airspeed_lag import AirspeedLag
 from awescli.physics.effects.airspeed_scale import AirspeedScale
 from awescli.physics.effects.clock_offset import ClockOffset
 from awescli.physics.effects.custom_term import CustomTerm
@@ -47,7 +48,7 @@ EFFECTS = {
         MassOffset, AddedMass,
         ParasiticDrag, SideslipDrag, LiftStall, PitchCurvature, UnsteadyLift, AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, HingeBlowback, ActuatorLag, ActuatorDelay,
-        VaneBias, AirspeedScale, LoadCellScale, LoadCellLag, PositionLatency, HeadingBias, ImuBias,
+        VaneBias, AirspeedScale, AirspeedLag, LoadCellScale, LoadCellLag, PositionLatency, HeadingBias, ImuBias,
         CustomTerm,
     )
 }  # fmt: skip
