@@ -20,6 +20,7 @@ from awescli.physics.effects.load_cell_scale import LoadCellScale
 from awescli.physics.effects.mass_offset import MassOffset
 from awescli.physics.effects.parasitic_drag import ParasiticDrag
 from awescli.physics.effects.pitch_curvature import PitchCurvature
+from awescli.physics.effects.pitot_position_error import PitotPositionError
 from awescli.physics.effects.position_latency import PositionLatency
 from awescli.physics.effects.sideslip_drag import SideslipDrag
 from awescli.physics.effects.surface_bias import SurfaceBias
@@ -48,7 +49,7 @@ EFFECTS = {
         MassOffset, AddedMass,
         ParasiticDrag, SideslipDrag, LiftStall, PitchCurvature, UnsteadyLift, AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, HingeBlowback, ActuatorLag, ActuatorDelay,
-        VaneBias, AirspeedScale, AirspeedLag, LoadCellScale, LoadCellLag, PositionLatency, HeadingBias, ImuBias,
+        VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag, PositionLatency, HeadingBias, ImuBias,
         CustomTerm,
     )
 }  # fmt: skip
