@@ -55,6 +55,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "hinge_blowback": {"k": 1.5e-4},
     "airspeed_lag": {"tau": 0.2},
     "pitot_position_error": {"k_a": 0.3, "k_b": 1.0},
+    "attitude_latency": {"tau": 0.06},
     "custom_term": {"k": 0.02},
 }
 """effect -> its parameters by short name, at a size that effects.md lists as typical."""

@@ -406,3 +406,18 @@ def test_a_pitot_in_disturbed_flow():
         factors.append(dict(zip(OUTPUTS, kite.outputs(*point), strict=True))["V_a"] / np.sqrt(40**2 + 4**2 + 5**2))
     expected = 1 + 0.3 * np.arctan2(4, 40) + np.arctan2(5, np.hypot(40, 4)) ** 2
     assert factors == pytest.approx([expected, expected]) and 0.02 < expected - 1 < 0.06
+
+
+def test_a_late_attitude_is_an_earlier_one(calm):
+    """Guards sign and both orders of the latency: what is reported at t is how the kite stood at t - tau, to a tenth of the noise
+    of 3.5 mrad in the median (every surface moves, and set-points jump from sample to sample); the rate alone would be twice as far off at least."""
+    tau, late_by = 0.04, 2
+    _, late, _ = flown("attitude_latency", calm, {"attitude_latency.tau": tau})
+    _, true, _ = flown("", calm)
+    for name in ("phi", "theta", "psi"):
+        then, now, said = true[name][0, :-late_by], true[name][0, late_by:], late[name][0, late_by:]
+        first = now - tau * np.gradient(true[name][0], 0.02)[late_by:]
+        error, of_first = (np.median(np.abs(x - then)) for x in (said, first))
+        assert error < 3.5e-4 and of_first > 2 * error and np.abs(now - then).max() > 0.01, name
+    for name in set(MEASURED) - {"phi", "theta", "psi"}:
+        assert np.array_equal(late[name], true[name])
