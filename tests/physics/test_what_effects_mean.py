@@ -410,7 +410,7 @@ def test_a_pitot_in_disturbed_flow():
 
 def test_a_late_attitude_is_an_earlier_one(calm):
     """Guards sign and both orders of the latency: what is reported at t is how the kite stood at t - tau, to a tenth of the noise
-    of 3.5 mrad in the median (every surface moves, and set-points jump from sample to sample); the rate alone would be twice as far off at least."""
+    of 3.5 mrad in the median (every surface moves, and set-points jump from sample to sample); the rate alone is twice as far off."""
     tau, late_by = 0.04, 2
     _, late, _ = flown("attitude_latency", calm, {"attitude_latency.tau": tau})
     _, true, _ = flown("", calm)
@@ -421,3 +421,19 @@ def test_a_late_attitude_is_an_earlier_one(calm):
         assert error < 3.5e-4 and of_first > 2 * error and np.abs(now - then).max() > 0.01, name
     for name in set(MEASURED) - {"phi", "theta", "psi"}:
         assert np.array_equal(late[name], true[name])
+
+
+def test_an_antenna_away_from_the_reference_point():
+    """Guards both lever arms: of position by the rotation alone, of velocity by omega x arm, whose derivative in time the first one is."""
+    kite, plain = Kite(DEVELOPMENT, HEIGHTS, ("antenna_arm",)), Kite(DEVELOPMENT, HEIGHTS)
+    kite = kite.with_values({"antenna_arm.x": 0.4, "antenna_arm.z": -0.3})
+    (x, u, c), (x0, u0, c0) = at_point(kite), at_point(plain)
+    away = lambda x: np.subtract(kite.outputs(list(x), u, c), plain.outputs(list(x), u0, c0))  # noqa: E731
+    arm, R, omega = np.array([0.4, 0.0, -0.3]), body_to_ned(*x[6:9]), np.array(x[9:12])
+    found = away(x)
+    assert found[:3] == pytest.approx(R @ arm) and found[3:6] == pytest.approx(R @ np.cross(omega, arm)) and not found[6:].any()
+    # the attitude a hundredth of a millisecond on
+    rate, h = np.array(plain.derivative(x0, u0, c0)), 1e-5
+    later = np.array(x)
+    later[:12] += h * rate[:12]
+    assert (away(later)[:3] - found[:3]) / h == pytest.approx(found[3:6], abs=1e-4)

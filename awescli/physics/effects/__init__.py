@@ -8,6 +8,7 @@ from awescli.physics.effects.aeroelastic_twist import AeroelasticTwist
 from awescli.physics.effects.air_density import AirDensity
 from awescli.physics.effects.airspeed_lag import AirspeedLag
 from awescli.physics.effects.airspeed_scale import AirspeedScale
+from awescli.physics.effects.antenna_arm import AntennaArm
 from awescli.physics.effects.attitude_latency import AttitudeLatency
 from awescli.physics.effects.clock_offset import ClockOffset
 from awescli.physics.effects.custom_term import CustomTerm
@@ -51,7 +52,7 @@ EFFECTS = {
         ParasiticDrag, SideslipDrag, LiftStall, PitchCurvature, UnsteadyLift, AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, HingeBlowback, ActuatorLag, ActuatorDelay,
         VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
-        PositionLatency, HeadingBias, AttitudeLatency, ImuBias,
+        PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuBias,
         CustomTerm,
     )
 }  # fmt: skip

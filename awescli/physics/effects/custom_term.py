@@ -3,30 +3,17 @@
 import re
 
 from awescli.notation.parameters import Parameter
-from awescli.notation.scalars import cos, sin, sqrt
+from awescli.notation.scalars import cos, sin
 from awescli.physics.effects.base import Effect
+from awescli.physics.effects.sizes import crosswind_speed, weight
 from awescli.physics.instant import Load
-
-SEA_LEVEL = 1.225
-"""[kg/m3] density of the standard atmosphere (ISA)."""
-
-
-def weight(at):
-    """[N] m g of the kite."""
-    return at.values["m"] * at.values["g"]
-
-
-def floating_speed(at):
-    """[m/s] at which the wing carries the kite's weight with a lift coefficient of 1."""
-    return sqrt(2 * weight(at) / (SEA_LEVEL * at.values["S"]))
-
 
 CHANNELS = ("f_x", "f_y", "f_z", "m_x", "m_y", "m_z")
 FEATURES = {
     "1": lambda at: 1.0,
     "alpha": lambda at: at.alpha,
     "beta": lambda at: at.beta,
-    "V_a": lambda at: at.V_a / (2.5 * floating_speed(at)),
+    "V_a": lambda at: at.V_a / crosswind_speed(at),
     "p": lambda at: at.z.p,
     "q": lambda at: at.z.q,
     "r": lambda at: at.z.r,
