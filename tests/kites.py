@@ -57,6 +57,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "pitot_position_error": {"k_a": 0.3, "k_b": 1.0},
     "attitude_latency": {"tau": 0.06},
     "antenna_arm": {"x": 0.4, "z": -0.3},
+    "reynolds_drag": {"n": 0.17},
     "custom_term": {"k": 0.02},
 }
 """effect -> its parameters by short name, at a size that effects.md lists as typical."""

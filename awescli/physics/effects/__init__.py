@@ -24,6 +24,7 @@ from awescli.physics.effects.parasitic_drag import ParasiticDrag
 from awescli.physics.effects.pitch_curvature import PitchCurvature
 from awescli.physics.effects.pitot_position_error import PitotPositionError
 from awescli.physics.effects.position_latency import PositionLatency
+from awescli.physics.effects.reynolds_drag import ReynoldsDrag
 from awescli.physics.effects.sideslip_drag import SideslipDrag
 from awescli.physics.effects.surface_bias import SurfaceBias
 from awescli.physics.effects.surface_dead_band import SurfaceDeadBand
@@ -49,7 +50,7 @@ EFFECTS = {
         WindShear, WindVeer, WindOffset, AirDensity, Turbulence,
         TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment, WinchLength, ClockOffset,
         MassOffset, AddedMass,
-        ParasiticDrag, SideslipDrag, LiftStall, PitchCurvature, UnsteadyLift, AeroelasticTwist, SurfaceBias,
+        ParasiticDrag, SideslipDrag, ReynoldsDrag, LiftStall, PitchCurvature, UnsteadyLift, AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, HingeBlowback, ActuatorLag, ActuatorDelay,
         VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
         PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuBias,
