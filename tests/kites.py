@@ -58,6 +58,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "attitude_latency": {"tau": 0.06},
     "antenna_arm": {"x": 0.4, "z": -0.3},
     "reynolds_drag": {"n": 0.17},
+    "downwash_lag": {"Cm_adot": -20.0, "arm": 5.0},
     "custom_term": {"k": 0.02},
 }
 """effect -> its parameters by short name, at a size that effects.md lists as typical."""

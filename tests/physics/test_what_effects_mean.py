@@ -451,3 +451,19 @@ def test_drag_falls_with_the_reynolds_number():
         assert with_it.coefficients._replace(CD=0) == without.coefficients._replace(CD=0)
     slow, fast, own = whole.values()
     assert fast / slow == pytest.approx((55 / 30) ** -0.17) == pytest.approx(0.9, abs=0.005) and own == pytest.approx(1.0)
+
+
+def test_downwash_that_comes_late_is_a_moment_with_the_rate_of_alpha(calm):
+    """Guards size and sign of C_m_alphadot: along a lively flight the added coefficient is C_m_alphadot c / (2 V_a) times dalpha/dt
+    as it was one time constant ago, from the first sample on."""
+    values = {"downwash_lag.Cm_adot": -20.0, "downwash_lag.arm": 4.0}
+    kite, result, segments = flown("downwash_lag", calm, values)
+    plain, late = (kite.with_values({**values, "downwash_lag.Cm_adot": k}) for k in (0.0, -20.0))
+    at, without = (k.instant(list(result.states[0].T), list(segments.inputs[0].T), list(k.parameters.vector())) for k in (late, plain))
+    added, rate = at.coefficients.Cm - without.coefficients.Cm, np.gradient(at.alpha, 0.02)
+    tau = 4.0 * 0.405 / at.V_a
+    time = 0.02 * np.arange(len(rate))
+    expected = -20.0 * 0.405 / (2 * at.V_a) * np.interp(time - tau, time, rate)
+    error = np.abs(added - expected)
+    assert np.abs(added).max() > 0.01 and error[5:-5].max() < 0.15 * np.abs(added).max() and np.median(error) < 0.03 * np.abs(added).max()
+    assert added[0] == pytest.approx(-20.0 * 0.405 / (2 * at.V_a[0]) * rate[0], abs=0.15 * np.abs(added).max())

@@ -12,6 +12,7 @@ from awescli.physics.effects.antenna_arm import AntennaArm
 from awescli.physics.effects.attitude_latency import AttitudeLatency
 from awescli.physics.effects.clock_offset import ClockOffset
 from awescli.physics.effects.custom_term import CustomTerm
+from awescli.physics.effects.downwash_lag import DownwashLag
 from awescli.physics.effects.gravity import Gravity
 from awescli.physics.effects.heading_bias import HeadingBias
 from awescli.physics.effects.hinge_blowback import HingeBlowback
@@ -50,7 +51,7 @@ EFFECTS = {
         WindShear, WindVeer, WindOffset, AirDensity, Turbulence,
         TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment, WinchLength, ClockOffset,
         MassOffset, AddedMass,
-        ParasiticDrag, SideslipDrag, ReynoldsDrag, LiftStall, PitchCurvature, UnsteadyLift, AeroelasticTwist, SurfaceBias,
+        ParasiticDrag, SideslipDrag, ReynoldsDrag, LiftStall, PitchCurvature, UnsteadyLift, DownwashLag, AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, HingeBlowback, ActuatorLag, ActuatorDelay,
         VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
         PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuBias,
