@@ -59,6 +59,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "antenna_arm": {"x": 0.4, "z": -0.3},
     "reynolds_drag": {"n": 0.17},
     "downwash_lag": {"Cm_adot": -20.0, "arm": 5.0},
+    "lift_drift": {"rate": -4e-4, "step": -0.05, "at": 20.0},
     "custom_term": {"k": 0.02},
 }
 """effect -> its parameters by short name, at a size that effects.md lists as typical."""

@@ -217,13 +217,14 @@ def setpoints_of(log, which=SURFACES) -> np.ndarray:
 
 
 def inputs_of(log, kite: Kite) -> np.ndarray:
-    """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: line, density, measured tension, recorded rates, wind."""
+    """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: time, line, density, measured tension, recorded rates, wind."""
     zero = np.zeros(len(log))
     length = log.inputs.get("tether_length", zero)
     speed = log.inputs.get("reel_out_speed", np.gradient(length, log.dt))
     tension = log.measured.get("tension", zero)
     wind = wind_inputs(log)
     signals = {
+        "time": log.time,
         "tether_length": length,
         "reel_out_speed": speed,
         "reel_out_acceleration": local_quadratic(speed, log.dt, WINCH_SMOOTHING, derivative=1),

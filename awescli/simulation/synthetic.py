@@ -146,14 +146,16 @@ def simulate_flight(
     settle: float = 30.0,
     seed: int = 0,
     step: float = 0.005,
+    begins: float = 0.0,
 ) -> Flown:
     """Simulate one long segment, up to its end or to where the kite departs.
 
     kite: a Kite made for the wind's heights, or what stands in its place (a hybrid); law: function of (x, u, c) -> four set-points
     (`PathFollowing.setpoints`, or a fitted law's), or None to replay setpoints (N+1, 4); reel_out: anything with `ReelOut.at`;
     start: (12,) states at t = 0, or None: the kite is put on the pattern at several phases and speeds `settle` seconds before t = 0,
-    and the run that follows the pattern best is kept. seed: of the gusts; step: longest of RK4 [s]. pattern: what the
-    kite must not stray from; without one only a kite that the numbers or the ground end departs.
+    and the run that follows the pattern best is kept. seed: of the gusts; step: longest of RK4 [s]; begins: what the flight's
+    clock shows at t = 0 [s], for what drifts with it. pattern: what the kite must not stray from; without one only a kite that the numbers
+    or the ground end departs.
     """
     if kite.declaration.tether.tension == "measured":
         what = "a kite whose tension is the measured one cannot fly on its own"
@@ -168,6 +170,7 @@ def simulate_flight(
     length, speed = reel_out.at(time)
     inputs = inputs_of(_Commanded(time, dt, {"tether_length": length, "reel_out_speed": speed}, wind), kite)
     at = {n: i for i, n in enumerate(kite.input_names)}
+    inputs[:, at["time"]] += begins
     if start is None:
         if pattern is None:
             raise BadInput("without a start the kite needs a pattern to be put on")

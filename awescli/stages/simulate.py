@@ -84,7 +84,7 @@ class Simulate(Stage):
         context.progress.task(f"flying {duration:g} s, {model}")
         flown = simulate_flight(
             kite, law, wind, LoggedReelOut(log, first), pattern=pattern, duration=duration, dt=log.dt,
-            start=smooth_states(log)[first], setpoints=recorded, seed=seed, step=config.step,
+            start=smooth_states(log)[first], setpoints=recorded, seed=seed, step=config.step, begins=float(log.time[first]),
         )  # fmt: skip
         epoch = log.start + float(log.time[first])
         written = as_recorded(flown, kite.declaration, wind, seed=seed, noise=config.noise, name="flight", epoch=epoch)

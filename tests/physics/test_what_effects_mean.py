@@ -467,3 +467,16 @@ def test_downwash_that_comes_late_is_a_moment_with_the_rate_of_alpha(calm):
     error = np.abs(added - expected)
     assert np.abs(added).max() > 0.01 and error[5:-5].max() < 0.15 * np.abs(added).max() and np.median(error) < 0.03 * np.abs(added).max()
     assert added[0] == pytest.approx(-20.0 * 0.405 / (2 * at.V_a[0]) * rate[0], abs=0.15 * np.abs(added).max())
+
+
+def test_lift_drifts_and_steps_by_the_flights_clock(calm):
+    """Guards rate and onset: 100 s at -4e-4 per s cost 4 % of lift, a step of -5 % at 60 s is whole two seconds later and absent two
+    seconds before; a segment of a log flies on the log's clock."""
+    for time, step in ((0.0, 0.0), (58.0, 0.0), (60.0, -0.025), (62.0, -0.05), (100.0, -0.05)):
+        with_it, without = both("lift_drift", {"rate": -4e-4, "step": -0.05, "at": 60.0}, time=time)
+        assert with_it.coefficients.CL / without.coefficients.CL - 1 == pytest.approx(-4e-4 * time + step, abs=1e-3)
+        assert with_it.coefficients._replace(CL=0) == without.coefficients._replace(CL=0)
+    kite = Kite(DEVELOPMENT, calm.log.wind.height)
+    segments = lively(kite, calm.log, count=3).segments
+    time = segments.inputs[:, :, kite.input_names.index("time")]
+    assert time[:, 0] == pytest.approx(calm.log.time[segments.first]) and np.diff(time, axis=1) == pytest.approx(0.02)

@@ -17,6 +17,7 @@ from awescli.physics.effects.gravity import Gravity
 from awescli.physics.effects.heading_bias import HeadingBias
 from awescli.physics.effects.hinge_blowback import HingeBlowback
 from awescli.physics.effects.imu_bias import ImuBias
+from awescli.physics.effects.lift_drift import LiftDrift
 from awescli.physics.effects.lift_stall import LiftStall
 from awescli.physics.effects.load_cell_lag import LoadCellLag
 from awescli.physics.effects.load_cell_scale import LoadCellScale
@@ -51,7 +52,8 @@ EFFECTS = {
         WindShear, WindVeer, WindOffset, AirDensity, Turbulence,
         TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment, WinchLength, ClockOffset,
         MassOffset, AddedMass,
-        ParasiticDrag, SideslipDrag, ReynoldsDrag, LiftStall, PitchCurvature, UnsteadyLift, DownwashLag, AeroelasticTwist, SurfaceBias,
+        ParasiticDrag, SideslipDrag, ReynoldsDrag, LiftStall, LiftDrift, PitchCurvature, UnsteadyLift, DownwashLag,
+        AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, HingeBlowback, ActuatorLag, ActuatorDelay,
         VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
         PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuBias,
