@@ -480,3 +480,25 @@ def test_lift_drifts_and_steps_by_the_flights_clock(calm):
     segments = lively(kite, calm.log, count=3).segments
     time = segments.inputs[:, :, kite.input_names.index("time")]
     assert time[:, 0] == pytest.approx(calm.log.time[segments.first]) and np.diff(time, axis=1) == pytest.approx(0.02)
+
+
+def play(setpoint, width, start):
+    """The play operator on samples: the surface is pushed along when the set-point leaves +-width/2 of it."""
+    path = [start]
+    for s in setpoint[1:]:
+        path.append(min(max(path[-1], s - width / 2), s + width / 2))
+    return np.array(path)
+
+
+def test_backlash_is_the_play_operator(calm):
+    """Guards memory: against the operator on samples, a swinging rudder that reverses inside and outside the play; a reversal is late by
+    12 ms, which at 0.4 rad/s is 5 mrad. Small swings do nothing, large ones arrive half a width late."""
+    width, time = 0.03, 0.02 * np.arange(201)
+    setpoint = 0.1 * np.sin(2 * np.pi * 0.6 * time) * np.where(time < 2.5, 1.0, 0.12)
+    case = flown("surface_backlash:rudder", calm, {"surface_backlash:rudder.width": width}, seconds=4.0, setpoint=setpoint)
+    found = deflection(*case, {"surface_backlash:rudder.width": width})
+    expected = play(setpoint, width, setpoint[0] - width / 2)
+    assert np.abs(found - expected).max() < 6e-3 and np.median(np.abs(found - expected)) < 1e-3
+    assert np.abs(setpoint - found).max() == pytest.approx(width / 2, abs=1e-4)
+    # the small swing of the end is lost for the most part, the large one is not
+    assert np.ptp(found[160:]) < 0.1 * np.ptp(setpoint[160:]) + 2e-3 and np.ptp(found[:100]) > 0.8 * np.ptp(setpoint[:100])

@@ -28,6 +28,7 @@ from awescli.physics.effects.pitot_position_error import PitotPositionError
 from awescli.physics.effects.position_latency import PositionLatency
 from awescli.physics.effects.reynolds_drag import ReynoldsDrag
 from awescli.physics.effects.sideslip_drag import SideslipDrag
+from awescli.physics.effects.surface_backlash import SurfaceBacklash
 from awescli.physics.effects.surface_bias import SurfaceBias
 from awescli.physics.effects.surface_dead_band import SurfaceDeadBand
 from awescli.physics.effects.surface_effectiveness import SurfaceEffectiveness
@@ -54,7 +55,7 @@ EFFECTS = {
         MassOffset, AddedMass,
         ParasiticDrag, SideslipDrag, ReynoldsDrag, LiftStall, LiftDrift, PitchCurvature, UnsteadyLift, DownwashLag,
         AeroelasticTwist, SurfaceBias,
-        SurfaceEffectiveness, SurfaceDeadBand, HingeBlowback, ActuatorLag, ActuatorDelay,
+        SurfaceEffectiveness, SurfaceDeadBand, SurfaceBacklash, HingeBlowback, ActuatorLag, ActuatorDelay,
         VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
         PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuBias,
         CustomTerm,
