@@ -61,6 +61,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "downwash_lag": {"Cm_adot": -20.0, "arm": 5.0},
     "lift_drift": {"rate": -4e-4, "step": -0.05, "at": 20.0},
     "surface_backlash": {"width": 0.03},
+    "winch_tracking": {"tau": 0.5},
     "custom_term": {"k": 0.02},
 }
 """effect -> its parameters by short name, at a size that effects.md lists as typical."""

@@ -502,3 +502,36 @@ def test_backlash_is_the_play_operator(calm):
     assert np.abs(setpoint - found).max() == pytest.approx(width / 2, abs=1e-4)
     # the small swing of the end is lost for the most part, the large one is not
     assert np.ptp(found[160:]) < 0.1 * np.ptp(setpoint[160:]) + 2e-3 and np.ptp(found[:100]) > 0.8 * np.ptp(setpoint[:100])
+
+
+def wound(calm, speed, values):
+    """(paid-out speed, length behind the reference) (N+1,) along a segment on which the winch is asked for `speed` (N+1,)."""
+    kite = Kite(DEVELOPMENT, calm.log.wind.height, ("winch_tracking",))
+    values = {f"winch_tracking.{n}": v for n, v in values.items()}
+    segments = lively(kite, calm.log, count=1, seconds=4.0).segments
+    at = {n: kite.input_names.index(n) for n in ("tether_length", "reel_out_speed", "reel_out_acceleration")}
+    length = segments.inputs[0, 0, at["tether_length"]] + np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 2 * segments.dt)])
+    asked = np.stack([length, speed, np.gradient(speed, segments.dt)], axis=1)[None]
+    segments = segments.with_inputs(list(at.values()), asked)
+    flown = Simulator(kite, (), step=0.005).rollout(segments, values)
+    assert not flown.diverged.any()
+    kite = kite.with_values(values)
+    line = kite.instant(list(flown.states[0].T), list(segments.inputs[0].T), list(kite.parameters.vector())).line
+    return line.speed, length - line.length
+
+
+def test_a_winch_follows_its_reference_late(calm):
+    """Guards lag, length and limits: a reference that rises steadily at 0.2 m/s2 is followed 0.5 s behind, 0.1 m/s slower, and the line is
+    behind by tau v, as after a whole reel-out from rest; a torque limit of 0.1 m/s2 makes the speed a ramp, a speed limit ends it."""
+    time = 0.02 * np.arange(201)
+    ramp = 0.5 + 0.2 * time
+    v, behind = wound(calm, ramp, {"tau": 0.5})
+    assert v == pytest.approx(ramp - 0.1, abs=1e-6) and behind == pytest.approx(0.5 * v, abs=1e-4)
+    step = np.where(time < 1.0, 0.5, 1.0)
+    v, _ = wound(calm, step, {"tau": 0.5})
+    # the input runs up to its step over one sample
+    assert v[55:] == pytest.approx(1.0 - 0.5 * np.exp(-(time[55:] - 0.99) / 0.5), abs=2e-3)
+    v, _ = wound(calm, step, {"tau": 0.5, "a_max": 0.1})
+    assert v[60:150] == pytest.approx(0.5 + 0.1 * (time[60:150] - 0.99), abs=2e-3)
+    v, _ = wound(calm, step, {"tau": 0.2, "v_max": 0.8})
+    assert v[:49] == pytest.approx(0.5, abs=1e-9) and v[-1] == pytest.approx(0.8, abs=1e-9)

@@ -42,6 +42,7 @@ from awescli.physics.effects.turbulence import Turbulence
 from awescli.physics.effects.unsteady_lift import UnsteadyLift
 from awescli.physics.effects.vane_bias import VaneBias
 from awescli.physics.effects.winch_length import WinchLength
+from awescli.physics.effects.winch_tracking import WinchTracking
 from awescli.physics.effects.wind_offset import WindOffset
 from awescli.physics.effects.wind_shear import WindShear
 from awescli.physics.effects.wind_veer import WindVeer
@@ -51,7 +52,7 @@ EFFECTS = {
     for e in (
         Gravity, Aerodynamics, Tether,
         WindShear, WindVeer, WindOffset, AirDensity, Turbulence,
-        TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment, WinchLength, ClockOffset,
+        TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment, WinchLength, WinchTracking, ClockOffset,
         MassOffset, AddedMass,
         ParasiticDrag, SideslipDrag, ReynoldsDrag, LiftStall, LiftDrift, PitchCurvature, UnsteadyLift, DownwashLag,
         AeroelasticTwist, SurfaceBias,
