@@ -23,8 +23,8 @@ from awescli.physics.rigid_body import acceleration, state_derivative
 REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz", "d_t", "CtD", "rtx", "rty", "rtz", "k_v", "c_v", "dl")
 """Parameters that every kite file names: mass, gravity, geometry, inertia, tether (see effects/tether.py)."""
 _SIGNALS = (
-    "time", "tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate",
-    "turbulence_n", "turbulence_e", "turbulence_d", "turbulence_p", *DISTURBANCES, PHASE,
+    "tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate",
+    "turbulence_n", "turbulence_e", "turbulence_d", "turbulence_p", *DISTURBANCES, PHASE, "time",
 )  # fmt: skip
 
 
