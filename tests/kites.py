@@ -11,13 +11,30 @@ from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration, read_kite
 from awescli.physics.disturbances import even, odd
 from awescli.physics.effects import EFFECTS
-from awescli.physics.kite import Kite
+from awescli.physics.kite import Kite, with_new
+from awescli.physics.propeller import Propeller, SpeedLaw
 from awescli.simulation.campaign_flights import CampaignFlight, dev_like
 from awescli.simulation.gusts import dryden, roll_gust
 from awescli.simulation.segments import Observed, observe
 
 ROOT = Path(__file__).parents[1]
 DEVELOPMENT: KiteDeclaration = read_kite(ROOT / "data" / "kites" / "development.yaml")
+
+PROPELLER = Propeller(
+    diameter=0.9, hub=(0.8, 0.1, -0.05), axis=(1.0, 0.02, -0.03), CT=(0.11, 0.03, -0.12, -0.03), CP=(0.055, 0.03, -0.05, -0.025),
+    speed=SpeedLaw(law="power", shaft_power=(-500.0, 10000.0, 15000.0)), inertia=0.02,
+)  # fmt: skip
+"""A strong one for a wing of the development kite's size: 24 kW, so that what a throttle does stands out of the rounding."""
+POWERED: KiteDeclaration = DEVELOPMENT.model_copy(
+    update={"propellers": (PROPELLER,), "effects": with_new(DEVELOPMENT.effects, ("thrust",))}
+)
+"""The development kite with a motor: what acts on the throttle shows on it alone."""
+
+
+def home(key: str) -> KiteDeclaration:
+    """The kite on which an effect can act."""
+    return POWERED if key.endswith(":throttle") or key == "thrust" else DEVELOPMENT
+
 
 PLAUSIBLE: dict[str, dict[str, float]] = {
     "wind_shear": {"a": 0.1},
@@ -45,6 +62,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "surface_dead_band": {"d": 0.01},
     "actuator_lag": {"tau": 0.1, "rate": 0.5, "inertia": 0.2},
     "actuator_delay": {"tau": 0.12},
+    "probe_arm": {"x": 0.4, "y": 0.36, "z": -0.1},
     "vane_bias": {"b": 0.026, "k": 0.1},
     "airspeed_scale": {"s": 0.95, "b": 0.5},
     "load_cell_scale": {"s": 1.07, "b": 60.0},
@@ -93,7 +111,7 @@ def declared(**changes) -> KiteDeclaration:
 def at_point(kite: Kite, **changes) -> tuple[list[float], list[float], list[float]]:
     """(x, u, c) of a kite crosswind at 300 m, taut, all rates and surfaces alive. changes: states, surfaces or inputs by name."""
     state = dict(zip(STATES, (210.0, 40.0, -160.0, 38.0, 1.5, 4.0, -0.5, 0.15, 1.4, 0.1, 0.25, -0.5), strict=True))
-    surface = {"aileron": 0.01, "elevator": -0.03, "rudder": 0.12, "flaps": 0.06}
+    surface = {"aileron": 0.01, "elevator": -0.03, "rudder": 0.12, "flaps": 0.06, "throttle": 0.6}
     inputs = dict.fromkeys(kite.input_names, 0.0)
     inputs |= {"density": 1.22, "tension": 3000.0, "reel_out_speed": 0.8, "reel_out_acceleration": 0.3, "rudder_rate": 0.4}
     inputs |= {f"wind_speed_{i}": 9.0 + 0.02 * h for i, h in enumerate(kite.heights)}
@@ -109,6 +127,11 @@ def at_point(kite: Kite, **changes) -> tuple[list[float], list[float], list[floa
     if own:
         x[12 : 12 + len(own)] = [float(v) for v in kite.initial(x, u, c)]
     return x, u, c
+
+
+def inputs_of_one_for(other: Kite, kite: Kite, u) -> list:
+    """Inputs u of `kite` as `other` takes them: a kite without a line takes none of the line's."""
+    return [u[kite.input_names.index(name)] for name in other.input_names]
 
 
 @cache
@@ -128,7 +151,8 @@ def lively(kite: Kite, log: FlightLog, count: int = 8, seconds: float = 5.0, see
     observed = _with_vanes(observe(log, kite, first, steps, MEASURED), kite.declaration.noise.flow_angles)
     segments, time = observed.segments, log.dt * np.arange(steps + 1)
     setpoints, inputs = segments.setpoints.copy(), segments.inputs.copy()
-    for name, size in {"aileron": 0.05, "elevator": 0.04, "rudder": 0.03, "flaps": 0.05}.items():
+    setpoints[:, :, SURFACES.index("throttle")] += 0.5
+    for name, size in {"aileron": 0.05, "elevator": 0.04, "rudder": 0.03, "flaps": 0.05, "throttle": 0.05}.items():
         turn = 2 * np.pi * (random.uniform(0.4, 1.5, (count, 1)) * time + random.uniform(0, 1, (count, 1)))
         setpoints[:, :, SURFACES.index(name)] += size * np.sin(turn)
         inputs[:, :, kite.input_names.index(f"{name}_rate")] = np.gradient(setpoints[:, :, SURFACES.index(name)], log.dt, axis=1)

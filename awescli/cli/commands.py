@@ -72,14 +72,15 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     from awescli.flightlog.read import read_flight
     from awescli.flightlog.split import split
     from awescli.physics.declaration import read_kite
+    from awescli.physics.kite import needed_by
     from awescli.stages.plan import read_plan
 
     plan = read_plan(file, stages, _overrides(settings))
     screen.line(f"plan    {plan.file}: good, runs {', '.join(plan.planned) or 'nothing'}")
     errors: list[BadInput] = []
-    log = None
+    log = needed = None
     try:
-        read_kite(plan.kite)
+        needed = needed_by(read_kite(plan.kite))
         screen.line(f"kite    {plan.kite}: good")
     except BadInput as e:
         errors.append(e)
@@ -94,7 +95,7 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
             parts = split(find_loops(log), **plan.split.model_dump(), log=log)
         except BadInput as e:
             errors.append(e)
-        quality = data_quality(log, parts)
+        quality = data_quality(log, needed, parts)
         for title, content in quality_sections(quality).items():
             screen.section(title, content)
         screen.answer({"plan": str(plan.file), "quality": json_safe(quality.as_dict())})

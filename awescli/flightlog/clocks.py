@@ -17,6 +17,9 @@ GAIN = 0.02
 MIN_SWING = 0.2
 """m/s standard deviation of the reeling speed: below, there is nothing to align."""
 
+MOTOR = 1.5
+"""s in which a motor and its propeller have long followed the throttle."""
+
 WIDTH = 1.0
 """s of the moving average over both: line dynamics and winch control are faster and differ between the two ends."""
 
@@ -54,6 +57,18 @@ def clock_offset(first: np.ndarray, second: np.ndarray, dt: float, max_lag: floa
             lag += 0.5 * (left - right) / bend
     clear = bool(score[best] >= CLEAR and score[best] - score[zero] >= GAIN and 0 < best < k.size - 1)
     return ClockOffset(lag * dt, float(score[best]), float(score[zero]), clear)
+
+
+def motor_lateness(log) -> float | None:
+    """[s] by which motor_speed follows the throttle, where that is clear and more than a motor takes (`MOTOR`); None otherwise.
+
+    log: a FlightLog with both.
+    """
+    both = [log[name] for name in ("throttle", "motor_speed")] if "throttle" in log and "motor_speed" in log else []
+    if not both or min(x.std() for x in both) == 0:
+        return None
+    seen = clock_offset(*((x - x.mean()) / x.std() for x in both), log.dt)
+    return seen.late if seen is not None and seen.clear and abs(seen.late) > MOTOR else None
 
 
 def moving_average(x: np.ndarray, width: int) -> np.ndarray:

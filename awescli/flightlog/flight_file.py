@@ -8,7 +8,7 @@ from awescli.flightlog.units import VOCABULARY
 from awescli.notation.errors import did_you_mean
 from awescli.notation.quantities import INPUTS, MEASURED
 
-Group = Literal["onboard", "winch", "weather"]
+Group = Literal["onboard", "winch", "weather", "motor"]
 Late = float | Literal["auto"]
 
 OF_VECTOR = {"position": ("p_n", "p_e", "p_d"), "velocity": ("v_n", "v_e", "v_d"), "acceleration": ("a_x", "a_y", "a_z")}
@@ -71,10 +71,21 @@ class Wind(_Strict):
     height: float = Field(10.0, description="height of the station above the winch [m]", ge=0.1)
 
 
+class Mix(_Strict):
+    """A quantity as a sum of columns or channels: `{of: {da_r: 0.5, da_l: -0.5}, unit: rad}`; factors say what each is worth in `unit`."""
+
+    of: dict[str, float] = Field(min_length=1, description="column or channel -> factor")
+    unit: Unit = Field(description="unit of the sum")
+    offset: float = Field(0.0, description="added to the sum, in its unit")
+    group: Group | None = Field(None, description="clock group; default by quantity")
+
+
 class FlightFile(_Strict):
     """The whole flight.yaml."""
 
-    format: Literal["csv", "kitemill", "ampyx"] = Field("csv", description="csv (mapped here), kitemill or ampyx")
+    format: Literal["csv", "kitemill", "ampyx", "umn", "px4", "ardupilot"] = Field(
+        "csv", description="csv (mapped here), kitemill, ampyx, umn (.mat), px4 (.ulg) or ardupilot (.bin)"
+    )
     file: str | None = Field(None, description="the log, relative to this file (default: kite.csv, *.mat, or the only *.csv)")
     units: dict[str, Unit] = Field({}, description="format kitemill: column -> unit, where it is not the format's own")
     station_height: float = Field(10.0, description="format kitemill: height of a weather station without heights [m]", ge=0.1)
@@ -84,14 +95,21 @@ class FlightFile(_Strict):
     velocity: Vector | None = Field(None, description="format csv: velocity over ground")
     acceleration: Vector | None = Field(None, description="format csv: kinematic acceleration")
     signals: dict[str, Column] = Field({}, description="format csv: quantity -> column")
+    mix: dict[str, Mix] = Field({}, description="formats csv, umn, px4, ardupilot: quantity -> sum of columns or channels")
+    navigation: Literal["estimator", "gnss"] = Field(
+        "estimator", description="formats umn, px4, ardupilot: position, velocity of the onboard estimator, or of the GNSS, at its own rate"
+    )
     wind: Wind | None = Field(None, description="format csv: wind columns")
     believe: tuple[str, ...] = Field((), description="format csv: columns whose unit is not to be checked against the others")
 
     @model_validator(mode="after")
     def _complete(self) -> "FlightFile":
-        for quantity in self.signals:
+        for quantity in (*self.signals, *self.mix):
             if quantity not in (*MEASURED, *INPUTS):
-                raise ValueError(f"signals.{quantity} is not a quantity. {did_you_mean(quantity, (*MEASURED, *INPUTS))}")
+                key = "signals" if quantity in self.signals else "mix"
+                raise ValueError(f"{key}.{quantity} is not a quantity. {did_you_mean(quantity, (*MEASURED, *INPUTS))}")
+        if twice := [q for q in self.mix if q in self.signals]:
+            raise ValueError(f"{', '.join(twice)} stand in signals and in mix; keep one")
         for name, quantities in OF_VECTOR.items():
             if getattr(self, name) is not None and (twice := [q for q in quantities if q in self.signals]):
                 raise ValueError(f"{', '.join(twice)} stand in signals and in {name}; keep one")
@@ -106,6 +124,10 @@ class FlightFile(_Strict):
             used := [n for n in ("time", "position", "velocity", "acceleration", "signals", "wind") if getattr(self, n)]
         ):
             raise ValueError(f"{', '.join(used)} belong to format csv, this is format {self.format}")
+        if self.format in ("kitemill", "ampyx") and self.mix:
+            raise ValueError(f"`mix` belongs to formats csv, umn, px4 and ardupilot, this is format {self.format}")
+        if self.format in ("csv", "kitemill", "ampyx") and self.navigation != "estimator":
+            raise ValueError(f"`navigation` belongs to formats umn, px4 and ardupilot, this is format {self.format}")
         if self.format != "kitemill" and self.units:
             raise ValueError("`units` belongs to format kitemill; in format csv the unit stands at each signal")
         if any(late == "auto" for group, late in self.clocks.items() if group != "winch"):

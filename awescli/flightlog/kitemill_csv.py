@@ -32,12 +32,13 @@ COLUMNS = {
     "V_a": ("V_a", "m/s", "onboard"), "tension": ("LoadFiltered", "kgf", "onboard"),
     "aileron": ("aileron_sp", "deg", "onboard"), "elevator": ("elevator_sp", "deg", "onboard"),
     "rudder": ("rudder_sp", "deg", "onboard"), "flaps": ("flaps_sp", "deg", "onboard"),
+    "throttle": ("throttle_sp", "%", "onboard"),
     "tether_length": ("tether_length", "m", "winch"), "reel_out_speed": ("reel_out_speed", "m/s", "winch"),
 }  # fmt: skip
 """Quantity -> (column, unit in the file, clock group)."""
 
-OPTIONAL = ("a_x", "a_y", "a_z", "V_a", "tension", "elevator", "flaps")
-"""Quantities that some exports lack."""
+OPTIONAL = ("a_x", "a_y", "a_z", "V_a", "tension", "elevator", "flaps", "throttle", "tether_length", "reel_out_speed")
+"""Quantities that some exports lack; those of the line are of no kite that flies free, and the kite file asks for them."""
 
 DIGITS = 4
 """Decimals written: finer than any of the sensors."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
-from awescli.notation.quantities import INPUTS, MEASURED
+from awescli.notation.quantities import INPUTS, MEASURED, OF_LINE
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class FlightLog:
     wind: WindRecord, or None. groups: signal name -> clock group ("onboard", "winch", "weather").
     notes: what the reader did to the file (removed stamps, filled gaps, ...), one sentence each; counters: the same, counted.
     causes: why samples are not valid ("gap", "V_a stuck", ...) -> (K, 2) half-open sample ranges; they may overlap.
+    fresh: signal name -> (N,) bool, True where its sensor gave a new value; between them the signal is interpolated and says nothing.
+    Signals that are not in it are new at every sample.
     """
 
     name: str
@@ -53,6 +55,7 @@ class FlightLog:
     notes: tuple[str, ...] = ()
     counters: Mapping[str, int] = field(default_factory=dict)
     causes: Mapping[str, np.ndarray] = field(default_factory=dict)
+    fresh: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self):
         for table, known in ((self.measured, MEASURED), (self.inputs, INPUTS)):
@@ -67,6 +70,7 @@ class FlightLog:
         object.__setattr__(self, "groups", MappingProxyType(dict(self.groups)))
         object.__setattr__(self, "counters", MappingProxyType(dict(self.counters)))
         object.__setattr__(self, "causes", MappingProxyType(dict(self.causes)))
+        object.__setattr__(self, "fresh", MappingProxyType(dict(self.fresh)))
 
     def __len__(self) -> int:
         return self.time.shape[0]
@@ -86,6 +90,15 @@ class FlightLog:
         return name in self.measured or name in self.inputs
 
     @property
+    def on_line(self) -> bool:
+        """Whether the log has anything of a line; if not, it is of a free flight."""
+        return any(name in self for name in OF_LINE)
+
+    def is_new(self, name: str) -> np.ndarray:
+        """(N,) bool: the samples at which a signal's sensor gave a new value."""
+        return self.fresh.get(name, np.ones(len(self), bool))
+
+    @property
     def body_velocity(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(u, v, w) = R^T v_ned, each (N,) m/s: as noisy as both of its sources."""
         m = self.measured
@@ -101,6 +114,7 @@ class FlightLog:
             measured={k: s[cut] for k, s in self.measured.items()},
             inputs={k: s[cut] for k, s in self.inputs.items()},
             valid=self.valid[cut],
+            fresh={name: new[cut] for name, new in self.fresh.items()},
             causes={cause: inside for cause, bounds in self.causes.items() if len(inside := _clipped(bounds, first, last))},
         )
 

@@ -31,8 +31,9 @@ SMOOTHING = 0.3
 FEWEST = 3
 """With fewer loops than parts to split into, a flight is cut into blocks."""
 
-BLOCKS, BLOCK_RANGE = 8, (6.0, 10.0)
-"""Number of blocks aimed at, and their length [s]: long enough for a prediction of 5 s, short enough for three parts."""
+BLOCKS, BLOCK_RANGE, FREE_BLOCK = 8, (6.0, 10.0), 20.0
+"""Number of blocks aimed at, and their length [s]: long enough for a prediction of 5 s, short enough for three parts. Without a line a
+flight may last, and a block then holds a turn or two: up to FREE_BLOCK."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ def find_loops(log: FlightLog, labels: np.ndarray | None = None) -> Loops:
     labels: (N,) phases, where they are at hand. A loop may hold invalid samples: `split.segments` leaves those out.
     """
     labels = phases(log) if labels is None else labels
+    if not log.on_line:
+        return _blocks(log, labels)
     turns: list[tuple[int, int]] = []
     eights: list[tuple[int, int]] = []
     if all(name in log.measured for name in ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d")):
@@ -144,11 +147,13 @@ def _blocks(log: FlightLog, labels: np.ndarray) -> Loops:
     total = float((flown[:, 1] - flown[:, 0]).sum() * log.dt) if len(flown) else 0.0
     if not len(flown):
         flown, total = np.array([[0, len(log)]]), len(log) * log.dt
-    seconds = float(np.clip(total / BLOCKS, *BLOCK_RANGE))
+    seconds = float(np.clip(total / BLOCKS, BLOCK_RANGE[0], BLOCK_RANGE[1] if log.on_line else FREE_BLOCK))
     bounds = []
     for first, last in flown:
         count = int((last - first) * log.dt / seconds + 1e-9)
         edges = np.linspace(first, last, count + 1).astype(int) if count else ()
         bounds += list(zip(edges[:-1], edges[1:], strict=True))
     good, out = usable(log, np.array(bounds, dtype=int).reshape(-1, 2))
-    return Loops("blocks", good, f"{len(good)} blocks of {seconds:.1f} s (the flight does not loop){_say_left_out(out)}", out)
+    if log.on_line:
+        return Loops("blocks", good, f"{len(good)} blocks of {seconds:.1f} s (the flight does not loop){_say_left_out(out)}", out)
+    return Loops("blocks", good, f"no tether: {len(good)} blocks of {seconds:.3g} s{_say_left_out(out)}", out)

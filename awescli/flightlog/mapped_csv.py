@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from awescli.flightlog.clocks import clock_offset
-from awescli.flightlog.flight_file import OF_VECTOR, Column, FlightFile, Spherical, Vector
+from awescli.flightlog.flight_file import OF_VECTOR, Column, FlightFile, Mix, Spherical, Vector
 from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.flightlog.plausible_units import check_units
 from awescli.flightlog.resample import RawFlight, sample_interval, uniform_log, usable_stamps
@@ -20,6 +20,11 @@ from awescli.notation.quantities import UNITS
 
 WINCH = ("tether_length", "reel_out_speed")
 """Quantities that belong to the winch's clock unless the mapping says otherwise."""
+
+def of_group(quantity: str) -> str:
+    """The clock group of a quantity, unless the mapping says otherwise."""
+    return "winch" if quantity in WINCH else "motor" if quantity == "motor_speed" else "onboard"
+
 
 CURE = "Correct the unit, sign or frame of column {column} in flight.yaml; if all is right as it stands, add `believe: [{column}]`."
 """What to do about a column that contradicts its unit."""
@@ -42,6 +47,7 @@ def read_mapped(declaration: Path, mapping: FlightFile, max_gap: float = 0.2) ->
     reader = _Reader(declaration, table)
     signals, groups = _signals(reader, mapping)
     places = {q: (f"{path}: column {c.column}", c.column) for q, c in mapping.signals.items()}
+    places |= {q: (f"{path}: columns {', '.join(m.of)}", next(iter(m.of))) for q, m in mapping.mix.items()}
     for name, quantities in OF_VECTOR.items():
         if isinstance(vector := getattr(mapping, name), Vector):
             places |= {q: (f"{path}: columns {', '.join(vector.columns)}", vector.columns[0]) for q in quantities}
@@ -72,6 +78,11 @@ class _Reader:
         """sign * column + offset, in SI (N,)."""
         return (spec.sign * self.table.columns[spec.column] + spec.offset) * self._factor(spec.unit, si_unit, key)
 
+    def mixed(self, spec: Mix, si_unit: str, key: str) -> np.ndarray:
+        """sum of factor * column, and the offset, in SI (N,)."""
+        total = sum(factor * self.table.columns[column] for column, factor in spec.of.items())
+        return (total + spec.offset) * self._factor(spec.unit, si_unit, key)
+
     def vector(self, spec: Vector, si_unit: str, key: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The vector in NED (or BODY, where it is declared so), SI, each (N,)."""
         factor = self._factor(spec.unit, si_unit, key)
@@ -90,7 +101,10 @@ def _signals(reader: _Reader, mapping: FlightFile) -> tuple[dict[str, np.ndarray
     signals, groups = {}, {}
     for quantity, spec in mapping.signals.items():
         signals[quantity] = reader.column(spec, UNITS[quantity], f"signals.{quantity}")
-        groups[quantity] = spec.group or ("winch" if quantity in WINCH else "onboard")
+        groups[quantity] = spec.group or of_group(quantity)
+    for quantity, spec in mapping.mix.items():
+        signals[quantity] = reader.mixed(spec, UNITS[quantity], f"mix.{quantity}")
+        groups[quantity] = spec.group or of_group(quantity)
     for name, quantities in OF_VECTOR.items():
         spec = getattr(mapping, name)
         if isinstance(spec, Spherical):
@@ -187,6 +201,8 @@ def _columns(mapping: FlightFile) -> Iterator[tuple[str, str]]:
     yield "time.column", mapping.time.column
     for quantity, spec in mapping.signals.items():
         yield f"signals.{quantity}.column", spec.column
+    for quantity, spec in mapping.mix.items():
+        yield from ((f"mix.{quantity}.of", column) for column in spec.of)
     for name in OF_VECTOR:
         spec = getattr(mapping, name)
         if isinstance(spec, Spherical):

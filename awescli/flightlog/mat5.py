@@ -82,6 +82,11 @@ def read_mat(path: Path, wanted: str, do: str) -> tuple[dict[str, str], Value | 
     return kinds, value
 
 
+def variables(path: Path) -> dict[str, str]:
+    """name -> MATLAB class of every variable in a file, none of them read. Raises BadInput as `read_mat`."""
+    return read_mat(path, "", "Is the file complete?")[0]
+
+
 def _byte_order(raw: memoryview) -> str:
     if len(raw) < 136:
         raise _Damaged("too short")

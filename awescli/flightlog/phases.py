@@ -1,4 +1,4 @@
-"""What the kite is doing at every sample: ground, hover, traction, retraction, or transition."""
+"""What the kite is doing at every sample: ground, hover, traction, retraction, or transition; flight, where it flies free of a line."""
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -6,7 +6,7 @@ from scipy.ndimage import median_filter
 from awescli.flightlog.clocks import moving_average
 from awescli.flightlog.log import FlightLog, runs_of
 
-PHASES = ("ground", "hover", "traction", "retraction", "transition")
+PHASES = ("ground", "hover", "traction", "retraction", "transition", "flight")
 
 GROUND_SPEED = 2.0
 """m/s: slower, and low, is standing (a hovering kite drifts and climbs faster, a GPS at rest shows 0.1)."""
@@ -19,6 +19,9 @@ FLYING_SPEED = 8.0
 
 FLYING_AIRSPEED = 12.0
 """m/s by the pitot tube: a wing on its way in against the wind is slow over ground, but no rotor craft hovers so fast."""
+
+ROLLING = 5.0
+"""m above or below where it started: within, a fast aircraft without a line rolls, takes off or lands, with the ground in its equations."""
 
 SLACK = 0.15
 """Share of the flight's high tension (95th percentile): below, a slow kite hangs on its rotors, a fast one is between phases."""
@@ -37,6 +40,8 @@ def phases(log: FlightLog) -> np.ndarray:
     """(N,) array of names out of PHASES; all "transition" where the log has no position or velocity."""
     if not all(name in log.measured for name in ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d")):
         return np.full(len(log), "transition", dtype="<U10")
+    if not log.on_line:
+        return _of_free_flight(log)
     width = max(1, int(round(LOOP / log.dt)))
     speed = moving_average(np.sqrt(log["v_n"] ** 2 + log["v_e"] ** 2 + log["v_d"] ** 2), width)
     inward = moving_average(range_rate(log), width) < REEL_IN
@@ -54,6 +59,19 @@ def phases(log: FlightLog) -> np.ndarray:
     code[~flying & low & (speed < GROUND_SPEED)] = PHASES.index("ground")
     code[flying & working & ~inward] = PHASES.index("traction")
     code[flying & inward] = PHASES.index("retraction")
+    return np.array(PHASES)[_without_short(code, max(1, int(round(SHORTEST / log.dt))))]
+
+
+def _of_free_flight(log: FlightLog) -> np.ndarray:
+    """Phases of a log without a line: flight where air or ground pass fast and the ground is away, else hover or ground."""
+    width = max(1, int(round(LOOP / log.dt)))
+    speed = moving_average(np.sqrt(log["v_n"] ** 2 + log["v_e"] ** 2 + log["v_d"] ** 2), width)
+    if "V_a" in log.measured:
+        speed = np.maximum(speed, moving_average(log["V_a"], width))
+    fast, away = speed > FLYING_SPEED, np.abs(log["p_d"]) > ROLLING
+    code = np.full(len(log), PHASES.index("ground"))
+    code[~fast & (-log["p_d"] > GROUND_HEIGHT)] = PHASES.index("hover")
+    code[fast & away] = PHASES.index("flight")
     return np.array(PHASES)[_without_short(code, max(1, int(round(SHORTEST / log.dt))))]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from awescli.flightlog.units import factor_to_si
 from awescli.notation.errors import BadInput, BadInputs
-from awescli.notation.quantities import SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES
 
 TURNS = 2 * np.pi
 """rad of course change after which a heading must have moved as well."""
@@ -20,6 +20,9 @@ FLYING = 8.0
 
 MAX_FORCE_AREA = 12.0
 """m2, tension / dynamic pressure: a 3 m2 wing reaches 3 to 5, and a load in N taken for kgf ten times that."""
+
+FULL_THROTTLE = 1.5
+"""A throttle of 1 is full; trims and calibration may carry it a little beyond."""
 
 CONFUSED = 0.12
 """A ratio this near to a conversion factor is taken for it."""
@@ -204,9 +207,11 @@ def _tension(s) -> list[Finding]:
 
 def _surfaces(s) -> list[Finding]:
     """Surfaces that never leave +-1 deg do not turn a kite; those beyond +-90 deg do not exist."""
-    there = [n for n in SURFACES if n in s]
+    there = [n for n in CONTROL_SURFACES if n in s]
     size = {n: float(np.nanmax(np.abs(s[n]))) for n in there}
     found = [(n, "deg", f"{n} reaches {size[n]:.1f} rad") for n in there if size[n] > np.pi / 2]
+    if "throttle" in s and (most := float(np.nanmax(s["throttle"]))) > FULL_THROTTLE:
+        found.append(("throttle", "%", f"the throttle reaches {most:.3g}, and 1 is all of it"))
     moving = [n for n in there if np.nanstd(s[n]) > 0]
     if not found and moving and max(size.values()) < np.deg2rad(1.0) and _turned(s) > TURNS:
         return [(n, "rad", f"no surface leaves +-{np.rad2deg(max(size.values())):.2f} deg while the kite turns") for n in moving]

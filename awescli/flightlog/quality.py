@@ -1,6 +1,6 @@
 """data_quality: all that `awes check` says about a log, as numbers and sentences."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from math import comb
 
@@ -79,9 +79,12 @@ class DataQuality:
         return {**asdict(self), "ok": self.ok}
 
 
-def data_quality(log: FlightLog, parts: Split | None = None) -> DataQuality:
-    """Rate, gaps, ranges, noise, faults, consistency, phases, loops and what is missing, of a log as `read_flight` gives it; with `parts`,
-    how loops are dealt, also whether validation and test leave what train has flown."""
+def data_quality(log: FlightLog, needed: Iterable[str] | None = None, parts: Split | None = None) -> DataQuality:
+    """Rate, gaps, ranges, noise, faults, consistency, phases, loops and what is missing, of a log as `read_flight` gives it.
+
+    needed: channels that the kite needs (`missing_for_model`); parts: how loops are dealt: then also whether validation and test leave what
+    train has flown.
+    """
     labels = phases(log)
     loops = find_loops(log, labels)
     airborne = (labels != "ground") & (labels != "hover")
@@ -100,7 +103,8 @@ def data_quality(log: FlightLog, parts: Split | None = None) -> DataQuality:
         unit, factor = DISPLAY.get(UNITS[name], (UNITS[name], 1.0))
         values = log[name][log.valid] if log.valid.any() else log[name]
         # set-points are exact: their steps are no noise
-        noise = white_noise(log[name], log.valid) if name in log.measured else None
+        new = log.is_new(name)
+        noise = white_noise(log[name][new], log.valid[new]) if name in log.measured else None
         shown = None if noise is None else noise * factor
         channels.append(
             Channel(name, unit, float(values.min()) * factor, float(values.max()) * factor, shown, log.groups.get(name, "onboard"))
@@ -122,7 +126,7 @@ def data_quality(log: FlightLog, parts: Split | None = None) -> DataQuality:
         name=log.name, rate=1 / log.dt, duration=len(log) * log.dt, samples=len(log), counters=dict(log.counters), channels=tuple(channels),
         checks=checks, phases=phase_durations(labels, log.dt), loops=loops.sentence,
         loop_count=len(loops) if loops.kind == "loops" else 0, left_out=left_out,
-        stretches=_stretches(log, loops), missing=tuple(missing_for_model(log)), notes=log.notes, ranges=ranges,
+        stretches=_stretches(log, loops), missing=tuple(missing_for_model(log, needed)), notes=log.notes, ranges=ranges,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_erosion
 from awescli.flightlog.consistency import Check
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.smoothing import local_quadratic
-from awescli.notation.quantities import SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES
 
 EDGE = 1.0
 """Percent of a loop's samples at either end that do not count: a spike is no range; what a loop reaches for a tenth of a second is."""
@@ -70,7 +70,7 @@ def loop_ranges(log: FlightLog, bounds: np.ndarray) -> tuple[LoopRanges, ...]:
     found = []
     # a rate is known where all that it is taken over is
     whole = binary_erosion(log.valid, np.ones(2 * int(np.ceil(RATE_SPAN / log.dt)) + 1), border_value=1)
-    known = {f"{name} rate": whole for name in SURFACES}
+    known = {f"{name} rate": whole for name in CONTROL_SURFACES}
     for name, unit, kind, signal, least in _quantities(log):
         valid = known.get(name, log.valid)
         low, high = np.array([_range(signal[a:b], valid[a:b]) for a, b in bounds]).reshape(-1, 2).T
@@ -121,10 +121,12 @@ def _quantities(log: FlightLog):
     for name, rate in (("p", "roll rate"), ("q", "pitch rate"), ("r", "yaw rate")):
         if name in log:
             yield rate, "deg/s", "amplitude", log[name] / DEG, 1.0
-    for name in SURFACES:
+    for name in CONTROL_SURFACES:
         if name in log:
             yield name, "deg", "amplitude", log[name] / DEG, 0.5
             yield f"{name} rate", "deg/s", "amplitude", local_quadratic(log[name], log.dt, RATE_SPAN, derivative=1) / DEG, 2.0
+    if "throttle" in log:
+        yield "throttle", "%", "level", 100 * log["throttle"], 5.0
     if "V_a" in log:
         yield "airspeed", "m/s", "level", log["V_a"], 2.0
     if "tension" in log:

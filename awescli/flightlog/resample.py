@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
+from awescli.flightlog.clocks import moving_average
 from awescli.flightlog.log import FlightLog, WindRecord, runs_of
 from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
@@ -20,6 +21,9 @@ STAMP_ROUNDING = 6e-4
 STRAY = 10.0
 """Sample intervals by which a single stamp must leave its neighbours, there and back, to be called stray."""
 
+INDISPENSABLE = (*MEASURED[:12], *SURFACES)
+"""Without position, velocity, attitude, rates and set-points a sample is no sample; what else has its own rate is then only not new."""
+
 MAX_STRETCH = 20
 """A grid with more points than this per sample is a wrong clock, not a log with gaps (and would fill the memory)."""
 
@@ -30,7 +34,8 @@ class RawFlight:
 
     start: unix time of stamp 0 [s]; stamps: (N,) s; signals: quantity -> (N,), NaN where missing; groups: quantity ->
     clock group; late: clock group -> s by which its records come late (its value stamped t belongs to t - late);
-    wind: WindRecord on the same stamps; where: the file, for messages; spikes: quantity -> samples taken as missing.
+    wind: WindRecord on the same stamps; where: the file, for messages; spikes: quantity -> samples taken as missing;
+    own_stamps: quantity -> its stamps [s], on the clock of `stamps`, where its sensor has a rate of its own.
     """
 
     name: str
@@ -43,6 +48,7 @@ class RawFlight:
     wind: WindRecord | None = None
     notes: tuple[str, ...] = ()
     spikes: Mapping[str, int] = field(default_factory=dict)
+    own_stamps: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,9 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
     """The flight on a uniform clock.
 
     Repeated, backward and stray stamps are removed. Points between samples are interpolated (angles over the short way round,
-    surfaces held); over gaps longer than `max_gap` [s] (at least 1.5 sample intervals) they are filled and marked invalid.
+    surfaces held); over gaps longer than `max_gap` [s] (at least 1.5 sample intervals) they are filled and marked invalid. A signal with
+    stamps of its own is averaged over a sample interval where it is faster, so that vibration does not fold into it; where it is slower, it
+    is new (`FlightLog.fresh`) only at the points next to its stamps.
     Raises BadInput where fewer than 3 usable samples remain or the stamps cannot be a clock.
     """
     keep, removed = usable_stamps(raw.stamps)
@@ -80,10 +88,23 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
     max_gap = max(max_gap, 1.5 * dt)
     between = _place(time, stamps - origin, dt, max_gap)
     valid, causes = between.known.copy(), {"gap": runs_of(~between.known)}
-    filled, signals, notes = 0, {}, list(raw.notes)
+    filled, signals, fresh, notes = 0, {}, {}, list(raw.notes)
     placements: dict[float, _Placement] = {}
     for name, column in raw.signals.items():
-        values, late = column[keep], raw.late.get(raw.groups.get(name, "onboard"), 0.0)
+        late = raw.late.get(raw.groups.get(name, "onboard"), 0.0)
+        if name in raw.own_stamps:
+            own = _at_own_rate(raw.own_stamps[name] - origin - late, column, time, dt, max_gap, name)
+            if own is None:
+                notes.append(f"{name} has fewer than two values and was left out.")
+                continue
+            signals[name], known, new = own
+            if name in INDISPENSABLE:
+                valid &= known
+                causes[f"{name} missing"] = runs_of(between.known & ~known)
+            if not (new & known).all():
+                fresh[name] = new & known
+            continue
+        values = column[keep]
         good = np.isfinite(values)
         if not good.any():
             notes.append(f"{name} has no value at all and was left out.")
@@ -96,7 +117,7 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
             values = values[good]
             placement = _place(time, stamps[good] - origin - late, dt, max_gap)
             filled += int((~good).sum())
-        signals[name] = _take(values, placement, name)
+        signals[name] = _take(values, placement, name, held=name in SURFACES)
         valid &= placement.known
         causes[f"{name} missing"] = runs_of(between.known & ~placement.known)
     if not signals:
@@ -119,7 +140,32 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
         notes=(*notes, *_say(counters, dt, max_gap, raw)),
         counters=counters,
         causes={cause: bounds for cause, bounds in causes.items() if len(bounds)},
+        fresh=fresh,
     )
+
+
+def _at_own_rate(
+    stamps: np.ndarray, values: np.ndarray, time: np.ndarray, dt: float, max_gap: float, name: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """(values on the grid, points that are known, points next to which there is a new value), each (N,), of a signal with stamps of its
+    own; None where it has fewer than two values."""
+    rows = np.flatnonzero(np.isfinite(values) & np.isfinite(stamps))
+    rows = rows[usable_stamps(stamps[rows])[0]]
+    if rows.size < 2:
+        return None
+    stamps, values = stamps[rows], values[rows]
+    interval = sample_interval(stamps)
+    if (many := int(round(dt / interval))) > 1 and name not in SURFACES:
+        values = moving_average(np.unwrap(values) if name in ANGLES else values, many)
+    placement = _place(time, stamps, dt, max(max_gap, 1.5 * interval))
+    nearest = np.clip(np.rint((stamps - time[0]) / dt).astype(int), 0, time.size - 1)
+    new = np.zeros(time.size, bool)
+    new[nearest[np.abs(stamps - time[nearest]) <= dt]] = True
+    if interval < 1.5 * dt:
+        new |= placement.known
+    # a set-point that comes slower than the clock was logged now and then by a controller that went on: between, it is on the line
+    taken = _take(values, placement, name, held=name in SURFACES and interval < 1.5 * dt)
+    return wrap(taken) if name in ANGLES else taken, placement.known, new
 
 
 def usable_stamps(stamps: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:
@@ -172,10 +218,10 @@ def _place(time: np.ndarray, stamps: np.ndarray, dt: float, max_gap: float) -> _
     return _Placement(left, right, nearest, exact, np.clip(fraction, 0.0, 1.0), exact | (inside & (step <= max_gap)))
 
 
-def _take(values: np.ndarray, at: _Placement, name: str) -> np.ndarray:
-    """One signal on the grid."""
+def _take(values: np.ndarray, at: _Placement, name: str, held: bool) -> np.ndarray:
+    """One signal on the grid; held: each value holds until the next one, as a set-point does."""
     before, after = values[at.left], values[at.right]
-    if name in SURFACES:  # a set-point holds until the next one
+    if held:
         between = before
     elif name in ANGLES:
         between = before + at.fraction * wrap(after - before)

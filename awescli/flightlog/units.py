@@ -16,10 +16,11 @@ VOCABULARY = {
     "N": ("force", 1.0), "kN": ("force", 1000.0), "kgf": ("force", GRAVITY),
     "s": ("time", 1.0), "ms": ("time", 1e-3), "us": ("time", 1e-6), "ns": ("time", 1e-9),
     "kg/m3": ("density", 1.0),
-    "-": ("number", 1.0),
+    "1/s": ("revolutions", 1.0), "rpm": ("revolutions", 1 / 60),
+    "-": ("number", 1.0), "%": ("number", 0.01),
 }  # fmt: skip
 
-DIMENSION_OF_SI = {si: VOCABULARY[si][0] for si in ("m", "rad", "rad/s", "m/s", "m/s2", "N", "s", "kg/m3")}
+DIMENSION_OF_SI = {si: VOCABULARY[si][0] for si in ("m", "rad", "rad/s", "m/s", "m/s2", "N", "s", "kg/m3", "1/s", "-")}
 """SI unit of a quantity (`quantities.UNITS`) -> what it measures."""
 
 

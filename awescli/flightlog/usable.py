@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.flightlog.log import FlightLog
-from awescli.notation.quantities import SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES
 
 MOST_INVALID = 0.5
 """Share of a stretch that may be invalid: of the rest, segments still pick what is whole."""
@@ -45,7 +45,7 @@ def _reason(log: FlightLog, first: int, last: int, high: float) -> LeftOut | Non
         return LeftOut(first, last, "invalid samples", f"{100 * invalid:.0f} % of its samples are invalid: {_causes(log, first, last)}")
     if high > 0 and (slack := float((log["tension"][part] < TAUT * high).mean())) > MOST_SLACK:
         return LeftOut(first, last, "slack line", f"the line is slack for {100 * slack:.0f} % of its time")
-    surfaces = [name for name in SURFACES if name in log]
+    surfaces = [name for name in CONTROL_SURFACES if name in log]
     if surfaces and (motion := max(float(log[name][part].std()) for name in surfaces)) < LEAST_MOTION:
         return LeftOut(first, last, "no excitation", f"no control surface moves (by {np.rad2deg(motion):.2f} deg at most)")
     return None

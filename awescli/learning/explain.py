@@ -59,8 +59,8 @@ def dictionary(log, kite: Kite) -> dict[str, np.ndarray]:
     n, z = len(log), at.z
     q = at.dynamic_pressure / 100.0
     base = {
-        "1": 1.0, "u": z.u, "v": z.v, "w": z.w, "p": z.p, "q": z.q, "r": z.r, "tension": at.tension,
-        "stretch": at.distance - at.inputs["tether_length"], "V_a": at.V_a,
+        "1": 1.0, "u": z.u, "v": z.v, "w": z.w, "p": z.p, "q": z.q, "r": z.r, "V_a": at.V_a,
+        **({"tension": at.tension, "stretch": at.distance - at.inputs["tether_length"]} if kite.tether else {}),
         "qbar": q, "qbar alpha": q * at.alpha, "qbar alpha^2": q * at.alpha**2, "qbar beta": q * at.beta, "qbar beta^2": q * at.beta**2,
         **{f"qbar {name}": q * at.setpoints[name] for name in ("rudder", "elevator", "aileron")},
         "qbar rudder_rate": q * at.inputs["rudder_rate"], "V_a p": at.V_a * z.p, "V_a q": at.V_a * z.q, "V_a r": at.V_a * z.r,

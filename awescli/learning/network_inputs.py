@@ -50,6 +50,20 @@ DEFAULT_INPUTS = (
 )  # fmt: skip
 
 
+OF_LINE = ("elevation", "north", "east", "line_x", "line_y", "line_z", "tether_length", "stretch", "stretch_rate", "tension")
+"""What only a kite on a line has, or where only its line gives a meaning: the place on the sphere around the winch."""
+
+
+def inputs_for(kite, names: Sequence[str] | None) -> tuple[str, ...]:
+    """The wanted inputs, or the default ones of a kite on a line, or of one that flies free. Raises BadInput for what the kite lacks."""
+    if names is None:
+        return DEFAULT_INPUTS if kite.tether else (*(n for n in DEFAULT_INPUTS if n not in OF_LINE), "throttle")
+    check_inputs(names)
+    if kite.tether is None and (lost := [n for n in names if n in OF_LINE]):
+        raise BadInput(f"network inputs {', '.join(lost)} are of a line, and the kite has none", "train-hybrid.inputs", "Leave them out.")
+    return tuple(names)
+
+
 def check_inputs(names: Sequence[str]) -> None:
     """Raise BadInput for a network input that does not exist."""
     for name in names:

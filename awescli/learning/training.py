@@ -14,7 +14,7 @@ import numpy as np
 from awescli.learning.acceptance import gate, verdict
 from awescli.learning.comparison import adam_alone
 from awescli.learning.correction import Correction, HybridKite
-from awescli.learning.network_inputs import DEFAULT_INPUTS
+from awescli.learning.network_inputs import inputs_for
 from awescli.learning.normalisation import drifting, outside_share, untrained
 from awescli.learning.optimisers import Adam, Lowest, lbfgs
 from awescli.learning.orthogonality import parametric
@@ -33,7 +33,7 @@ class TrainingConfig:
     `hybrid_torch.solver_names()` (torchdiffeq and autograd: slow); compare: also let Adam go on alone for as long as L-BFGS took."""
 
     hidden: tuple[int, ...] = (16, 16)
-    inputs: tuple[str, ...] = DEFAULT_INPUTS
+    inputs: tuple[str, ...] | None = None
     horizons: tuple[float, ...] = (1.0, 2.5, 5.0)
     warmup: float = 1.0
     batch: int = 32
@@ -149,7 +149,7 @@ def train(
 
     law: closes the loop as in `Simulator` (None: recorded set-points); state: go on from there; checkpoint(state) after every round.
     """
-    names, dropped = usable_inputs(kite, log, train_ranges, validation_ranges, config.inputs)
+    names, dropped = usable_inputs(kite, log, train_ranges, validation_ranges, inputs_for(kite, config.inputs))
     correction = untrained(log, kite, train_ranges, names, config.hidden, config.seed, validation_ranges)
     dropped |= {n: "never changes in training" for n in names if n not in correction.inputs}
     problem = Problem(

@@ -6,8 +6,11 @@ Frames: inertial NED with its origin at the winch; body FRD (x forward, y right,
 STATES = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r")
 """z of the seed, section 2: position NED [m], velocity over ground in body axes [m/s], Euler angles [rad], rates [rad/s]."""
 
-SURFACES = ("aileron", "elevator", "rudder", "flaps")
-"""Control surface set-points [rad], signs as the kite's aerodynamic table wants them (the kite file states the log's sign)."""
+CONTROL_SURFACES = ("aileron", "elevator", "rudder", "flaps")
+"""Control surfaces [rad], signs as the kite's aerodynamic table wants them (the kite file states the log's sign)."""
+
+SURFACES = (*CONTROL_SURFACES, "throttle")
+"""All set-points that a kite flies with: the control surfaces, and the throttle [-], 0 to 1. What moves nothing stays at zero."""
 
 UNITS = {
     "p_n": "m", "p_e": "m", "p_d": "m",
@@ -18,7 +21,7 @@ UNITS = {
     "a_x": "m/s2", "a_y": "m/s2", "a_z": "m/s2",
     "V_a": "m/s", "alpha": "rad", "beta": "rad", "tension": "N",
     "aileron": "rad", "elevator": "rad", "rudder": "rad", "flaps": "rad",
-    "tether_length": "m", "reel_out_speed": "m/s",
+    "throttle": "-", "tether_length": "m", "reel_out_speed": "m/s", "motor_speed": "1/s",
 }  # fmt: skip
 
 MEASURED = (
@@ -28,8 +31,11 @@ MEASURED = (
 """What sensors report: a model may be compared with these and must never touch them. (a_x, a_y, a_z) is the kinematic
 acceleration R^T d2p/dt2 in body axes, gravity neither added nor removed."""
 
-INPUTS = (*SURFACES, "tether_length", "reel_out_speed")
-"""What was commanded or set from outside: a model may be driven by these."""
+INPUTS = (*SURFACES, "tether_length", "reel_out_speed", "motor_speed")
+"""What was commanded or set from outside: a model may be driven by these. motor_speed: logged revolutions of a propeller per second."""
+
+OF_LINE = ("tension", "tether_length", "reel_out_speed")
+"""What only a kite on a line has; a log without any of them is of a free flight."""
 
 OUTPUTS = (*MEASURED, *SURFACES)
 """What a simulation gives back: what the sensors would report, and the set-points that were flown."""

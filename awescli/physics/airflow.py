@@ -45,9 +45,14 @@ def wind_vector(speed, direction, down, density) -> Wind:
 
 def air_data(R, v_ned, wind: Wind):
     """v_r = R^T (v_ned - v_wind) [m/s, body], V_a = |v_r|, alpha = atan2(w_r, u_r), beta = asin(v_r / V_a) (Beard & McLain eq. 2.8)."""
-    u_r, v_r, w_r = rotate_back(R, (v_ned[0] - wind.n, v_ned[1] - wind.e, v_ned[2] - wind.d))
+    velocity = rotate_back(R, (v_ned[0] - wind.n, v_ned[1] - wind.e, v_ned[2] - wind.d))
+    return velocity, *flow_angles(velocity)
+
+
+def flow_angles(velocity):
+    """(V_a [m/s], alpha, beta [rad]) of an air-relative velocity in body axes."""
+    u_r, v_r, w_r = velocity
     square = u_r * u_r + v_r * v_r + w_r * w_r
     V_a = sqrt(select(square - AIRSPEED_FLOOR**2, square, AIRSPEED_FLOOR**2 + 0.0 * square))
     # asin(v_r/V_a), in the form that keeps its derivative finite when the flow comes from the side
-    beta = atan2(v_r, sqrt(u_r * u_r + w_r * w_r))
-    return (u_r, v_r, w_r), V_a, atan2(w_r, u_r), beta
+    return V_a, atan2(w_r, u_r), atan2(v_r, sqrt(u_r * u_r + w_r * w_r))

@@ -7,6 +7,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from awescli.notation.document import open_document
 from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.notation.quantities import CONTROL_SURFACES
+from awescli.physics.propeller import Propeller
 
 
 class _Frozen(BaseModel):
@@ -95,7 +97,8 @@ class KiteDeclaration(_Frozen):
     aerodynamics: AerodynamicTable
     tether: TetherLaw = TetherLaw()
     wind: WindLaw = WindLaw()
-    surfaces: dict[Literal["aileron", "elevator", "rudder", "flaps"], SurfaceDeclaration] = {}
+    surfaces: dict[Literal[*CONTROL_SURFACES], SurfaceDeclaration] = {}
+    propellers: tuple[Propeller, ...] = Field((), description="what the effect `thrust` flies with")
     set_point_rate: float = Field(
         50.0, gt=0.1, le=1e4, description="rate at which the flight controller sets the surfaces and holds them [Hz]; a slower log lacks "
         "set-points, which are taken on the line between its rows"
@@ -149,16 +152,30 @@ def kite_text(declaration: KiteDeclaration) -> str:
     class Flow(dict):
         pass
 
+    class Row(list):
+        pass
+
     class Dumper(yaml.SafeDumper):
         pass
 
     Dumper.add_representer(Flow, lambda d, data: d.represent_mapping("tag:yaml.org,2002:map", data, flow_style=True))
+    Dumper.add_representer(Row, lambda d, data: d.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=True))
     content = declaration.model_dump(mode="json")
     content["parameters"] = {
         name: Flow({k: v for k, v in row.items() if v is not None and v != ""}) for name, row in content["parameters"].items()
     }
     for key in ("tether", "wind", "noise"):
         content[key] = Flow(content[key])
+    content["propellers"] = [
+        {key: Row(v) if isinstance(v, list) else v for key, v in propeller.items() if v not in (None, "")}
+        | {"speed": Flow({key: Row(v) if isinstance(v, list) else v for key, v in propeller["speed"].items() if v})}
+        for propeller in content["propellers"]
+    ]
     content["surfaces"] = {k: Flow(v) for k, v in content["surfaces"].items()}
     content["aerodynamics"]["terms"] = {k: Flow(v) for k, v in content["aerodynamics"]["terms"].items()}
+    # a kite that flies free has no tether to tell of, and most have no propeller
+    if declaration.tether == TetherLaw():
+        del content["tether"]
+    if not declaration.propellers:
+        del content["propellers"]
     return yaml.dump(content, Dumper=Dumper, sort_keys=False, width=160, allow_unicode=True)

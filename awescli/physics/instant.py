@@ -74,7 +74,7 @@ class Instant:
     """One instant, filled from top to bottom by `kite.Kite`; effects read what stands above their place.
 
     z: the 12 states; R: rows of body-to-NED; v_ned [m/s]; inputs: the exogenous inputs by name; values: all parameters by name;
-    received: key of an effect -> what stood at its place before it acted.
+    received: key of an effect -> what stood at its place before it acted; line, tension: None and 0 on a kite that flies free.
     """
 
     z: SimpleNamespace
@@ -98,6 +98,6 @@ class Instant:
     coefficients: Coefficients | None = None
     line: Line | None = None
     applied: Load | None = None
-    tension: Number = None
+    tension: Number = 0.0
     acceleration: tuple = ()
     derivative: tuple = ()

@@ -17,15 +17,15 @@ from awescli.physics.disturbances import parameters as nuisance_parameters
 from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.aerodynamics import body_axes, parse_monomial
 from awescli.physics.effects.base import Effect
-from awescli.physics.instant import Body, Coefficients, Instant, Line, Load
+from awescli.physics.instant import Body, Coefficients, Instant, Load
 from awescli.physics.rigid_body import acceleration, state_derivative
 
-REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz", "d_t", "CtD", "rtx", "rty", "rtz", "k_v", "c_v", "dl")
-"""Parameters that every kite file names: mass, gravity, geometry, inertia, tether (see effects/tether.py)."""
+REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz")
+"""Parameters of every kite file: mass, gravity, geometry, inertia. Effects require more (`Effect.requires`): the tether its line's."""
 _SIGNALS = (
-    "tether_length", "reel_out_speed", "reel_out_acceleration", "density", "tension", "tension_rate",
-    "turbulence_n", "turbulence_e", "turbulence_d", "turbulence_p", *DISTURBANCES, PHASE, "time",
+    "density", "turbulence_n", "turbulence_e", "turbulence_d", "turbulence_p", *DISTURBANCES, PHASE, "time",
 )  # fmt: skip
+"""Exogenous inputs of every kite; `Effect.inputs` are those of the effects that are there."""
 
 
 def record_errors(declaration: KiteDeclaration, stations: int) -> list[Parameter]:
@@ -55,6 +55,32 @@ def make_effect(key: str, declaration: KiteDeclaration) -> Effect:
     return EFFECTS[name](target, declaration)
 
 
+def has_line(declaration: KiteDeclaration) -> bool:
+    """Whether a kite is declared on a line; one that is not flies free."""
+    return any(name in EFFECTS and EFFECTS[name].gives_line for name in (key.partition(":")[0] for key in declaration.effects))
+
+
+def can_act(key: str, declaration: KiteDeclaration) -> bool:
+    """Whether a kite has what the effect `key` acts on: a line, a surface that moves something."""
+    effect = make_effect(key, declaration)
+    if effect.of_line and not has_line(declaration):
+        return False
+    return effect.target not in SURFACES or effect.target in surfaces_used(declaration)
+
+
+def surfaces_used(declaration: KiteDeclaration) -> set[str]:
+    """Set-points that the declared kite answers to: those in its aerodynamic table, and those that its effects drive something with."""
+    table = {variable for terms in declaration.aerodynamics.terms.values() for text in terms for variable, *_ in parse_monomial(text)}
+    driving = {name for key in declaration.effects for name in make_effect(key, declaration).logged}
+    return {name for name in SURFACES if name in table | driving}
+
+
+def needed_by(declaration: KiteDeclaration) -> tuple[str, ...]:
+    """Channels that a log must have to fly this kite, beside those of every model, in the order of the effects that ask for them."""
+    effects = [make_effect(key, declaration) for key in declaration.effects]
+    return tuple(dict.fromkeys(name for e in effects for name in (*e.logged, *e.reads)))
+
+
 def with_new(known: Sequence[str], new: Sequence[str]) -> tuple[str, ...]:
     """Keys of effects with new ones added before those whose load answers the sum of all others (the tether, seed eq. 2)."""
     at = next((i for i, key in enumerate(known) if EFFECTS[key.partition(":")[0]].last), len(known))
@@ -67,13 +93,18 @@ def check_declaration(declaration: KiteDeclaration, where: Callable[..., str]) -
     where: names the place of a key in the file (`kite.yaml:12: aerodynamics.terms.CL`).
     """
     errors = []
+    wanted = {name: ("parameters",) for name in REQUIRED}
     for i, key in enumerate(declaration.effects):
         try:
-            make_effect(key, declaration)
+            effect = make_effect(key, declaration)
         except BadInput as e:
             errors.append(BadInput(e.what, where("effects", i), e.do))
+            continue
+        wanted |= {name: ("parameters",) for name in effect.requires}
+        if effect.of_line and not has_line(declaration):
+            what = f"effect '{key}' acts on a line, and no effect gives the kite one"
+            errors.append(BadInput(what, where("effects", i), "Add `tether` to the effects, or leave this one out."))
     known = {"wind": ("CD", "CY", "CL", "Cl", "Cm", "Cn"), "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}[declaration.aerodynamics.frame]
-    wanted = {name: ("parameters",) for name in REQUIRED}
     for coefficient, terms in declaration.aerodynamics.terms.items():
         place = ("aerodynamics", "terms", coefficient)
         if coefficient not in known:
@@ -118,7 +149,7 @@ def _wrong_constraints(declaration: KiteDeclaration, where: Callable[..., str]) 
 class Kite:
     """A declared kite as three functions of vectors: `derivative`, `outputs`, `initial`.
 
-    x = 12 states (`quantities.STATES`), then the states of the effects, then the four held set-points (`quantities.SURFACES`);
+    x = 12 states (`quantities.STATES`), then the states of the effects, then the held set-points (`quantities.SURFACES`);
     u = exogenous inputs, names in `input_names`; c = parameters in table order, names in `parameter_names`.
     extra: keys of effects beside the declared ones (candidates at their null value).
     heights: heights of the wind record [m].
@@ -129,6 +160,8 @@ class Kite:
         self.heights = tuple(float(h) for h in heights)
         keys = [k for k in declaration.effects if k not in extra]
         self.effects = [make_effect(k, declaration) for k in with_new(keys, extra)]
+        if not has_line(declaration) and (lost := [e.key for e in self.effects if e.of_line]):
+            raise BadInput(f"{', '.join(lost)} act on a line, and the kite file declares none", "effects", "Leave them out.")
         table = declaration.table()
         own = [p for effect in self.effects for p in effect.rows() if p.name not in table]
         record = record_errors(declaration, len(self.heights))
@@ -139,7 +172,9 @@ class Kite:
         self.state_names = (*STATES, *(s for e in self.effects for s in e.state_names()))
         self.x_names = (*self.state_names, *SURFACES)
         wind = (f"wind_{kind}_{i}" for kind in ("speed", "direction", "down") for i in range(len(self.heights)))
-        self.input_names = (*_SIGNALS, *(f"{s}_rate" for s in SURFACES), *wind)
+        read = dict.fromkeys(name for e in self.effects for name in e.inputs)
+        self.input_names = (*_SIGNALS, *read, *(f"{s}_rate" for s in SURFACES), *wind)
+        self.tether = next((e for e in self.effects if e.gives_line), None)
         self.by_place = {place: [e for e in self.effects if e.place == place] for place in {e.place for e in self.effects}}
 
     def _at(self, place: str):
@@ -183,10 +218,9 @@ class Kite:
         body = Body(v["m"], 0.0, v["Jx"], v["Jy"], v["Jz"], v["Jxz"], (0.0, 0.0, 0.0))
         at.body = self._through("body", body, at)
         at.coefficients = self._through("coefficients", Coefficients(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), at)
-        # line
-        paid_out = inputs["tether_length"], inputs["reel_out_speed"], inputs["reel_out_acceleration"]
-        line = Line(*paid_out, v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0)
-        at.line = self._through("line", line, at)
+        # line, where there is one
+        if self.tether is not None:
+            at.line = self._through("line", self.tether.declared_line(at), at)
         # loads, each seeing the sum of those before it
         at.applied = aerodynamic_load(at)
         at.applied = at.applied._replace(force=add(at.applied.force, scale(at.body.mass, tuple(beside[f] for f in FORCES))))
@@ -271,6 +305,6 @@ def candidates(declaration: KiteDeclaration, measured: Sequence[str], moving: Se
             if target in MEASURED and target not in measured:
                 continue
             key = f"{name}:{target}" if target else name
-            if key not in declaration.effects:
+            if key not in declaration.effects and can_act(key, declaration):
                 keys.append(key)
     return keys

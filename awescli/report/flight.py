@@ -9,7 +9,9 @@ from awescli.report.marks import Body, Cell, Section, bullets, chip, esc, folded
 from awescli.report.plots import Figure, axis, grid, line, scene, stride, strip, swatch
 from awescli.report.words import COLOURS, channel, number, percent
 
-PHASE_COLOURS = {"ground": "@grey", "hover": "@ochre", "traction": "@green", "retraction": "@purple", "transition": "@steel"}
+PHASE_COLOURS = {
+    "ground": "@grey", "hover": "@ochre", "traction": "@green", "retraction": "@purple", "transition": "@steel", "flight": "@green",
+}  # fmt: skip
 MOST = 6000
 """Points of a path in space."""
 
@@ -46,12 +48,12 @@ def path(evidence: Evidence) -> Figure:
             "hovertemplate": "east %{x:.1f} m, north %{y:.1f} m, up %{z:.1f} m<extra>" + name + "</extra>",
         })  # fmt: skip
     data.append({
-        "type": "scatter3d", "mode": "markers", "x": [0], "y": [0], "z": [0], "name": "winch",
+        "type": "scatter3d", "mode": "markers", "x": [0], "y": [0], "z": [0], "name": "winch" if log.on_line else "origin",
         "marker": {"size": 5, "color": COLOURS["measured"], "symbol": "diamond"},
     })  # fmt: skip
     return Figure(
         "fig-3d-flight", "The measured path", data,
-        {"scene": scene(log["p_e"], log["p_n"], -log["p_d"], winch=True), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
+        {"scene": scene(log["p_e"], log["p_n"], -log["p_d"], winch=log.on_line), "margin": {"l": 0, "r": 0, "t": 0, "b": 0}},
         split="whole flight, by part", note="Drag to turn, scroll or pinch to come nearer.", height=460,
     )  # fmt: skip
 
@@ -60,7 +62,7 @@ def timeline(evidence: Evidence) -> Figure:
     """Height and tether length over time, with phases below and parts above."""
     log, step = evidence.log, stride(len(evidence.log))
     t, height = log.time[::step], -log["p_d"][::step]
-    data = [line(t, height, "height above the winch", COLOURS["measured"])]
+    data = [line(t, height, "height above the winch" if log.on_line else "height", COLOURS["measured"])]
     if "tether_length" in log:
         data.append(line(t, log["tether_length"][::step], "tether length", COLOURS["floor"], dash="dot"))
     shapes = []

@@ -34,7 +34,7 @@ def sentence(evidence: Evidence) -> str:
     text = [
         f"{state} {esc(evidence.label(flying(evidence))).capitalize()}: it set out from the measured state at {number(f['start_s'])} s "
         f"and flew {number(f['survived_s'])} s of {number(f['asked_s'])} s; {SURFACES[f['surfaces']]}. "
-        "Besides, it sees only winch and wind of the flight."
+        f"Besides, it sees only {'winch and wind' if evidence.log.on_line else 'the wind'} of the flight."
     ]
     unseen = f.get("unseen_s", f["asked_s"])
     if unseen < min(f["survived_s"], float(evidence.log.time[-1]) - f["start_s"]) - evidence.log.dt:

@@ -15,9 +15,10 @@ SPATIAL = ("p_n", "p_e", "p_d")
 
 def prediction(evidence: Evidence) -> Section:
     count = len(evidence.predictions["first"])
+    known = "set-points, winch and wind" if evidence.log.on_line else "set-points and wind"
     text = (
         f"{count} predictions of {evidence.horizon:g} s on the test {esc(evidence.parts.of)}: each sets out from a start that is fitted to "
-        "the second before it, and sees nothing of the flight after that but set-points, winch and wind. "
+        f"the second before it, and sees nothing of the flight after that but {known}. "
         "Where a line breaks, the next prediction begins."
     )
     told = over_horizon(evidence), horizons(evidence), over_loops(evidence)

@@ -14,7 +14,9 @@ CHANNELS = {
     "a_x": "acceleration forward", "a_y": "acceleration right", "a_z": "acceleration down (body)",
     "V_a": "airspeed", "alpha": "angle of attack α", "beta": "sideslip β", "tension": "tether tension",
     "aileron": "aileron", "elevator": "elevator", "rudder": "rudder", "flaps": "flaps",
-    "tether_length": "tether length", "reel_out_speed": "reel-out speed", "mean": "mean of the 12 states",
+    "throttle": "throttle",
+    "tether_length": "tether length", "reel_out_speed": "reel-out speed", "motor_speed": "motor revolutions",
+    "mean": "mean of the 12 states",
 }  # fmt: skip
 
 SHORT = {"phi": "φ", "theta": "θ", "psi": "ψ", "alpha": "α", "beta": "β", "V_a": "airspeed"}

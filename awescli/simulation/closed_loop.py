@@ -14,12 +14,12 @@ LIMITER_LAG = 0.02
 
 
 def loop(law: Law, kite: Kite, wind_direction: float, disturbed: bool = False) -> Callable:
-    """Function (x, u, c) -> four set-points for `Simulator`; surfaces that the law does not drive keep the recorded set-point.
+    """Function (x, u, c) -> set-points (SURFACES) for `Simulator`; those that the law does not drive stay as recorded.
 
     wind_direction: [rad, from], constant over the flight, for features that need it; disturbed: the recorded set-points of the surfaces
     that the law drives are disturbances [rad], added to what it commands.
     """
-    line = {name: kite.input_names.index(name) for name in ("tether_length", "reel_out_speed")}
+    line = {name: kite.input_names.index(name) for name in ("tether_length", "reel_out_speed") if name in kite.input_names}
     n_s = len(kite.state_names)
 
     def setpoints(x, u, c):

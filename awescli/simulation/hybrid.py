@@ -21,7 +21,7 @@ class Prepared:
     """Segments laid out for the kernels, LANES abreast in G groups. count: (G,) real segments of each group, the rest repeats."""
 
     starts: np.ndarray  # (G, 12, L)
-    setpoints: np.ndarray  # (G, K+1, 4, L)
+    setpoints: np.ndarray  # (G, K+1, 5, L)
     inputs: np.ndarray  # (G, K+1, n_u, L)
     parameters: np.ndarray  # (G, n_c, L)
     dt: float

@@ -25,7 +25,7 @@ class Segments:
     """Inputs and starts of K segments of equal length, ready to simulate.
 
     first: (K,) index of the first sample in the log; starts: (K, 12) states at the start (`quantities.STATES`);
-    setpoints: (K, N+1, 4) recorded set-points (`quantities.SURFACES`); inputs: (K, N+1, n_u) exogenous inputs by `Kite.input_names`;
+    setpoints: (K, N+1, 5) recorded set-points (`quantities.SURFACES`); inputs: (K, N+1, n_u) exogenous inputs by `Kite.input_names`;
     dt: sample interval [s]; values: parameter name -> (K,) where a parameter differs from segment to segment.
     """
 
@@ -35,6 +35,11 @@ class Segments:
     inputs: np.ndarray
     dt: float
     values: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def __post_init__(self):
+        # the compiled loops believe the sizes that they are told
+        if self.setpoints.shape[-1] != len(SURFACES):
+            raise ValueError(f"{self.setpoints.shape[-1]} set-points at a sample, there are {len(SURFACES)}: {', '.join(SURFACES)}")
 
     def __len__(self) -> int:
         return len(self.first)
@@ -61,7 +66,7 @@ class Segments:
 
 @dataclass(frozen=True)
 class Trajectories:
-    """Simulated segments: states (K, N+1, n_x), outputs (K, N+1, 23) in the order of `quantities.OUTPUTS`, and alive (K,):
+    """Simulated segments: states (K, N+1, n_x), outputs (K, N+1, 24) in the order of `quantities.OUTPUTS`, and alive (K,):
     how many samples of a segment came before it diverged (N+1: it did not)."""
 
     states: np.ndarray
@@ -101,7 +106,7 @@ class Simulator:
     """A kite, compiled: rollouts and sensitivities over segments.
 
     wrt: names of the parameters that sensitivities may be asked for (default: the free ones and the nuisance wind).
-    law: function of (x, u, c) lists -> four set-points, or None to replay the recorded ones.
+    law: function of (x, u, c) lists -> set-points (`quantities.SURFACES`), or None to replay the recorded ones.
     step: longest step [s]; None: as the poles of the kite ask for (`stepping.longest_step`).
     """
 
@@ -212,12 +217,13 @@ class Simulator:
 
 
 def setpoints_of(log, which=SURFACES) -> np.ndarray:
-    """(N, 4) recorded set-points of a log; a surface that the log lacks stays at zero."""
+    """(N, 5) recorded set-points of a log; what the log lacks stays at zero."""
     return np.stack([log.inputs.get(name, np.zeros(len(log))) for name in which], axis=1)
 
 
 def inputs_of(log, kite: Kite) -> np.ndarray:
-    """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: time, line, density, measured tension, recorded rates, wind."""
+    """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: time, line, density, measured tension and motor speed, recorded rates,
+    wind."""
     zero = np.zeros(len(log))
     length = log.inputs.get("tether_length", zero)
     speed = log.inputs.get("reel_out_speed", np.gradient(length, log.dt))
@@ -231,6 +237,7 @@ def inputs_of(log, kite: Kite) -> np.ndarray:
         "density": wind["density"],
         "tension": tension,
         "tension_rate": local_quadratic(tension, log.dt, WINCH_SMOOTHING, derivative=1),
+        "motor_speed": log.inputs.get("motor_speed", zero),
         **dict.fromkeys((*(f"turbulence_{axis}" for axis in "nedp"), *DISTURBANCES, PHASE), zero),
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
         **wind,

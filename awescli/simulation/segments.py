@@ -74,6 +74,8 @@ def observe(log, kite: Kite, first: np.ndarray, steps: int, outputs, values=None
     measured = np.stack([log[name] for name in outputs], axis=1)
     sigma = np.stack([noise_std(kite.declaration.noise, name, log[name]) for name in outputs], axis=1)
     sigma[~log.valid] = np.inf
+    # between two values of a slow sensor stands an interpolation, which measures nothing
+    sigma[~np.stack([log.is_new(name) for name in outputs], axis=1)] = np.inf
     segments = Segments(first, smooth_states(log)[first], SP[rows], U[rows], log.dt, values or {})
     return Observed(segments, outputs, measured[rows], sigma[rows])
 

@@ -47,7 +47,7 @@ class Stepping:
 def longest_step(kite, starts: np.ndarray, setpoints: np.ndarray, inputs: np.ndarray) -> float:
     """[s] LONGEST_STEP, divided as often as the fastest pole of the kite at its parameters' values asks for.
 
-    starts (K, 12), setpoints (K, 4), inputs (K, n_u): where the poles are looked at. Those of the Euler angles are left out: near
+    starts (K, 12), setpoints (K, 5), inputs (K, n_u): where the poles are looked at. Those of the Euler angles are left out: near
     theta = 90 deg they are of the angles, not of the kite.
     """
     reach = (120 * ACCURACY) ** 0.2

@@ -98,7 +98,8 @@ def loop_gain(declaration: KiteDeclaration, law: Law, log, wind_direction: float
 
     def seen(trajectories: Trajectories, k: int) -> np.ndarray:
         z = {name: trajectories.states[k, :, i] for i, name in enumerate(STATES)}
-        line = {name: segments.inputs[k, :, simulator.kite.input_names.index(name)] for name in ("tether_length", "reel_out_speed")}
+        names = simulator.kite.input_names
+        line = {n: segments.inputs[k, :, names.index(n)] for n in ("tether_length", "reel_out_speed") if n in names}
         return standardised_features(law, z | line | {"wind_direction": wind_direction})
 
     gains: dict[str, float | None] = {}
@@ -113,7 +114,7 @@ def loop_gain(declaration: KiteDeclaration, law: Law, log, wind_direction: float
 
 
 def _others(setpoints: np.ndarray, law: Law, disturbances: dict) -> np.ndarray:
-    """(K, N+1, 4) recorded set-points, with disturbances (K, >= N+1) in the place of the surfaces that the law drives."""
+    """(K, N+1, 5) recorded set-points, with disturbances (K, >= N+1) in the place of the surfaces that the law drives."""
     result = setpoints.copy()
     for i, surface in enumerate(SURFACES):
         if surface in law.surfaces or surface in law.constants:

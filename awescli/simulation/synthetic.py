@@ -14,9 +14,9 @@ from awescli.control.pattern import Pattern, arc
 from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput, NumericalFailure
-from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES, MEASURED, OF_LINE, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import Kite
+from awescli.physics.kite import Kite, surfaces_used
 from awescli.simulation.gusts import dryden, roll_gust
 from awescli.simulation.rollout import BODY_VELOCITY, Segments, Simulator, Trajectories, inputs_of
 from awescli.simulation.segments import noise_std
@@ -84,7 +84,8 @@ class _Commanded:
 @dataclass(frozen=True)
 class Flown:
     """A simulated flight as it truly was. time (N,) s from 0; outputs: name (`quantities.OUTPUTS`, and u, v, w) -> (N,);
-    inputs: tether_length, reel_out_speed -> (N,); departed: it ended before it should, with the last sample before that."""
+    inputs: tether_length, reel_out_speed -> (N,), none of a kite that flies free; departed: it ended before it should, with the last
+    sample before that."""
 
     time: np.ndarray
     dt: float
@@ -150,8 +151,9 @@ def simulate_flight(
 ) -> Flown:
     """Simulate one long segment, up to its end or to where the kite departs.
 
-    kite: a Kite made for the wind's heights, or what stands in its place (a hybrid); law: function of (x, u, c) -> four set-points
-    (`PathFollowing.setpoints`, or a fitted law's), or None to replay setpoints (N+1, 4); reel_out: anything with `ReelOut.at`;
+    kite: a Kite made for the wind's heights, or what stands in its place (a hybrid); law: function of (x, u, c) -> set-points
+    (`PathFollowing.setpoints`, or a fitted law's), or None to replay setpoints (N+1, 5); reel_out: anything with `ReelOut.at`, None for
+    a kite that flies free;
     start: (12,) states at t = 0, or None: the kite is put on the pattern at several phases and speeds `settle` seconds before t = 0,
     and the run that follows the pattern best is kept. seed: of the gusts; step: longest of RK4 [s]; begins: what the flight's
     clock shows at t = 0 [s], for what drifts with it. pattern: what the kite must not stray from; without one only a kite that the numbers
@@ -167,8 +169,8 @@ def simulate_flight(
     lead = int(round((settle if start is None else 0.0) / dt))
     samples = lead + int(round(duration / dt)) + 1
     time = (np.arange(samples) - lead) * dt
-    length, speed = reel_out.at(time)
-    inputs = inputs_of(_Commanded(time, dt, {"tether_length": length, "reel_out_speed": speed}, wind), kite)
+    line = {} if kite.tether is None else dict(zip(("tether_length", "reel_out_speed"), reel_out.at(time), strict=True))
+    inputs = inputs_of(_Commanded(time, dt, line, wind), kite)
     at = {n: i for i, n in enumerate(kite.input_names)}
     inputs[:, at["time"]] += begins
     if start is None:
@@ -192,8 +194,7 @@ def simulate_flight(
         rows = slice(lead, max(last, lead + 1))
     outputs = {n: flown.outputs[best, rows, i] for i, n in enumerate(OUTPUTS)}
     outputs |= {n: flown[n][best, rows] for n in BODY_VELOCITY}
-    line = {"tether_length": length[rows], "reel_out_speed": speed[rows]}
-    return Flown(time[rows], dt, outputs, line, departed=last < samples)
+    return Flown(time[rows], dt, outputs, {name: signal[rows] for name, signal in line.items()}, departed=last < samples)
 
 
 def as_recorded(
@@ -209,14 +210,15 @@ def as_recorded(
     """What the sensors make of a flight: white noise of the kite file, seeded; angles wrapped; no vanes (Kitemill has none)."""
     random = np.random.default_rng(seed)
     measured = {}
-    for quantity in RECORDED:
+    for quantity in RECORDED if flown.inputs else (n for n in RECORDED if n not in OF_LINE):
         truth = flown.outputs[quantity]
         # drawn also where it is not added, so that every channel keeps its noise whatever is switched off
         error = random.standard_normal(len(truth)) * noise_std(declaration.noise, quantity, truth)
         measured[quantity] = truth + error if noise else truth.copy()
     for angle in ("phi", "psi"):
         measured[angle] = wrap(measured[angle])
-    inputs = {n: flown.outputs[n].copy() for n in SURFACES} | dict(flown.inputs)
+    moved = {*CONTROL_SURFACES, *surfaces_used(declaration)}
+    inputs = {n: flown.outputs[n].copy() for n in SURFACES if n in moved} | dict(flown.inputs)
     notes = (f"Synthetic flight, seed {seed}.",)
     return FlightLog(name, epoch, flown.dt, flown.time, measured, inputs, np.ones(len(flown.time), bool), wind, notes=notes)
 

@@ -14,7 +14,7 @@ class FitControllerConfig(StageConfig):
     features: str | tuple[str, ...] = Field(
         "auto", description="what the law sees: a named set (state, state_ned, invariant, curvature, heading), names of features, or auto"
     )
-    surfaces: tuple[Literal["aileron", "elevator", "rudder", "flaps"], ...] | None = Field(
+    surfaces: tuple[Literal["aileron", "elevator", "rudder", "flaps", "throttle"], ...] | None = Field(
         None, description="surfaces the law drives; default all that move in the log"
     )
     folds: int = Field(4, ge=2, le=20, description="folds of whole loops for cross-validation")

@@ -11,10 +11,12 @@ def flight_parts(context: Context, flight: Path | None = None):
     from awescli.flightlog.read import missing_for_model, read_flight
     from awescli.flightlog.split import split
     from awescli.notation.errors import BadInput
+    from awescli.physics.declaration import read_kite
+    from awescli.physics.kite import needed_by
 
     folder = flight or context.flight
     log = read_flight(folder)
-    if missing := missing_for_model(log):
+    if missing := missing_for_model(log, needed_by(read_kite(context.kite))):
         raise BadInput(
             f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}", str(folder), "See `awes check` for what it has."
         )

@@ -58,11 +58,12 @@ class Simulate(Stage):
 
         from awescli.artifacts import write_arrays, write_json, write_text
         from awescli.flightlog.kitemill_csv import to_kitemill_csv
+        from awescli.flightlog.plausible_units import YEARS
         from awescli.notation.errors import BadInput
         from awescli.simulation.free_flight import compared, side_by_side
         from awescli.simulation.rollout import setpoints_of
         from awescli.simulation.segments import smooth_states
-        from awescli.simulation.synthetic import LoggedReelOut, as_recorded, simulate_flight
+        from awescli.simulation.synthetic import EPOCH, LoggedReelOut, as_recorded, simulate_flight
         from awescli.stages.controller_artifact import read_controller
         from awescli.stages.flight_parts import flight_parts
 
@@ -83,10 +84,11 @@ class Simulate(Stage):
         seed = context.seed if config.seed is None else config.seed
         context.progress.task(f"flying {duration:g} s, {model}")
         flown = simulate_flight(
-            kite, law, wind, LoggedReelOut(log, first), pattern=pattern, duration=duration, dt=log.dt,
+            kite, law, wind, LoggedReelOut(log, first) if kite.tether else None, pattern=pattern, duration=duration, dt=log.dt,
             start=smooth_states(log)[first], setpoints=recorded, seed=seed, step=config.step, begins=float(log.time[first]),
         )  # fmt: skip
-        epoch = log.start + float(log.time[first])
+        # a log that knows no date (seconds since boot) gets one that the format can hold
+        epoch = (0.0 if log.start > YEARS[0] else EPOCH) + log.start + float(log.time[first])
         written = as_recorded(flown, kite.declaration, wind, seed=seed, noise=config.noise, name="flight", epoch=epoch)
         kite_csv, wind_csv = to_kitemill_csv(written)
         write_text(context.folder / "flight" / "kite.csv", kite_csv)
@@ -139,11 +141,15 @@ def kite_to_fly(context: Context, config: SimulateConfig, heights, fitted=None):
 
 def law_to_fly(config: SimulateConfig, log, kite, fitted):
     """(law for the simulator or None, pattern or None)."""
+    from awescli.notation.errors import BadInput
     from awescli.simulation.closed_loop import loop
     from awescli.stages.controller_artifact import wind_direction
 
     if config.surfaces == "controller":
         return loop(fitted, kite, wind_direction(log)), fitted.pattern
+    if config.surfaces == "path_following" and kite.tether is None:
+        what = "path_following flies a circle around a winch, and this kite flies free"
+        raise BadInput(what, "simulate.surfaces", "Use recorded or controller.")
     if config.surfaces == "path_following":
         law = follower_of(log, kite.declaration)
         return law.setpoints, law.pattern

@@ -11,7 +11,7 @@ from awescli.flightlog.split import Split
 from awescli.notation.quantities import SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
-from awescli.physics.kite import Kite, candidates, make_effect
+from awescli.physics.kite import Kite, can_act, candidates, make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
 from awescli.tracing.race import Contest, Runner, above_floor, contest_of, run
@@ -125,7 +125,7 @@ def bank_keys(declaration, moving) -> list[str]:
     move, nothing that has to be read from a log."""
     still = {"rudder", "elevator", "aileron"} - set(moving)
     keys = [f"{CustomTerm.name}:{c}*{f}" for c in CHANNELS for f in FEATURES if f not in still]
-    return [k for k in keys if not make_effect(k, declaration).reads]
+    return [k for k in keys if not make_effect(k, declaration).reads and can_act(k, declaration)]
 
 
 def _bank(question: Question, start: Runner, log, split, horizon, rounds, progress) -> tuple[Trace, Simulator]:

@@ -43,6 +43,7 @@ def circle(seconds=60.0, rate=50.0, period=8.0, turn=1, noise=0.0, reel=0.8, see
     measured["psi"] = wrap(measured["psi"])
     inputs = {
         "aileron": np.zeros(n) + 0.01, "rudder": 0.2 + 0.1 * np.sin(phase), "flaps": np.zeros(n) + 0.08, "elevator": np.zeros(n) - 0.03,
+        "throttle": 0.5 + 0.2 * np.cos(phase),
         "tether_length": range_ + 0.0, "reel_out_speed": np.full(n, reel),
     }  # fmt: skip
     wind = WindRecord(

@@ -73,7 +73,7 @@ def test_quality_compares_ranges_once_it_knows_the_parts():
     log, loops = flown(late=3.0)
     assert not data_quality(log).ranges and "ranges" not in [c.name for c in data_quality(log).checks]
     found = find_loops(log)
-    quality = data_quality(log, split(found, order="chronological"))
+    quality = data_quality(log, parts=split(found, order="chronological"))
     assert {r.name for r in quality.ranges} >= {"rudder", "rudder rate"} and quality.checks[-1].name == "ranges"
     assert quality.as_dict()["ranges"][0]["train"] and not quality.checks[-1].ok
 

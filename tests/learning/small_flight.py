@@ -45,7 +45,7 @@ def small_segments(kite: Kite, count: int, steps: int, seed: int = 0) -> Segment
     rng = np.random.default_rng(seed)
     starts = start() + rng.normal(size=(count, 12)) * np.array([1, 1, 1, 0.5, 0.2, 0.2, 0.03, 0.03, 0.03, 0.05, 0.05, 0.05])
     time = 0.02 * np.arange(steps + 1)
-    setpoints = np.zeros((count, steps + 1, 4))
+    setpoints = np.zeros((count, steps + 1, len(SURFACES)))
     setpoints[:, :, SURFACES.index("rudder")] = 0.05 * np.sin(2 * np.pi * (0.5 * time[None] + rng.random((count, 1))))
     inputs = np.zeros((count, steps + 1, len(kite.input_names)))
     length = np.linalg.norm(starts[:, :3], axis=1)

@@ -5,7 +5,7 @@ import pytest
 from kites import DEVELOPMENT, at_point, declared, lively
 from scipy.integrate import solve_ivp
 
-from awescli.notation.quantities import OUTPUTS
+from awescli.notation.quantities import OUTPUTS, SURFACES
 from awescli.physics.effects.tether_weight import TetherWeight
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Segments, Simulator
@@ -30,7 +30,7 @@ def swing(kite: Kite, start, length, speed, dt=0.01) -> np.ndarray:
     u[0, :, kite.input_names.index("density")] = 1.225
     u[0, :, kite.input_names.index("tether_length")] = length
     u[0, :, kite.input_names.index("reel_out_speed")] = speed
-    segments = Segments(np.zeros(1, int), np.array([start]), np.zeros((1, steps + 1, 4)), u, dt)
+    segments = Segments(np.zeros(1, int), np.array([start]), np.zeros((1, steps + 1, len(SURFACES))), u, dt)
     flown = Simulator(kite, ()).rollout(segments)
     assert not flown.diverged.any() and flown["tension"].min() > 0
     return flown.states[0, :, :12]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from kites import DEVELOPMENT, at_point, declared
+from kites import DEVELOPMENT, at_point, declared, inputs_of_one_for
 from oracles import body_to_ned, order_of
 from scipy.optimize import root
 
@@ -69,7 +69,7 @@ def test_the_line_pulls_towards_the_winch():
     """Guards -T phat: without drag the load on the kite is exactly the tension, along the line, and its moment is r_t x f_t."""
     kite, free = with_law("seed", CtD=0.0), Kite(declared(CtD=0.0).model_copy(update={"effects": ("gravity", "aerodynamics")}))
     x, u, c = at_rest(kite)
-    with_line, without = kite.instant(x, u, c), free.instant(x, u, c)
+    with_line, without = kite.instant(x, u, c), free.instant(x, inputs_of_one_for(free, kite, u), c)
     force = np.subtract(with_line.applied.force, without.applied.force)
     assert body_to_ned(*x[6:9]) @ force == pytest.approx(-with_line.tension * np.array(with_line.p_hat), rel=1e-9)
     arm = [kite.parameters[n].value for n in ("rtx", "rty", "rtz")]
@@ -81,10 +81,11 @@ def test_drag_tilts_the_force_and_keeps_its_size():
     """Guards eq. 6: |f_t| = T, tilted about body y by arcsin(F_tD / T), and against the flow."""
     kite, straight = with_law("seed"), with_law("seed", CtD=0.0)
     x, u, c = at_rest(kite)
-    free = Kite(DEVELOPMENT.model_copy(update={"effects": ("gravity", "aerodynamics")})).instant(x, u, c)
+    untied = Kite(DEVELOPMENT.model_copy(update={"effects": ("gravity", "aerodynamics")}))
+    free = untied.instant(x, inputs_of_one_for(untied, kite, u), c)
     at = kite.instant(x, u, c)
     tilted = np.subtract(at.applied.force, free.applied.force)
-    drag = 1.22 * 0.004 * 1.04 * u[0] * at.V_a**2 / 8
+    drag = 1.22 * 0.004 * 1.04 * at.line.length * at.V_a**2 / 8
     plain = np.subtract(straight.instant(x, u, straight.parameters.vector()).applied.force, free.applied.force)
     assert np.linalg.norm(tilted) == pytest.approx(at.tension) and tilted[1] == pytest.approx(plain[1])
     angle = np.arctan2(tilted[2], tilted[0]) - np.arctan2(plain[2], plain[0])
@@ -101,10 +102,11 @@ def test_a_slack_line_only_drags():
             free = Kite(DEVELOPMENT.model_copy(update={"effects": ("gravity", "aerodynamics")}))
             x, u, c = at_point(kite)
             u[kite.input_names.index("tether_length")] += 20.0
-            at, aircraft = kite.instant(x, u, c), free.instant(x, u, free.parameters.vector().tolist())
+            at = kite.instant(x, u, c)
+            aircraft = free.instant(x, inputs_of_one_for(free, kite, u), free.parameters.vector().tolist())
             assert at.tension == 0.0
             force = np.subtract(at.applied.force, aircraft.applied.force)
-            drag = 1.22 * 0.004 * CtD * u[0] * at.V_a**2 / 8
+            drag = 1.22 * 0.004 * CtD * at.line.length * at.V_a**2 / 8
             assert force == pytest.approx(-drag * np.array(at.air_velocity) / at.V_a, rel=1e-9, abs=1e-9)
             arm = [kite.parameters[n].value for n in ("rtx", "rty", "rtz")]
             moment = np.subtract(at.applied.moment, aircraft.applied.moment)
@@ -116,7 +118,8 @@ def test_the_drag_does_not_jump_where_a_line_goes_slack():
     the kite changes by a few N at most, and is finite with no drag and no tension at all."""
     kite = Kite(declared(tether={"law": "seed", "tension": "measured"}))
     forces = np.array([kite.instant(*at_point(kite, tension=float(T))).applied.force for T in range(0, 700)])
-    drag = 1.22 * 0.004 * 1.04 * at_point(kite)[1][0] * kite.instant(*at_point(kite)).V_a ** 2 / 8
+    at = kite.instant(*at_point(kite))
+    drag = 1.22 * 0.004 * 1.04 * at.line.length * at.V_a**2 / 8
     assert 200 < drag < 600
     assert np.abs(np.diff(forces, axis=0)).max() < 8.0
     bare = Kite(declared(CtD=0.0, tether={"law": "seed", "tension": "measured"}))
@@ -183,7 +186,7 @@ def test_energy_closes_over_a_loop(calm, law):
         x = [*states[:, :12].T, *setpoints.T]
         u = list(fine.inputs[0].T)
         with np.errstate(all="ignore"):
-            whole, air = kite.instant(x, u, c), aloft.instant(x, u, c)
+            whole, air = kite.instant(x, u, c), aloft.instant(x, inputs_of_one_for(aloft, kite, u), c)
         v, omega, m, g = np.array(x[3:6]), np.array(x[9:12]), kite.parameters["m"].value, kite.parameters["g"].value
         weight = m * g * np.array(whole.R[2])
         tether = np.array(whole.applied.force) - np.array(air.applied.force) - weight

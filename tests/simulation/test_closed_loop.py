@@ -47,7 +47,7 @@ def test_a_limited_surface_follows_a_step_no_faster_than_its_limit():
     law = replace(STEP, rate_limits={"rudder": 0.5})
     kite = Kite(with_setpoint_dynamics(KITE, law), (10.0,))
     n = 51
-    step = np.zeros((1, n, 4))
+    step = np.zeros((1, n, len(SURFACES)))
     step[0, 10:, SURFACES.index("rudder")] = 0.2
     at = {name: i for i, name in enumerate(kite.input_names)}
     inputs = np.zeros((1, n, len(at)))

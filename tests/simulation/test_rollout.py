@@ -11,7 +11,7 @@ from awescli.engine.machine import LANES, compile_program, evaluate
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
 from awescli.physics.kite import Kite
 from awescli.simulation.closed_loop import loop
-from awescli.simulation.rollout import Columns, Simulator
+from awescli.simulation.rollout import Columns, Segments, Simulator
 from awescli.simulation.survival import flies, samples_flown
 
 WRT = ("CLa", "Cmq", "Jx", "Cndr", "CtD", "rtz", "dl", "gust_n.even", "gust_e.even", "gust_d.even")
@@ -37,6 +37,12 @@ def agrees(exact, difference, tolerance):
     for i, channel in enumerate(MEASURED):
         scale = max(np.abs(difference[:, :, i]).max(), 1e-6 * np.abs(difference).max())
         assert np.abs(exact[:, :, i] - difference[:, :, i]).max() < tolerance * scale, (channel, scale)
+
+
+def test_set_points_of_the_wrong_number_are_refused():
+    """Guards the compiled loops, which read as many as they are told there are: beyond the array otherwise."""
+    with pytest.raises(ValueError, match="4 set-points at a sample"):
+        Segments(np.zeros(1, int), np.zeros((1, 12)), np.zeros((1, 5, 4)), np.zeros((1, 5, 3)), 0.02)
 
 
 def test_sensitivities_to_the_start(simulator, segments):

@@ -106,7 +106,10 @@ def late_flight(tmp_path, monkeypatch):
     write_folder(tmp_path / "late", found.log)
     law = Late(**{f.name: getattr(found.law, f.name) for f in fields(found.law)})
     shares = {"train": 0.5, "validation": 0.25, "test": 0.25}
-    context = SimpleNamespace(flight=tmp_path / "late", upstream=lambda _: tmp_path, split=SimpleNamespace(model_dump=lambda: shares))
+    (tmp_path / "kite.yaml").write_text(kite_text(DEVELOPMENT))
+    context = SimpleNamespace(
+        flight=tmp_path / "late", kite=tmp_path / "kite.yaml", upstream=lambda _: tmp_path, split=SimpleNamespace(model_dump=lambda: shares)
+    )
 
     def fitted(law):
         monkeypatch.setattr(controller_artifact, "read_controller", lambda _: law)

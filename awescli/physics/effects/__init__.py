@@ -26,6 +26,7 @@ from awescli.physics.effects.parasitic_drag import ParasiticDrag
 from awescli.physics.effects.pitch_curvature import PitchCurvature
 from awescli.physics.effects.pitot_position_error import PitotPositionError
 from awescli.physics.effects.position_latency import PositionLatency
+from awescli.physics.effects.probe_arm import ProbeArm
 from awescli.physics.effects.reynolds_drag import ReynoldsDrag
 from awescli.physics.effects.sideslip_drag import SideslipDrag
 from awescli.physics.effects.surface_backlash import SurfaceBacklash
@@ -38,6 +39,7 @@ from awescli.physics.effects.tether_drag import TetherDrag
 from awescli.physics.effects.tether_elasticity import TetherElasticity
 from awescli.physics.effects.tether_sag import TetherSag
 from awescli.physics.effects.tether_weight import TetherWeight
+from awescli.physics.effects.thrust import Thrust
 from awescli.physics.effects.turbulence import Turbulence
 from awescli.physics.effects.unsteady_lift import UnsteadyLift
 from awescli.physics.effects.vane_bias import VaneBias
@@ -50,14 +52,14 @@ from awescli.physics.effects.wind_veer import WindVeer
 EFFECTS = {
     e.name: e
     for e in (
-        Gravity, Aerodynamics, Tether,
+        Gravity, Aerodynamics, Thrust, Tether,
         WindShear, WindVeer, WindOffset, AirDensity, Turbulence,
         TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment, WinchLength, WinchTracking, ClockOffset,
         MassOffset, AddedMass,
         ParasiticDrag, SideslipDrag, ReynoldsDrag, LiftStall, LiftDrift, PitchCurvature, UnsteadyLift, DownwashLag,
         AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, SurfaceBacklash, HingeBlowback, ActuatorLag, ActuatorDelay,
-        VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
+        ProbeArm, VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
         PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuBias,
         CustomTerm,
     )

@@ -4,11 +4,12 @@ import math
 import re
 
 from awescli.notation.errors import BadInput, did_you_mean
+from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.notation.scalars import absolute, cos, sin
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Coefficients
 
-VARIABLES = ("alpha", "beta", "p_hat", "q_hat", "r_hat", "aileron", "elevator", "rudder", "flaps")
+VARIABLES = ("alpha", "beta", "p_hat", "q_hat", "r_hat", *CONTROL_SURFACES)
 _COEFFICIENTS = {"wind": ("CD", "CY", "CL", "Cl", "Cm", "Cn"), "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}
 _FACTOR = re.compile(r"^(abs\()?([a-z_]+)(\))?(?:\^(\d))?$")
 
@@ -53,7 +54,7 @@ class Aerodynamics(Effect):
             "p_hat": (at.z.p - at.wind.roll) * b / (2 * V_a),
             "q_hat": at.z.q * c / (2 * V_a),
             "r_hat": at.z.r * b / (2 * V_a),
-            **{name: self.signs.get(name, 1) * unit * deflection for name, deflection in at.deflections.items()},
+            **{name: self.signs.get(name, 1) * unit * at.deflections[name] for name in CONTROL_SURFACES},
         }
         C = []
         for coefficient in _COEFFICIENTS[self.table.frame]:

@@ -19,7 +19,9 @@ class Effect:
     a threshold) is tried; abrupt: its presence changes the start of a rollout so much that only a re-fit from the probe can judge it;
     shapes: parameters that only give form to another one; refinements: shape -> values tried only once the effect is accepted;
     last: its load answers the sum of all others, so that it stands behind them; reads: measured signals that it takes from the log, so
-    that it cannot be flown without one.
+    that it cannot be flown without one; requires: rows of the kite file's own table that it reads; inputs: exogenous inputs that it reads
+    (`Kite.input_names` has them then); logged: channels that a log must have for a kite with it; gives_line: it puts a line on the kite;
+    of_line: it acts on a line, so that some other effect must give one.
 
     Every method receives what stands at its place, the instant `at`, and `own`: the values of its parameters by short name.
     It must give back its input unchanged, to the last bit, when all parameters are null. It writes nothing into the instant (the tether
@@ -40,6 +42,11 @@ class Effect:
     empirical: bool = False
     last: bool = False
     reads: tuple[str, ...] = ()
+    requires: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    logged: tuple[str, ...] = ()
+    gives_line: bool = False
+    of_line: bool = False
 
     def __init__(self, target: str = "", declaration=None):
         """target: one of `targets`, or empty; declaration: the kite file (`declaration.KiteDeclaration`) it stands in."""
@@ -96,6 +103,10 @@ class Effect:
     def coefficients(self, coefficients: Coefficients, at: Instant, own) -> Coefficients:
         """Aerodynamic coefficients."""
         return coefficients
+
+    def declared_line(self, at: Instant) -> Line:
+        """The line as declared, which the effects at the place `line` then change; of the one effect that gives a line."""
+        raise TypeError(f"effect '{self.name}' gives no line")
 
     def line(self, line: Line, at: Instant, own) -> Line:
         """The line and the winch."""

@@ -50,7 +50,9 @@ class CustomTerm(Effect):
 
     def __init__(self, target="", declaration=None):
         super().__init__(target, declaration)
-        self.reads = ("tension",) if "tension" in parse_term(target)[1] else ()
+        factors = parse_term(target)[1]
+        self.reads = ("tension",) if "tension" in factors else ()
+        self.of_line = bool({"tension", "tether_length"} & set(factors))
 
     @classmethod
     def accepts(cls, target):

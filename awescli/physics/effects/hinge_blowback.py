@@ -1,7 +1,7 @@
 """A surface that the air blows back."""
 
 from awescli.notation.parameters import Parameter
-from awescli.notation.quantities import SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.physics.effects.base import Effect
 
 
@@ -12,7 +12,7 @@ class HingeBlowback(Effect):
     name = "hinge_blowback"
     doc = "deflection lost with dynamic pressure"
     parameters = (Parameter("k", 0.0, "1/Pa", 0.0, 1e-3, source="10-30 % at 50 m/s"),)
-    targets = SURFACES
+    targets = CONTROL_SURFACES
 
     def actuate(self, deflections, at, own):
         return {**deflections, self.target: deflections[self.target] / (1 + own.k * at.dynamic_pressure)}

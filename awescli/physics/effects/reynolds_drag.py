@@ -19,6 +19,6 @@ class ReynoldsDrag(Effect):
 
     def coefficients(self, coefficients, at, own):
         v = at.values
-        line = v["CtD"] * v["d_t"] * at.inputs["tether_length"] / (4 * v["S"]) if "CtD" in v else 0.0
+        line = v["CtD"] * v["d_t"] * at.inputs["tether_length"] / (4 * v["S"]) if "tether_length" in at.inputs else 0.0
         change = exp(-own.n * log(at.V_a / crosswind_speed(at))) - 1
         return coefficients._replace(CD=coefficients.CD + (coefficients.CD + line) * change)

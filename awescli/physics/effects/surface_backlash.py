@@ -1,7 +1,7 @@
 """Play in a linkage, with memory."""
 
 from awescli.notation.parameters import Parameter
-from awescli.notation.quantities import SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import SHORTEST, clipped
 
@@ -21,7 +21,7 @@ class SurfaceBacklash(Effect):
     name = "surface_backlash"
     doc = "play in a linkage: the surface follows only beyond it"
     parameters = (Parameter("width", 0.0, "rad", 0.0, 0.15, source="play of 0.5-3 deg"),)
-    targets = SURFACES
+    targets = CONTROL_SURFACES
     states = ("remembered",)
 
     def _surface(self, setpoint, at, own):

@@ -1,7 +1,7 @@
 """A linkage with play: small deflections are lost."""
 
 from awescli.notation.parameters import Parameter
-from awescli.notation.quantities import SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.notation.scalars import absolute, maximum, select
 from awescli.physics.effects.base import Effect
 
@@ -12,7 +12,7 @@ class SurfaceDeadBand(Effect):
     name = "surface_dead_band"
     doc = "play in a linkage: deflections within the band are lost"
     parameters = (Parameter("d", 0.0, "rad", 0.0, 0.1, source="play of 0.5-2 deg"),)
-    targets = SURFACES
+    targets = CONTROL_SURFACES
     probes = {"d": (0.01, 0.03)}
 
     def actuate(self, deflections, at, own):

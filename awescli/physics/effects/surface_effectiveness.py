@@ -1,7 +1,7 @@
 """A surface that works less beyond a threshold."""
 
 from awescli.notation.parameters import Parameter
-from awescli.notation.quantities import SURFACES
+from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.notation.scalars import absolute, maximum, select
 from awescli.physics.effects.base import Effect
 
@@ -15,7 +15,7 @@ class SurfaceEffectiveness(Effect):
         Parameter("s", 1.0, "-", -0.5, 2.0, source="0.5 beyond 10 deg (Makani)"),
         Parameter("threshold", 0.17, "rad", 0.02, 0.5, source="10 deg; gives form only"),
     )
-    targets = SURFACES
+    targets = CONTROL_SURFACES
     probes = {"threshold": (0.09, 0.14, 0.19)}
     shapes = ("threshold",)
 

@@ -38,17 +38,27 @@ class Tether(Effect):
     The tilt sin(theta_t) = -F_tD / T carries the line's drag while the line pulls harder than its drag; what it cannot carry, all of it on
     a slack line, acts on the kite against the flow.
 
-    Parameters it reads from the kite's table: k_v, c_v, dl, d_t (and through `line`: CtD, rtx, rty, rtz).
+    It puts the line on the kite, and reads from the kite's table what `requires` names: virtual spring, drag, attachment.
     """
 
     name = "tether"
     doc = "line constraint with virtual spring, drag and attachment moment"
     always = True
     last = True
+    gives_line = True
+    requires = ("d_t", "CtD", "rtx", "rty", "rtz", "k_v", "c_v", "dl")
+    inputs = ("tether_length", "reel_out_speed", "reel_out_acceleration", "tension", "tension_rate")
+    logged = ("tether_length", "reel_out_speed")
 
     def __init__(self, target="", declaration=None):
         super().__init__(target, declaration)
         self.pull, self.measured = LAWS[declaration.tether.law], declaration.tether.tension == "measured"
+        self.reads = ("tension",) if self.measured else ()
+
+    def declared_line(self, at):
+        v = at.values
+        paid_out = at.inputs["tether_length"], at.inputs["reel_out_speed"], at.inputs["reel_out_acceleration"]
+        return Line(*paid_out, v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0)
 
     def load(self, at, own):
         v, line, m = at.values, at.line, at.body.mass

@@ -9,6 +9,7 @@ class TetherAttachment(Effect):
 
     name = "tether_attachment"
     doc = "offset of the tether attachment"
+    of_line = True
     parameters = tuple(Parameter(n, 0.0, "m", -0.2, 0.2, source="1 cm = 40 N m at 4 kN") for n in ("dx", "dy", "dz"))
 
     def line(self, line, at, own):

@@ -9,6 +9,7 @@ class TetherDrag(Effect):
 
     name = "tether_drag"
     doc = "tether drag coefficient and its lateral part"
+    of_line = True
     parameters = (
         Parameter("dC", 0.0, "-", -1.0, 1.5, source="C_tD 0.7-1.2"),
         Parameter("lateral", 0.0, "-", -0.5, 2.0, source="1: the drag follows the flow"),

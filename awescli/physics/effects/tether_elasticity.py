@@ -9,6 +9,7 @@ class TetherElasticity(Effect):
 
     name = "tether_elasticity"
     doc = "the line stretches"
+    of_line = True
     parameters = (
         Parameter("EA", 0.0, "N", 0.0, 6e6, source="0.6 MN for a 4 mm line"),
         Parameter("zeta", 0.0, "N s/m", 0.0, 2000.0, source="KiteModels.jl: damping 473 N s over the length"),

@@ -9,6 +9,7 @@ class TetherSag(Effect):
 
     name = "tether_sag"
     doc = "sag of the line under its weight"
+    of_line = True
     parameters = (Parameter("w", 0.0, "N/m", 0.0, 1.0, source="0.07 N/m for 3.5 mm Dyneema; 0.6 m of sag"),)
     probes = {"w": (0.1, 0.3)}
 

@@ -23,6 +23,7 @@ class TetherWeight(Effect):
 
     name = "tether_weight"
     doc = "half the line's weight hangs on the kite, a third of its mass moves with it"
+    of_line = True
     parameters = (Parameter("mu", 0.0, "kg/m", 0.0, 0.05, source="0.0074 kg/m for 3.5 mm Dyneema"),)
 
     def load(self, at, own):

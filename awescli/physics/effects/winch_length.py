@@ -9,6 +9,7 @@ class WinchLength(Effect):
 
     name = "winch_length"
     doc = "scale and zero of the logged tether length"
+    of_line = True
     parameters = (
         Parameter("s", 0.0, "-", -0.05, 0.05, source="drum radius, layers"),
         Parameter("b", 0.0, "m", -20.0, 20.0, source="zero of the drum"),

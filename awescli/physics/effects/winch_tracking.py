@@ -24,6 +24,7 @@ class WinchTracking(Effect):
         Parameter("v_max", FASTEST, "m/s", 0.1, FASTEST, source="drum and generator; gives form only"),
         Parameter("a_max", FASTEST, "m/s2", 0.05, FASTEST, source="torque over inertia; gives form only"),
     )
+    of_line = True
     states = ("speed", "ahead")
     probes = {"tau": (0.2, 0.6)}
     shapes = ("v_max", "a_max")
