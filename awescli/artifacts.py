@@ -321,6 +321,11 @@ def scratch_folder(folder: Path, key: str) -> Path:
     return folder
 
 
+def has_checkpoints(folder: Path) -> bool:
+    """Does a folder for checkpoints hold any?"""
+    return folder.is_dir() and any(p.name != "key" for p in folder.iterdir())
+
+
 def remove(path: Path) -> None:
     """A file or folder of ours that is no longer needed."""
     if path.is_dir() and not path.is_symlink():

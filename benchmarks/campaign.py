@@ -13,6 +13,7 @@ its trade; it pickles only between our own processes, nothing that is kept.
 import argparse
 import json
 import os
+import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,6 +31,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """--jobs and --scheduler, alike in all campaigns."""
     parser.add_argument("--jobs", type=int, default=2, help="local workers; 0: one case after the other in this process")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="a running Dask scheduler (tcp://HOST:PORT) instead of local workers")
+
+
+def commit() -> str:
+    """The code that makes the results: its git commit, "+" where the working tree differs from it, "unknown" outside of a repository."""
+    here = Path(__file__).parent
+    try:
+        asked = [["git", "rev-parse", "--short", "HEAD"], ["git", "status", "--porcelain", "--untracked-files=no"]]
+        head, changed = (subprocess.run(words, cwd=here, capture_output=True, text=True, check=True).stdout.strip() for words in asked)
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return f"{head}+" if changed else head
 
 
 def result_file(folder: Path, name: str) -> Path:

@@ -117,6 +117,31 @@ def _read_csv(folder: Path, data: bytes) -> None:
     _read_flight(folder)
 
 
+def _draft_seeds(folder: Path) -> list[bytes]:
+    """The rows of the bundled flight under headers that awes has to guess."""
+    (folder / "met.csv").write_bytes(b"t,wind_dir,wind_kt\n1650000000,305,22\n1650000002,306,23\n")
+    header, rest = _rows(120).split(b"\n", 1)
+    guessed = {b"epoch_ms": b"time_ms", b"r_eb_eN": b"north [m]", b"r_eb_eE": b"east [m]", b"r_eb_eD": b"down", b"v_eb_eN": b"vx",
+               b"v_eb_eE": b"vy", b"v_eb_eD": b"vz", b"phi": b"roll_deg", b"psi": b"hdg", b"LoadFiltered": b"load_kgf"}  # fmt: skip
+    for old, new in guessed.items():
+        header = header.replace(old, new)
+    globe = header.replace(b"north [m]", b"lat").replace(b"east [m]", b"lon").replace(b"down", b"alt")
+    return [header + b"\n" + rest, globe + b"\n" + rest]
+
+
+def _read_draft(folder: Path, data: bytes) -> None:
+    """`awes init --flight log.csv`, and what its flight.yaml gives."""
+    from awescli.flightlog.drafting.draft import draft
+    from awescli.flightlog.drafting.text import draft_text
+    from awescli.flightlog.drafting.weather import weather_files
+    from awescli.flightlog.read import read_flight
+
+    log = folder / "log.csv"
+    log.write_bytes(data)
+    (folder / "flight.yaml").write_text(draft_text(draft(log, weather_files(folder, log)), folder))
+    read_flight(folder / "flight.yaml")
+
+
 def _weather_seeds(folder: Path) -> list[bytes]:
     (folder / "kite.csv").write_bytes(_rows(60))
     return [(ROOT / "data" / "km1_demo" / "wind.csv").read_bytes(), b"_time,direction,rho,speed\n1650000000000000000,80,1.2,8\n"]
@@ -275,6 +300,7 @@ TARGETS: dict[str, Target] = {
     "flight.yaml": Target(_flight_file_seeds, _read_flight_file, 12_000, (*YAML_WORDS, *FLIGHT_WORDS)),
     "csv": Target(_csv_seeds, _read_csv, 2_000, COLUMNS),
     "weather": Target(_weather_seeds, _read_weather, 1_500, ("_time", "direction", "speed", "rho", "height", *COLUMNS[8:])),
+    "draft": Target(_draft_seeds, _read_draft, 1_500, ("time", "lat", "roll", "[deg]", "(m/s)", "wind_dir", *COLUMNS[8:])),
     "mat": Target(_mat_seeds, _read_mat, 12_000, ("validationData", "response", "controls", "times")),
     "arrays": Target(_array_seeds, _read_arrays, 25_000, ("PK\x03\x04", "NUMPY", "descr", "'O'", '{"', "dtype", "F64", "data_offsets")),
     "network": Target(_network_seeds, _read_network, 6_000, ('"', "inputs", "hidden", "NaN", "1e999")),

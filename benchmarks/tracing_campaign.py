@@ -3,17 +3,19 @@
 Every case is a flight of the development kite, flown by this project's simulator with noise and a wrong declaration (guesses 5-30 %
 off), with an effect that the declaration lacks. Results go to benchmarks/results/tracing/<family>/<case>.json as each case ends, so the
 run can be interrupted and resumed; the table is written to benchmarks/results/tracing.md. Family 0 is for trying things out while the
-tracer is written; the table reports another one, that nothing was tuned to.
+tracer is written; the table reports another one, that nothing was tuned to. Answers are scored exactly (exact_scoring.py).
 """
 
 import argparse
 import math
 import sys
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from pathlib import Path
 
-from campaign import add_options, kept, run_campaign
+from campaign import add_options, commit, kept, run_campaign
+from exact_scoring import OUTCOMES, Truth, answer_of, counted, outcome
+from wrong_bounds import with_wrong_bounds
 
 import awescli  # noqa: F401  (thread settings before numpy)
 from awescli.artifacts import write_text
@@ -63,9 +65,15 @@ FORMS = {
     "drag with the fourth power of sideslip": ("sideslip_drag", {}, {"CD": {"beta^4": ("CDb4", 250.0)}}),
     "pitch moment with the cube of alpha": ("pitch_curvature", {}, {"Cm": {"alpha^3": ("Cma3", -30.0)}}),
     "lift with the cube of alpha": ("lift_stall", {}, {"CL": {"alpha^3": ("CLa3", -100.0)}}),
-    "second-order lag": ("actuator_lag", {"actuator_lag:rudder": {"tau": 0.24, "inertia": 0.25}}, {}),
+    "lift with the fourth power of alpha": ("lift_stall", {}, {"CL": {"alpha^4": ("CLa4", -700.0)}}),
+    "rudder that works less the farther it goes": ("surface_effectiveness:rudder", {}, {"Cn": {"rudder^3": ("Cndr3", -0.45)}}),
+    "second-order lag": ("actuator_lag:rudder", {"actuator_lag:rudder": {"tau": 0.24, "inertia": 0.25}}, {}),
+    "lag with a rate limit": ("actuator_lag:rudder", {"actuator_lag:rudder": {"tau": 0.12, "rate": 0.5}}, {}),
 }
 """Effects whose form is not exactly the library's first one: the name that is right, and effects or aerodynamic terms that are flown."""
+
+BOUNDED = ("CLa", "Clp", "Cmq", "Cndr", "CYb", "CD0")
+"""Parameters of which two are declared with bounds that do not hold the truth, in the set "wrong bounds"."""
 
 PAIRS = (("actuator_lag:rudder", "airspeed_scale"), ("sideslip_drag", "position_latency"), ("wind_offset", "load_cell_scale"),
          ("load_cell_lag", "heading_bias"))  # fmt: skip
@@ -112,11 +120,14 @@ def cases(family: int = 1) -> dict[str, dict]:
     for i, key in enumerate(("actuator_lag:rudder", "sideslip_drag", "airspeed_scale", "load_cell_lag")):
         truth = {key: sized(key, 1.0), "wind_offset": {"dN": 0.8, "dE": 0.5}}
         found[f"wrong-wind-{key}"] = {"set": "wrong wind too", "truth": truth, "seed": 8000 + i}
-    for i, (name, (right_name, truth, terms)) in enumerate(FORMS.items()):
+    for i, (name, (answer, truth, terms)) in enumerate(FORMS.items()):
         for repeat in range(2):
             found[f"form-{name.replace(' ', '_')}-{repeat}"] = {
-                "set": "another form", "truth": truth, "terms": terms, "seed": 9000 + 10 * i + repeat, "name": right_name,
+                "set": "another form", "truth": truth, "terms": terms, "seed": 9000 + 10 * i + repeat, "answers": [answer],
             }  # fmt: skip
+    for i, key in enumerate(("", "", "actuator_lag:rudder", "sideslip_drag", "airspeed_scale", "load_cell_lag")):
+        truth = {key: sized(key, 1.0)} if key else {}
+        found[f"bounds-{i}-{key or 'clean'}"] = {"set": "wrong bounds" + ("" if key else ", clean"), "truth": truth, "seed": 9500 + i}
     return {name: {**case, "seed": case["seed"] + 100_000 * family} for name, case in found.items()}
 
 
@@ -131,20 +142,22 @@ def run_case(name: str, case: dict) -> dict:
     from awescli.tracing.flight import trace_flight
 
     truth = read_kite(HERE.parent / "data" / "kites" / "development.yaml")
-    begin, clock = time.process_time(), time.perf_counter()
+    begin, clock, made_by = time.process_time(), time.perf_counter(), commit()
     try:
         effects = _anchored(truth, case)
         how = {"air": case.get("air", "table"), "duration": case.get("duration", 150.0)}
         flight = dev_like(_with_terms(truth, case.get("terms", {})), case["seed"], effects, **how)
         declared = flight.declared.model_copy(update={"aerodynamics": truth.aerodynamics})
+        if case["set"].startswith("wrong bounds"):
+            declared = with_wrong_bounds(declared, truth, BOUNDED, case["seed"])
         parts = split(find_loops(flight.log), log=flight.log)
         finding, before = trace_flight(declared, flight.log, parts)
         told = account(finding, flight.log, parts, 5.0, before, finding.after())
     except AwesError as e:
-        return {"case": name, **case, "verdict": "failed", "error": str(e)}
+        return {"case": name, **case, "commit": made_by, "verdict": "failed", "error": str(e)}
     return {
-        "case": name, **case, "flown": effects, "verdict": told["verdict"], "cpu_s": round(time.process_time() - begin, 2),
-        "wall_s": round(time.perf_counter() - clock, 2),
+        "case": name, **case, "commit": made_by, "flown": effects, "verdict": told["verdict"],
+        "cpu_s": round(time.process_time() - begin, 2), "wall_s": round(time.perf_counter() - clock, 2),
         "effects": told["effects"], "chi2": told["chi2"], "gust": told["gust_m_s"],
         "before": told["error"]["before"]["mean"], "after": told["error"]["after"]["mean"],
         "floor": told["error"]["noise_floor"]["mean"], "unexplained": told["unexplained"],
@@ -186,29 +199,26 @@ def seen(result: dict) -> bool:
     return False
 
 
-def right(result: dict) -> str:
-    """right | contained (cannot_tell with the truth inside) | wrong | missed, by first answers."""
-    named = [(e["name"], e["acts_on"]) for e in result.get("effects", ())]
-    names = [result["name"]] if "name" in result else [k.partition(":")[0] for k in result["truth"] if k != "turbulence"]
-    if result["set"] == "clean":
-        return "right" if result["verdict"] == "none" else "wrong"
-    if result["set"] == "turbulent clean":
-        return "right" if result["verdict"] in ("not_deterministic", "none") else "wrong"
-    if result["set"] == "outside":
-        return "right" if result["verdict"] == "unexplained" else "missed" if result["verdict"] == "none" else "wrong"
-    if not named:
-        return "missed"
-    first = named[0][0]
-    rivals = [r["name"] for r in result["effects"][0]["rivals"]]
-    if first in names:
-        return "right"
-    return "contained" if any(n in rivals for n in names) else "wrong"
+def truth_of(result: dict) -> Truth:
+    """What was right for a flight; of several effects all. With wrong bounds and nothing else, something is missing that has no name."""
+    effects = [key for key in result["truth"] if key != "turbulence"]
+    gusty = "turbulence" in result["truth"]
+    if result["set"] in ("clean", "turbulent clean"):
+        return Truth("clean", gusty=gusty)
+    if result["set"] in ("outside", "wrong bounds, clean"):
+        return Truth("outside")
+    return Truth("library", tuple(result.get("answers", (" + ".join(effects),))), gusty)
+
+
+def scored(result: dict) -> str:
+    """One of exact_scoring.OUTCOMES."""
+    return outcome(truth_of(result), answer_of(result))
 
 
 def inside(result: dict) -> list[bool]:
     """Of an effect that was named right and flown in the library's form: does each strength's 95 % interval hold the truth?"""
     values = {}
-    for key, own in result["flown"].items() if "name" not in result else ():
+    for key, own in result["flown"].items() if "answers" not in result else ():
         values |= {(*key.partition(":")[::2], name): value for name, value in own.items()}
     return [
         abs(size["value"] - values[place]) <= 1.96 * size["std"]
@@ -222,24 +232,25 @@ def table(results: list[dict], family: int) -> str:
     by_set: dict[str, list[dict]] = defaultdict(list)
     for r in results:
         by_set[r["set"]].append(r)
+    commits = ", ".join(sorted({r.get("commit", "unknown") for r in results}))
     cpu, wall = (sorted(r[f"{which}_s"] for r in results if "cpu_s" in r) for which in ("cpu", "wall"))
     lines = [
         "# Tracing campaign", "",
-        f"`python benchmarks/tracing_campaign.py --seeds {family}`: {len(results)} flights of the development kite, whole library;",
+        f"`python benchmarks/tracing_campaign.py --seeds {family}`, by commit {commits}: {len(results)} flights of the development kite,",
+        "whole library, scored exactly;",
         f"a trace takes {wall[len(wall) // 2]:.0f} s (median; longest {wall[-1]:.0f} s), of processor time {cpu[len(cpu) // 2]:.0f} s "
         f"(longest {cpu[-1]:.0f} s).", "",
-        "| set | flights | right | truth among rivals | missed (of them too small to be seen) | wrong | sizes inside their 95 % interval |",
-        "|---|---|---|---|---|---|---|",
+        f"| set | flights | {' | '.join(OUTCOMES)} | silent, and too small to be seen | sizes inside their 95 % interval |",
+        "|" + "---|" * (4 + len(OUTCOMES)),
     ]  # fmt: skip
     for name, group in by_set.items():
-        counts, sizes = Counter(map(right, group)), [x for r in group for x in inside(r)]
+        counts, sizes = counted(map(scored, group)), [x for r in group for x in inside(r)]
         held = f"{sum(sizes)} of {len(sizes)}" if sizes else ""
-        small = sum(right(r) == "missed" and not seen(r) for r in group)
-        missed = f"{counts['missed']} ({small})" if counts["missed"] else "0"
-        lines.append(f"| {name} | {len(group)} | {counts['right']} | {counts['contained']} | {missed} | {counts['wrong']} | {held} |")
+        small = sum(scored(r) == "silent" and not seen(r) for r in group)
+        lines.append(f"| {name} | {len(group)} | {' | '.join(str(n or '') for n in counts)} | {small or ''} | {held} |")
     lines += [
         "", "## Every flight", "",
-        "| flight | answer | verdict | named | chi2 before -> after | test error before -> after (floor) |", "|---|---|---|---|---|---|",
+        "| flight | outcome | verdict | named | chi2 before -> after | test error before -> after (floor) |", "|---|---|---|---|---|---|",
     ]  # fmt: skip
     lines += [_line(r) for r in sorted(results, key=lambda r: r["case"])]
     return "\n".join(lines) + "\n"
@@ -247,14 +258,13 @@ def table(results: list[dict], family: int) -> str:
 
 def _line(r: dict) -> str:
     if r["verdict"] == "failed":
-        return f"| {r['case']} | {right(r)} | failed: {r['error'].splitlines()[0]} | | | |"
-    rivals = [", ".join(x["name"] for x in e["rivals"]) for e in r["effects"]]
-    named = ", ".join(e["name"] + (f" (or {others})" if others else "") for e, others in zip(r["effects"], rivals, strict=True))
+        return f"| {r['case']} | failed | failed: {r['error'].splitlines()[0]} | | | |"
+    named = ", ".join(" or ".join(":".join(name) for name in entry) for entry in answer_of(r).named)
     if r["unexplained"]:
         named += f"{r['unexplained']['expression'] or r['unexplained']['channel']}"
     c = r["chi2"]
     return (
-        f"| {r['case']} | {right(r)} | {r['verdict']} | {named} | {c['train_before']:.3f} -> {c['train_after']:.3f} | "
+        f"| {r['case']} | {scored(r)} | {r['verdict']} | {named} | {c['train_before']:.3f} -> {c['train_after']:.3f} | "
         f"{r['before']:.4f} -> {r['after']:.4f} ({r['floor']:.4f}) |"
     )
 
@@ -273,7 +283,7 @@ def main(arguments=None) -> int:
 
 
 def say(name: str, result: dict) -> str:
-    return f"{right(result):9s} {name}: {result['verdict']} {[e['name'] for e in result.get('effects', ())]}"
+    return f"{scored(result):12s} {name}: {result['verdict']} {[e['name'] for e in result.get('effects', ())]}"
 
 
 if __name__ == "__main__":

@@ -11,14 +11,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from flightlog.foreign import knots_and_feet
 from flightlog.synthetic import SHARED
 from small_run import PLAN, make_small_run
 from typer.main import get_command
 from typer.testing import CliRunner
 
 from awescli.cli import build_app
-from awescli.flightlog.flight_file import FlightFile
-from awescli.notation.document import open_document, read_document
+from awescli.flightlog.flight_check import read_flight_file
+from awescli.flightlog.read import read_flight
+from awescli.notation.document import open_document
 from awescli.notation.yaml_text import parse_yaml
 from awescli.physics.declaration import read_kite
 from awescli.stages import STAGES
@@ -70,9 +72,10 @@ class Reader:
             "LOG_FOLDER": self.folder / "flight", "KITE.yaml": self.folder / "kite.yaml", "FOLDER_WITH_THE_MAT": AP2,
             "OUT": self.folder / "OUT",
             "FLIGHT/nominal.yaml": DEV / "nominal.yaml", "FLIGHT": DEV, "RUN_A": self.folder / "out", "RUN_B": self.folder / "out",
+            "LOG.csv": self.folder / "unknown" / "LOG.csv",
             "DIR": self.folder / "figures", "RUN": self.folder / "out",
         }  # fmt: skip
-        return [re.sub(r"(^|=)([A-Z_]+(?:/nominal\.yaml|\.yaml)?)$", lambda m: m[1] + str(real.get(m[2], m[2])), w) for w in command]
+        return [re.sub(r"(^|=)([A-Z_]+(?:/nominal\.yaml|\.yaml|\.csv)?)$", lambda m: m[1] + str(real.get(m[2], m[2])), w) for w in command]
 
     def types(self, command: list[str], monkeypatch) -> None:
         program, *rest = self.words(command)
@@ -95,7 +98,7 @@ class Reader:
             words = [*words[:plan], str(ROOT / words[plan]), *words[plan + 1 :], "--dry-run"]
             if not AP2.is_dir():
                 pytest.skip("the measured flight is not here")
-        elif name == "run" or name in {s.name for s in STAGES}:
+        elif name in ("run", "check", *(s.name for s in STAGES)):
             words = [name, *SMALL, *words[1:]]
         result = CliRunner().invoke(APP, words)
         assert result.exit_code == 0, f"awes {shlex.join(words)}\n{result.output}"
@@ -119,6 +122,7 @@ def settings_of(words: list[str]) -> dict[str, str]:
 @pytest.mark.parametrize("page", named(PAGES, command_blocks))
 def test_blocks_of_commands_run_in_their_order(page, tmp_path, monkeypatch):
     make_small_run(tmp_path)
+    knots_and_feet(read_flight(tmp_path / "flight"), tmp_path / "unknown").rename(tmp_path / "unknown" / "LOG.csv")
     (tmp_path / "stages.yaml").unlink()
     monkeypatch.chdir(tmp_path)
     reader = Reader(tmp_path)
@@ -156,7 +160,7 @@ def test_yaml_snippets_are_valid(page, tmp_path):
     for snippet in blocks(page, "ya?ml"):
         keys = set(parse_yaml(snippet, str(page)).data)
         if keys & {"format", "signals", "units"}:
-            read_document(page, FlightFile, text=snippet)
+            read_flight_file(page, text=snippet)
         elif keys & {"aerodynamics", "parameters"}:
             (tmp_path / "snippet.yaml").write_text(snippet)
             read_kite(tmp_path / "snippet.yaml")

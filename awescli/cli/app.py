@@ -79,14 +79,19 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         with shell(as_json) as screen:
             commands.check(screen, stages, stages_file, settings)
 
-    @app.command(help="Write a commented stages.yaml to start from.")
+    @app.command(help="Write a commented plan to start from; drafts a flight.yaml for a CSV of unknown layout, and a kite file to fill in.")
     def init(
-        folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the new stages.yaml.")],
-        flight: Annotated[Path, typer.Option(metavar="F", help="Folder of the flight log.")],
-        kite: Annotated[Path, typer.Option(metavar="K", help="Kite file.")],
+        folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the new files.")],
+        flight: Annotated[Path, typer.Option(metavar="F", help="The flight log: a file, or its folder.")],
+        kite: Annotated[Path | None, typer.Option(metavar="K", help="Kite file; without it, one to fill in is written.")] = None,
     ):
         with shell() as screen:
             commands.init(screen, stages, folder, flight, kite)
+
+    @app.command(help="List the library of effects: where each acts, its parameters with units, plausible ranges and sources.")
+    def effects(as_json: Json = False):
+        with shell(as_json) as screen:
+            commands.effects(screen)
 
     @app.command(help="Compare the results in a folder with their provenance: hashes of artifacts, inputs and stages upstream.")
     def verify(
@@ -107,13 +112,14 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         with shell(as_json) as screen:
             commands.compare(screen, stages, run_a, run_b, tolerance, most)
 
-    @app.command(help="Print the JSON Schema of stages.yaml and of the kite file, for editor completion.")
+    @app.command(help="Print the JSON Schema of stages.yaml, of the kite file and of flight.yaml, for editor completion.")
     def schema():
         with shell(as_json=True) as screen:
+            from awescli.flightlog.flight_file import FlightFile
             from awescli.physics.declaration import KiteDeclaration
             from awescli.stages.starter import draft7, plan_schema
 
-            screen.answer({"stages": plan_schema(stages), "kite": draft7(KiteDeclaration)})
+            screen.answer({"stages": plan_schema(stages), "kite": draft7(KiteDeclaration), "flight": draft7(FlightFile)})
 
     return app
 
@@ -145,7 +151,7 @@ def _add_stage(app: typer.Typer, stage: Stage, stages: tuple[Stage, ...]) -> Non
         quiet: Quiet = False,
         as_json: Json = False,
     ):
-        wanted = [f"{stage.name}.{name}=true" for name, asked in (("report", report), ("figures", figures)) if asked]
+        wanted = [f"{stage.name}.report=true"] if report else []
         go(stages_file, [*settings, *wanted], quiet, as_json, force=force, dry_run=dry_run, figures=figures)
 
     command = with_page if "report" in stage.Config.model_fields else plain

@@ -1,7 +1,6 @@
 """What each command does: read the plan, call the floors below, show what came of it."""
 
-import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +28,15 @@ def run(
 ) -> None:
     """Run the plan, or one stage of it, and show what came of it. figures: where copies of its figures go."""
     from awescli.stages.plan import read_plan
-    from awescli.stages.runner import run_plan
+    from awescli.stages.runner import drawn, run_plan
 
     if figures is not None and figures.exists() and not figures.is_dir():
         raise BadInput("is a file, a folder is needed", f"--figures {figures}", "Choose another name.")
     plan = read_plan(file, stages, _overrides(settings))
     results = run_plan(plan, stages, progress=screen, report=screen.stage_event, **choices)
     for result in results:
-        if result.status in ("ran", "unchanged"):
-            screen.summary(result.stage, result.summary)
-            if figures is not None and not choices.get("dry_run"):
-                _copy_figures(screen, plan.out / result.stage, figures)
+        if result.status in ("ran", "unchanged") and figures is not None and not choices.get("dry_run"):
+            _write_figures(screen, drawn(plan, stages, result.stage, screen), figures)
     screen.answer(
         {
             "out": str(plan.out),
@@ -57,50 +54,58 @@ def run(
     )
 
 
-def _copy_figures(screen: Screen, folder: Path, to: Path) -> None:
-    """The figures of a stage's folder, in a folder of the user's."""
-    from awescli.artifacts import copy_files
-    from awescli.stages.page import FIGURES
+def _write_figures(screen: Screen, files: Iterable[tuple[str, str | bytes]], to: Path) -> None:
+    """The figures of a stage, in a folder of the user's, beside what may lie there."""
+    from awescli.artifacts import write_content
 
-    screen.line(f"figures: {copy_files(folder / FIGURES, to)} files in {to}")
+    task, count = screen.task("drawing figures"), 0
+    for count, (name, content) in enumerate(files, 1):  # noqa: B007 - told below
+        write_content(to / name, content)
+        task.advance()
+    screen.close()
+    screen.line(f"figures: {count} files in {to}")
 
 
 def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:
     """Everything that can be wrong before hours are spent; all complaints together."""
-    from awescli.flightlog.loops import find_loops
     from awescli.flightlog.quality import data_quality
-    from awescli.flightlog.read import read_flight
-    from awescli.flightlog.split import split
-    from awescli.physics.declaration import read_kite
     from awescli.physics.kite import needed_by
+    from awescli.stages.base import Inputs
+    from awescli.stages.checking import raise_all, refused
     from awescli.stages.plan import read_plan
 
     plan = read_plan(file, stages, _overrides(settings))
-    screen.line(f"plan    {plan.file}: good, runs {', '.join(plan.planned) or 'nothing'}")
+    screen.paragraph(f"plan    {plan.file}: good, runs {', '.join(plan.planned) or 'nothing'}")
+    inputs = Inputs(plan.flight, plan.kite, plan.split)
     errors: list[BadInput] = []
     log = needed = None
     try:
-        needed = needed_by(read_kite(plan.kite))
-        screen.line(f"kite    {plan.kite}: good")
+        needed = needed_by(inputs.declared)
+        screen.line(f"kite    {plan.kite}: good, {sum(row.free for row in inputs.declared.parameters.values())} free parameters")
     except BadInput as e:
-        errors.append(e)
+        errors += e.errors if isinstance(e, BadInputs) else [e]
     try:
-        log = read_flight(plan.flight)
+        log = inputs.log
         screen.line(f"flight  {plan.flight}: readable, {len(log)} samples in {len(log) * log.dt:.1f} s at {1 / log.dt:.4g} Hz")
     except BadInput as e:
-        errors.append(e)
+        errors += e.errors if isinstance(e, BadInputs) else [e]
     if log is not None:
-        parts = None
         try:
-            parts = split(find_loops(log), **plan.split.model_dump(), log=log)
-        except BadInput as e:
-            errors.append(e)
+            parts = inputs.parts
+        except BadInput:  # a stage says what is wrong, below
+            parts = None
         quality = data_quality(log, needed, parts)
         for title, content in quality_sections(quality).items():
             screen.section(title, content)
         screen.answer({"plan": str(plan.file), "quality": json_safe(quality.as_dict())})
-    if errors:
-        raise errors[0] if len(errors) == 1 else BadInputs(errors)
+    for stage in stages:
+        if stage.name in plan.planned:
+            errors += refused(stage, inputs, plan)
+    raise_all(errors)
+    if plan.planned:
+        at = "" if str(plan.file) == "stages.yaml" else f" --stages {plan.file}"
+        one_by_one = "" if at else f"; stage by stage: {', '.join(f'awes {name}' for name in plan.planned[:2])}, ..."
+        screen.line(f"next: awes run{at}{one_by_one}")
 
 
 def quality_sections(quality: Any) -> dict[str, Any]:
@@ -138,6 +143,26 @@ def between(ends: tuple[float, float]) -> str:
     return "{:.4g} to {:.4g}".format(*(round(end, 1) for end in ends))
 
 
+def effects(screen: Screen) -> None:
+    """The library: every effect, where it acts, its parameters with units and plausible ranges, and where these come from."""
+    from awescli.physics.library import library
+
+    rows = library()
+    for e in rows:
+        where = f"on {', '.join(e['targets'])}" if e["targets"] else f"acts on {e['place']}"
+        screen.paragraph(f"{e['name']} ({where}; {e['role']}): {e['doc']}")
+        if e["parameters"]:
+            screen.table({p["name"]: _parameter(p) for p in e["parameters"]})
+    screen.line("In a kite file: effects: [..., actuator_lag:rudder, tether], parameters actuator_lag:rudder.tau: {value: 0.1, unit: s}.")
+    screen.answer({"effects": json_safe(rows)})
+
+
+def _parameter(p: dict[str, Any]) -> dict[str, Any]:
+    """One row of the library's table."""
+    ends = " .. ".join(f"{p[end]:g}" if p[end] is not None else "" for end in ("lower", "upper"))
+    return {"unit": p["unit"], "range": ends, "null": p["null"], "source": p["source"]}
+
+
 def verify(screen: Screen, stages: tuple[Stage, ...], folder: Path) -> None:
     """Are the results in a folder what their provenance says? Every mismatch is one line, and makes it bad input."""
     from awescli.stages.verify import verify as compare
@@ -165,13 +190,18 @@ def compare(screen: Screen, stages: tuple[Stage, ...], a: Path, b: Path, toleran
     for stage, lines in found.made_from.items():
         screen.section(f"{stage}, a -> b", lines)
     errors = {m: {"a": x, "b": y, "b / a": y / x if x and y else None} for m, (x, y) in found.errors.items()}
-    if errors:
-        screen.section("mean NRMSE on the test loops", {m: {k: _or_dash(v) for k, v in row.items()} for m, row in errors.items()})
+    sides = {"verdicts": found.verdicts, "effects": found.effects}
+    tables = {title: {n: {"a": x, "b": y} for n, (x, y) in of.items()} for title, of in sides.items()}
+    for title, rows in (tables | {"mean error (NRMSE) on the test loops": errors}).items():
+        if rows:
+            screen.section(title, {name: {k: _or_dash(v) for k, v in row.items()} for name, row in rows.items()})
     both = [d for d in found.differences if not d.one_sided]
     screen.line(f"{len(both)} values differ, {found.same} are equal, {len(found.differences) - len(both)} are in one run only")
-    if both[:most]:
-        screen.section("largest changes", {d.where: {"a": d.a, "b": d.b} for d in both[:most]})
-    if len(both) > most or len(both) < len(found.differences):
+    # numbers that have a name, then those that only have a place in a list, then words
+    shown = sorted((d for d in both if d.number or not d.advice), key=lambda d: (not d.number, d.nameless))
+    if shown[:most]:
+        screen.section("largest changes", {d.where: {"a": d.a, "b": d.b} for d in shown[:most]})
+    if len(shown) > most or len(both) < len(found.differences):
         screen.line("--most shows more of them, --json all")
     screen.answer({"a": str(a), "b": str(b), **json_safe(asdict(found))})
 
@@ -180,18 +210,17 @@ def _or_dash(value: Any) -> Any:
     return "-" if value is None else value
 
 
-def init(screen: Screen, stages: tuple[Stage, ...], folder: Path, flight: Path, kite: Path) -> None:
-    """A stages.yaml to start from."""
+def init(screen: Screen, stages: tuple[Stage, ...], folder: Path, flight: Path, kite: Path | None) -> None:
+    """A stages.yaml to start from; for a log of unknown layout a flight.yaml, and without a kite file one to fill in."""
     from awescli.artifacts import write_text
-    from awescli.stages.starter import starter_text
+    from awescli.stages.beginning import begin
 
-    file = folder / "stages.yaml"
-    if file.exists():
-        raise BadInput("is there already and is not overwritten", str(file), "Choose another folder, or move it away.")
-    if not flight.exists():
-        raise BadInput("there is no such folder", f"--flight {flight}", "Name the folder of the flight log.")
-    if not kite.is_file():
-        raise BadInput("there is no such file", f"--kite {kite}", "Name the kite's YAML file.")
-    relative = [os.path.relpath(path.resolve(), folder.resolve()) if not path.is_absolute() else str(path) for path in (flight, kite)]
-    write_text(file, starter_text(stages, *relative))
-    screen.line(f"wrote {file}; next: cd {folder}; awes check; awes run")
+    made = begin(folder, flight, kite, stages)
+    if made.found:
+        screen.section("columns found", made.found)
+    for title, sentences in made.told.items():
+        screen.section(title, sentences)
+    for name, text in made.files.items():
+        write_text(folder / name, text)
+    screen.line(f"wrote {', '.join(str(folder / name) for name in made.files)}")
+    screen.line(f"next: cd {folder}; awes check")

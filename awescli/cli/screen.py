@@ -1,12 +1,14 @@
 """What the person sees: lines, bars, tables; and the Progress that stages report to."""
 
 import os
+import shutil
 import sys
 import time
 from collections.abc import Mapping
 from typing import Any
 
-from awescli.cli.tables import rich_table, text_of
+from awescli.cli.tables import table_lines, text_of, wrapped
+from awescli.stages.answers import ANSWER, lines_of
 
 
 class Screen:
@@ -20,16 +22,21 @@ class Screen:
         self.stream = sys.stderr if as_json else sys.stdout
         self.fancy = not quiet and self.stream.isatty() and os.environ.get("TERM") != "dumb"
         self.bars: Any = None
-        self.running = ""
+        self.running, self.goes_on = "", ""
         self.finished: list[str] = []
         self._console: Any = None
+
+    @property
+    def width(self) -> int:
+        """Columns that a line may have: the terminal's; of a pipe COLUMNS, else 80."""
+        return max(shutil.get_terminal_size((80, 24)).columns, 40)
 
     @property
     def console(self) -> Any:
         if self._console is None:
             from rich.console import Console
 
-            options = {} if self.fancy else {"color_system": None, "force_terminal": False, "width": 140}
+            options = {} if self.fancy else {"color_system": None, "force_terminal": False, "width": self.width}
             self._console = Console(file=self.stream, highlight=False, **options)
         return self._console
 
@@ -38,6 +45,16 @@ class Screen:
     def line(self, text: str) -> None:
         if not self.quiet:
             self.console.print(text, markup=False, soft_wrap=True)
+
+    def paragraph(self, text: str, indent: str = "") -> None:
+        """A sentence in lines that fit, the further ones indented."""
+        for line in wrapped(text, self.width, indent, f"{indent}  "):
+            self.line(line)
+
+    def table(self, content: Mapping[str, Any]) -> None:
+        """Rows of columns, or names and values."""
+        for line in table_lines(content, self.width):
+            self.line(line)
 
     def error(self, text: str) -> None:
         self.close()
@@ -59,6 +76,9 @@ class Screen:
             self.line(f"{stage}: runs ({event})")
             return
         self._end_task()
+        if event.status == "interrupted":
+            self.goes_on = event.reason
+            return
         self.running = ""
         self.finished.append(stage)
         if event.status == "ran":
@@ -67,11 +87,16 @@ class Screen:
             self.line(f"{stage}: skipped, unchanged")
         else:
             self.line(f"{stage}: {event.status} ({event.reason})")
+        if event.status in ("ran", "unchanged"):
+            self.summary(stage, event.summary)
 
     def interrupted(self) -> str:
-        text = f"interrupted during {self.running}" if self.running else "interrupted"
+        """What became of an interrupted command, and what the same command will do."""
         kept = f"Finished and kept: {', '.join(self.finished)}." if self.finished else "Results from before are as they were."
-        return f"{text}\n  {kept} The same command continues."
+        if not self.running:
+            return f"interrupted\n  {kept} The same command goes on after them." if self.finished else f"interrupted\n  {kept}"
+        goes_on = f"The same command goes on with {self.running}, {self.goes_on or 'from its beginning'}."
+        return f"interrupted during {self.running}\n  {kept} {goes_on}"
 
     # Progress, for stages
 
@@ -100,13 +125,17 @@ class Screen:
     # summaries
 
     def summary(self, stage: str, summary: Mapping[str, Any]) -> None:
-        """A stage's summary: one line of numbers, and a table for every mapping of mappings."""
-        numbers = {k: v for k, v in summary.items() if not isinstance(v, Mapping)}
-        if numbers:
-            self.line(f"{stage}: " + ", ".join(f"{k} {text_of(v)}" for k, v in numbers.items()))
+        """A stage's summary: a table for every mapping of mappings, then its answer, or the numbers where it has none."""
         for title, content in summary.items():
             if isinstance(content, Mapping):
                 self.section(f"{stage}: {title}", content)
+        numbers = {k: v for k, v in summary.items() if not isinstance(v, Mapping)}
+        answer = numbers.pop(ANSWER, None)
+        if answer:
+            for line in lines_of(stage, answer, self.width):
+                self.line(line)
+        elif numbers:
+            self.line(f"{stage}: " + ", ".join(f"{k} {text_of(v)}" for k, v in numbers.items()))
 
     def section(self, title: str, content: Any) -> None:
         """A table of rows of columns, a table of values, a list, or one value."""
@@ -114,7 +143,7 @@ class Screen:
             return
         if isinstance(content, Mapping) and content:
             self.line(title)
-            self.console.print(rich_table(content))
+            self.table(content)
         elif isinstance(content, (list, tuple)):
             self.line(f"{title}:" + ("" if content else " none"))
             for item in content:

@@ -1,13 +1,15 @@
 """What a fit says about its own answer: standard deviations, correlations, what the flights do not excite, what sits at a limit."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 
 import numpy as np
 from scipy.linalg import qr
 
-from awescli.estimation.fit import JointFit
+from awescli.estimation.fit import Fit, JointFit
 from awescli.estimation.limits import scaling
+from awescli.notation.constraints import LinearConstraint
+from awescli.notation.parameters import ParameterTable
 
 EXCITED = 0.5
 """A parameter whose standard deviation is still more than this share of its prior's was hardly seen by the flight."""
@@ -28,12 +30,28 @@ MOST_DIRECTIONS = 12
 """Largest null space whose combinations are searched for common factors."""
 
 
+INTERVAL = 1.959964
+"""Standard deviations to either side that hold 95 % of a normal distribution."""
+
+
+def interval(value: float, std: float) -> list[float]:
+    """[low, high] of the 95 % interval."""
+    return [value - INTERVAL * std, value + INTERVAL * std]
+
+
+def describe_one(fit: Fit, prior: ParameterTable, constraints: Sequence[LinearConstraint], record: Collection[str] = ()) -> dict:
+    """`describe` of a fit to one flight, as tracing makes it: prior: what its parameters were weighed against; constraints: the kite's."""
+    place = np.arange(len(fit.names))
+    whole = JointFit(fit.names, fit.parameters, prior, fit.solution, fit.covariance, fit.chi2, tuple(constraints), (fit,), (place,))
+    return describe(whole, record)
+
+
 def describe(fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str, str] | None = None) -> dict:
     """Per free parameter: value, std, prior, shift, flags, advice, and `determined`: "well" (excited), "hardly" (near its prior still), or
     "poorly" (it moved by more than MOVED, or to a bound, though the flight does not say where it is).
 
     std is that of the fit's covariance (`staged_fit` has added what coloured residuals do); excited: std < half of the prior's;
-    at_bound: the value sits at an end of its range; partners: parameters correlated by more than 0.95. record: names of nuisance
+    interval: 95 %; at_bound: it sits at an end of its range; partners: parameters correlated by more than 0.95. record: names of nuisance
     parameters, listed apart. flight_of: name -> the flight that it belongs to, where it belongs to one alone.
     """
     flight_of = flight_of or {}
@@ -53,7 +71,7 @@ def describe(fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str
         shift = float((p.value - before.value) / before.prior_std)
         determined = "well" if excited else "poorly" if at_bound or abs(shift) > MOVED else "hardly"
         rows[name] = {
-            "value": p.value, "std": float(std[i]), "unit": p.unit,
+            "value": p.value, "std": float(std[i]), "interval": interval(p.value, float(std[i])), "unit": p.unit,
             "prior": before.value, "prior_std": float(before.prior_std),
             "shift_in_prior_std": shift,
             "excited": excited, "at_bound": at_bound, "determined": determined, "partners": partners,

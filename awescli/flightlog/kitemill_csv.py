@@ -12,6 +12,7 @@ import polars as pl
 
 from awescli.flightlog.kitemill_wind import find_weather, read_wind, wind_csv_text
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.plausible_frames import check_frames
 from awescli.flightlog.plausible_units import check_clock, check_units
 from awescli.flightlog.resample import RawFlight, uniform_log, usable_stamps
 from awescli.flightlog.spikes import without_spikes
@@ -39,6 +40,9 @@ COLUMNS = {
 
 OPTIONAL = ("a_x", "a_y", "a_z", "V_a", "tension", "elevator", "flaps", "throttle", "tether_length", "reel_out_speed")
 """Quantities that some exports lack; those of the line are of no kite that flies free, and the kite file asks for them."""
+
+FEW = 6
+"""Missing columns up to which a file is a Kitemill log that lacks some."""
 
 DIGITS = 4
 """Decimals written: finer than any of the sensors."""
@@ -86,6 +90,7 @@ def read_kitemill(
     seconds = (stamps - first) * second
     places = {quantity: (f"{path}: column {column}", column) for quantity, (column, _, _) in COLUMNS.items()}
     signals, spikes = without_spikes(signals, usable_stamps(seconds)[0])
+    check_frames(seconds, signals, places, units, {}, "Columns in other frames are mapped in a flight.yaml (`format: csv`).")
     check_units(seconds, signals, places, units, CURE)
     weather = find_weather(folder)
     notes = list(table.notes)
@@ -118,10 +123,22 @@ def to_kitemill_csv(log: FlightLog) -> tuple[str, str]:
     return pl.DataFrame(columns).write_csv(float_precision=DIGITS), "" if log.wind is None else wind_csv_text(log)
 
 
+def is_kitemill(header: tuple[str, ...]) -> bool:
+    """Are these the columns of the format, a few of them missing at most?"""
+    return len(_missing(header)) <= FEW
+
+
+def _needed() -> list[str]:
+    return [STAMP[0], *(column for quantity, (column, _, _) in COLUMNS.items() if quantity not in OPTIONAL)]
+
+
+def _missing(header: tuple[str, ...]) -> list[str]:
+    return [name for name in _needed() if name not in header]
+
+
 def _refuse_missing(path: Path, header: tuple[str, ...]) -> None:
     """All missing columns in one go, each with the nearest that is there."""
-    needed = [STAMP[0], *(column for quantity, (column, _, _) in COLUMNS.items() if quantity not in OPTIONAL)]
-    missing = [name for name in needed if name not in header]
+    missing = _missing(header)
     unused = [name for name in header if name not in {STAMP[0], *(column for column, _, _ in COLUMNS.values())}]
     errors = []
     for name in missing:
@@ -129,11 +146,11 @@ def _refuse_missing(path: Path, header: tuple[str, ...]) -> None:
         hint = nearest if nearest.startswith("Did") else ""
         cure = "Rename the column, or map the file's own names in flight.yaml (format: csv)."
         errors.append(BadInput(f"the column '{name}' is missing", f"{path}:1", f"{hint} {cure}".strip()))
-    if len(errors) > 6:
+    if not is_kitemill(header):
         raise BadInput(
-            f"not a Kitemill log: {len(missing)} of {len(needed)} columns are missing ({', '.join(missing[:6])}, ...)",
+            f"not a Kitemill log: {len(missing)} of {len(_needed())} columns are missing ({', '.join(missing[:6])}, ...)",
             f"{path}:1",
-            f"It has: {', '.join(header[:12])}{', ...' if len(header) > 12 else ''}. Map other layouts in flight.yaml (format: csv).",
+            f"It has: {', '.join(header[:12])}{', ...' if len(header) > 12 else ''}. `awes init` drafts a flight.yaml for it.",
         )
     if errors:
         raise errors[0] if len(errors) == 1 else BadInputs(errors)

@@ -11,6 +11,9 @@ from awescli.flightlog.table import read_header, read_table
 from awescli.flightlog.units import factor_to_si
 from awescli.notation.errors import BadInput, did_you_mean
 
+REQUIRED = {"_time", "direction", "speed"}
+"""Columns of the format: unix time [ns], where the wind comes from [deg], its speed [m/s]."""
+
 FAR = 7200.0
 """s between flight and the nearest weather sample: beyond, it is the weather of another flight."""
 
@@ -33,9 +36,8 @@ def find_weather(folder: Path) -> Path | None:
 def read_wind(path: Path, start: float, flight: tuple[float, float], station_height: float) -> tuple[WindRecord, list[str]]:
     """(WindRecord, notes) of a weather file. start: unix time of the flight's stamp 0; flight: its (first, last) stamp [s]."""
     _, header = read_header(path)
-    for name in ("_time", "direction", "speed"):
-        if name not in header:
-            raise BadInput(f"the column '{name}' is missing", f"{path}:1", did_you_mean(name, header))
+    for name in sorted(REQUIRED - set(header)):
+        raise BadInput(f"the column '{name}' is missing", f"{path}:1", did_you_mean(name, header))
     table = read_table(path, ("_time", "direction", "speed", "rho", "height"))
     columns, notes = dict(table.columns), list(table.notes)
     check_clock(columns["_time"], "ns", f"{path}: column _time")
@@ -64,7 +66,7 @@ def read_wind(path: Path, start: float, flight: tuple[float, float], station_hei
         notes.append(f"{path.name}: no air density.")
     if "height" not in header:
         notes.append(f"{path.name}: no height column, the station is taken to be {station_height:g} m above the winch.")
-    return _pivot(path, seconds, columns), notes
+    return profile(path, seconds, columns), notes
 
 
 def wind_csv_text(log: FlightLog) -> str:
@@ -84,7 +86,7 @@ def wind_csv_text(log: FlightLog) -> str:
     return pl.DataFrame(columns).write_csv(float_precision=6)
 
 
-def _pivot(path: Path, seconds: np.ndarray, columns: dict[str, np.ndarray]) -> WindRecord:
+def profile(path: Path, seconds: np.ndarray, columns: dict[str, np.ndarray]) -> WindRecord:
     """Rows -> (times, heights) tables; a height that lacks a time is interpolated in time."""
     time, row = np.unique(seconds, return_inverse=True)
     height, layer = np.unique(columns["height"], return_inverse=True)

@@ -27,8 +27,19 @@ FULL_THROTTLE = 1.5
 CONFUSED = 0.12
 """A ratio this near to a conversion factor is taken for it."""
 
-SPEEDS = {"km/h": 3.6, "knots": 1 / 0.514444, "ft/s": 1 / 0.3048}
+SPEEDS = {"km/h": 3.6, "kt": 3600 / 1852, "ft/s": 1 / 0.3048, "mph": 3600 / 1609.344}
 LENGTHS = {"ft": 1 / 0.3048, "cm": 100.0, "mm": 1000.0, "km": 0.001}
+
+RATES = (0.2, 4000.0)
+"""Hz: no flight log is sampled slower or faster ..."""
+USUAL_RATES = (1.0, 1000.0)
+"""... and those that are, are sampled so."""
+
+STEEPEST = 2.0
+"""rad: a pitch angle ends at pi/2 by its definition, and a flow angle of a wing in flight far below."""
+
+UNWRAPPED = 10.0
+"""A heading that goes on counting turns as fast as the course does, within this factor, is in rad."""
 
 YEARS = (946684800.0, 4102444800.0)
 """Unix time [s] of the years 2000 and 2100."""
@@ -47,6 +58,25 @@ def check_clock(stamps: np.ndarray, unit: str, where: str) -> None:
             do = f"Convert the column, or, for the kite's clock, add `units: {{epoch_ms: {other}}}` to a flight.yaml (format: kitemill)."
             raise BadInput(f"the stamps look like unix time in {other}, expected {unit}", where, do)
     raise BadInput(f"{middle:g} is no unix time in {unit}", where, "Expected the years 2000 to 2100.")
+
+
+def is_unix(seconds: float) -> bool:
+    """Is a stamp [s] unix time of the years 2000 to 2100?"""
+    return YEARS[0] <= seconds <= YEARS[1]
+
+
+def check_interval(seconds: np.ndarray, unit: str, where: str) -> None:
+    """Raise BadInput where stamps [s], read in `unit`, are apart as no flight log's are, but would be in another unit."""
+    step = np.diff(seconds[np.isfinite(seconds)])
+    if not (step > 0).any():
+        return
+    typical = float(np.median(step[step > 0]))
+    if 1 / RATES[1] <= typical <= 1 / RATES[0]:
+        return
+    for other in ("s", "ms", "us", "ns"):
+        if 1 / USUAL_RATES[1] <= (apart := typical / factor_to_si(unit, "s") * factor_to_si(other, "s")) <= 1 / USUAL_RATES[0]:
+            do = f"It looks like {other}: {1 / apart:.4g} Hz."
+            raise BadInput(f"read in {unit} the samples are {typical:.3g} s apart, {1 / typical:.3g} Hz", where, do)
 
 
 def check_units(
@@ -100,16 +130,28 @@ def _turned(s) -> float:
 
 
 def _angles(s) -> list[Finding]:
-    """A heading in rad read as deg stays within 6.4 deg while the course goes round; in deg read as rad it exceeds a turn."""
-    if not {"phi", "theta", "psi"} <= s.keys():
-        return []
-    size = {name: float(np.nanmax(np.abs(s[name]))) for name in ("phi", "theta", "psi")}
-    if size["psi"] > 2 * np.pi + 0.2:
-        return [(n, "deg", f"{n} reaches {size[n]:.0f} rad") for n in size if size[n] > 2 * np.pi + 0.2]
-    if _turned(s) > TURNS and np.nanmax(s["psi"]) - np.nanmin(s["psi"]) < np.deg2rad(2 * np.pi + 0.1):
-        why = "{} stays within {:.2f} deg while the course turns by {:.0f} deg"
-        return [(n, "rad", why.format(n, np.rad2deg(size[n]), np.rad2deg(_turned(s)))) for n in size if size[n] < np.deg2rad(6.4)]
-    return []
+    """Angles in deg read as rad exceed what there is; in rad read as deg they stay within 6.4 deg while the course goes round."""
+    size = {n: float(np.nanpercentile(np.abs(s[n]), 99.5)) for n in ("phi", "theta", "psi", "alpha", "beta") if n in s}
+    most = {"phi": 2 * np.pi + 0.2, "theta": STEEPEST, "psi": 2 * np.pi + 0.2, "alpha": STEEPEST, "beta": STEEPEST}
+    large = [n for n in size if size[n] > most[n] and not (n == "psi" and _counts_turns(s))]
+    found = [(n, "deg", f"{n} reaches {size[n]:.3g} rad, {size[n] / (2 * np.pi):.2g} turns") for n in large]
+    if not found and {"phi", "theta", "psi"} <= s.keys() and _turned(s) > TURNS:
+        if np.nanmax(s["psi"]) - np.nanmin(s["psi"]) < np.deg2rad(2 * np.pi + 0.1):
+            why = "{} stays within {:.2f} deg while the course turns by {:.0f} deg"
+            small = [n for n in ("phi", "theta", "psi") if size[n] < np.deg2rad(6.4)]
+            return [(n, "rad", why.format(n, np.rad2deg(size[n]), np.rad2deg(_turned(s)))) for n in small]
+    return found
+
+
+def _counts_turns(s) -> bool:
+    """Does the heading move as fast as the course over ground, sample by sample, and only goes on counting where others wrap?"""
+    speed = _speed(s)
+    if speed is None:
+        return False
+    course = np.arctan2(s["v_e"], s["v_n"])
+    moved, turned = np.abs(np.diff(s["psi"])), np.abs(np.angle(np.exp(1j * np.diff(course))))
+    flying = (speed[1:] > FLYING) & (turned > 1e-3) & np.isfinite(moved)
+    return bool(flying.sum() > 50 and np.median(moved[flying] / turned[flying]) < UNWRAPPED)
 
 
 def _rates(s, ordinary: np.ndarray, step: np.ndarray) -> list[Finding]:
@@ -173,7 +215,9 @@ def _height(s) -> list[Finding]:
         return []
     flying = (speed > FLYING) & np.isfinite(s["p_d"])
     if flying.sum() > 50 and float(np.median(s["p_d"][flying])) > 5.0:
-        return [("p_d", "height above ground (positive up)", "the kite flies below its winch: the down position is positive")]
+        low = float(np.median(s["p_d"][flying]))
+        why = f"the kite flies {low:.0f} m below its winch: the down position is positive"
+        return [("p_d", "height above ground (positive up)", why)]
     return []
 
 

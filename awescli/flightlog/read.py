@@ -11,7 +11,7 @@ from awescli.flightlog.ardupilot_bin import read_ardupilot
 from awescli.flightlog.autopilot import Autopilot
 from awescli.flightlog.clocks import motor_lateness
 from awescli.flightlog.faults import mark_faults
-from awescli.flightlog.flight_file import FlightFile
+from awescli.flightlog.flight_check import read_flight_file
 from awescli.flightlog.kitemill_csv import read_kitemill
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.mapped_csv import read_mapped
@@ -19,7 +19,6 @@ from awescli.flightlog.mat5 import variables
 from awescli.flightlog.phases import phases
 from awescli.flightlog.px4_ulog import read_px4
 from awescli.flightlog.umn_mat import STRUCT, read_umn
-from awescli.notation.document import read_document
 from awescli.notation.errors import BadInput
 
 NEEDED_BY_MODEL = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
@@ -98,9 +97,10 @@ def missing_for_model(log: FlightLog, needed: Iterable[str] | None = None) -> li
 
 def _declared(path: Path, max_gap: float) -> FlightLog:
     """The log that a flight.yaml describes."""
-    mapping = read_document(path, FlightFile)
+    declared = read_flight_file(path)
+    mapping = declared.file
     if mapping.format == "csv":
-        return read_mapped(path, mapping, max_gap)
+        return read_mapped(declared, max_gap)
     late = {group: float(value) for group, value in mapping.clocks.items() if value != "auto"}
     pattern = mapping.file or PATTERNS[mapping.format]
     found = sorted(path.parent.glob(pattern)) if mapping.file is None else [path.parent / mapping.file]

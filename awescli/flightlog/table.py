@@ -90,6 +90,14 @@ def read_table(path: Path, wanted: Iterable[str]) -> Table:
     return Table(path, columns, tuple(n for n in names if n not in wanted), tuple(notes))
 
 
+def read_text(path: Path, name: str) -> list[str]:
+    """The cells of one column as they stand in the file, empty ones as "". Raises BadInput as `read_table` does."""
+    separator, names = read_header(path)
+    if names.count(name) != 1:
+        raise BadInput(f"{names.count(name) or 'no'} columns are called '{name}'", f"{path}:1", "One is needed.")
+    return _read_columns(path, separator, names, [name], pl.String).get_columns()[0].fill_null("").to_list()
+
+
 def _read_columns(path: Path, separator: str, names: tuple[str, ...], wanted: list[str], dtype) -> pl.DataFrame:
     """The wanted columns, in that order, under the names column_i; cells that are not of `dtype` become null."""
     # the file's own names may repeat; a schema by position cannot clash, and keeps a short first row from hiding columns

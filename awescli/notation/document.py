@@ -92,6 +92,35 @@ class Document:
                 raise
             raise BadInput(e.what, self.where(), e.do) from None
 
+    def check_part(self, model: type[Model]) -> tuple[Model | None, list[BadInput]]:
+        """(a `model` of what is right, or None where nothing is left; all that is wrong): wrong entries are left out, so that whoever
+        knows more can go on checking the others, and all mistakes of a file are told in one go."""
+        data, found = _copy(self.data), {}
+        for _ in range(MAX_DEPTH):
+            rest = Document(self.source, data, self.places, self.omit)
+            try:
+                return rest.check(model), list(found.values())
+            except BadInput as e:
+                told = e.errors if isinstance(e, BadInputs) else [e]
+            wrong = rest._wrong(model)
+            # a key that is missing because its value was left out above is no news
+            found.update({str(e): e for e in told if not found or not e.what.startswith("missing key")})
+            if not wrong or not all(wrong):
+                break
+            for loc in wrong:
+                _leave_out(data, loc)
+        return None, list(found.values())
+
+    def _wrong(self, model: type[BaseModel]) -> list[Loc]:
+        """Where the mistakes stand that a `model` sees."""
+        try:
+            model.model_validate(self.data)
+        except ValidationError as e:
+            return [self._real(error["loc"], False) for error in e.errors(include_url=False)]
+        except BadInput:
+            pass
+        return []
+
     def _translate(self, error: ValidationError, model: type[BaseModel]) -> list[BadInput]:
         """One BadInput per place; the branches of a union complain together ("must be a number or must be 'auto'")."""
         found: dict[str, BadInput] = {}
@@ -197,6 +226,17 @@ def _loc_of(key: str, data: Any, model: type[BaseModel], omit: tuple[str, ...]) 
         loc.append(parts.pop(0))
         data = data.get(loc[-1]) if isinstance(data, dict) else None
     return tuple(loc)
+
+
+def _leave_out(data: Any, loc: Loc) -> None:
+    """Remove the entry at `loc`, in place; an item of a list takes the whole list with it."""
+    for part in loc[:-1]:
+        below = data.get(part) if isinstance(data, dict) else None
+        if not isinstance(below, dict):
+            data.pop(part, None) if isinstance(data, dict) else None
+            return
+        data = below
+    data.pop(loc[-1], None)
 
 
 def _copy(data: Any) -> Any:

@@ -24,6 +24,21 @@ UNITS = {
     "throttle": "-", "tether_length": "m", "reel_out_speed": "m/s", "motor_speed": "1/s",
 }  # fmt: skip
 
+IN_WORDS = {
+    "p_n": "position north of the winch", "p_e": "position east of the winch", "p_d": "position below the winch (down)",
+    "u": "velocity forward", "v": "velocity to the right", "w": "velocity down in body axes",
+    "v_n": "velocity over ground, north", "v_e": "velocity over ground, east", "v_d": "velocity over ground, down",
+    "phi": "roll angle, right wing down positive", "theta": "pitch angle, nose up positive",
+    "psi": "heading of the nose, clockwise from north",
+    "p": "roll rate", "q": "pitch rate", "r": "yaw rate",
+    "a_x": "acceleration forward", "a_y": "acceleration to the right", "a_z": "acceleration down in body axes",
+    "V_a": "airspeed", "alpha": "angle of attack", "beta": "angle of sideslip", "tension": "pull of the line",
+    "aileron": "aileron command", "elevator": "elevator command", "rudder": "rudder command", "flaps": "flap command",
+    "throttle": "throttle command, 0 to 1", "motor_speed": "revolutions of the propeller per second",
+    "tether_length": "length of line paid out", "reel_out_speed": "speed of reeling out, out positive",
+}  # fmt: skip
+"""What a quantity is, and which way it counts."""
+
 MEASURED = (
     "p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r",
     "a_x", "a_y", "a_z", "V_a", "alpha", "beta", "tension",

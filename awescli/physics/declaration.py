@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from awescli.notation.document import open_document
+from awescli.notation.errors import BadInput, BadInputs
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.physics.propeller import Propeller
@@ -38,7 +39,9 @@ class AerodynamicTable(_Frozen):
 class WindLaw(_Frozen):
     """How the recorded wind is carried to the kite's height."""
 
-    law: Literal["table", "power", "log", "uniform"] = "table"
+    law: Literal["table", "power", "log", "uniform"] = Field(
+        "table", description="table: between recorded heights; power, log: from one station; uniform: alike at all heights"
+    )
     exponent: float = Field(0.0, description="power law exponent")
     reference_height: float = Field(10.0, gt=0, description="height of a station without a height column [m]")
     roughness: float = Field(0.0002, gt=0, description="roughness length of the log law [m]")
@@ -49,8 +52,8 @@ class WindLaw(_Frozen):
 class TetherLaw(_Frozen):
     """Which law gives the tension (shared equations 2-8, see physics/effects/tether.py)."""
 
-    law: Literal["seed", "exact"] = "seed"
-    tension: Literal["constraint", "measured"] = "constraint"
+    law: Literal["seed", "exact"] = Field("seed", description="exact: |p| = line length; seed: its published form")
+    tension: Literal["constraint", "measured"] = Field("constraint", description="constraint: from the line; measured: as logged")
 
 
 class SurfaceDeclaration(_Frozen):
@@ -68,14 +71,14 @@ LOAD_RESOLUTION = 1e-3
 class Noise(_Frozen):
     """White sensor noise, one standard deviation per sample, in SI and radians; load_relative is a share of the load."""
 
-    position: tuple[float, float, float] = (0.1, 0.1, 0.15)
-    velocity: float = Field(0.05, gt=0)
-    euler: float = Field(0.0035, gt=0)
-    rates: float = Field(0.0052, gt=0)
-    airspeed: float = Field(0.3, gt=0)
-    flow_angles: float = Field(0.0087, gt=0)
-    load_relative: float = Field(0.01, gt=0)
-    acceleration: float = Field(0.2, gt=0)
+    position: tuple[float, float, float] = Field((0.1, 0.1, 0.15), description="white noise of a sample, north, east, down [m]")
+    velocity: float = Field(0.05, gt=0, description="[m/s]")
+    euler: float = Field(0.0035, gt=0, description="[rad]")
+    rates: float = Field(0.0052, gt=0, description="[rad/s]")
+    airspeed: float = Field(0.3, gt=0, description="[m/s]")
+    flow_angles: float = Field(0.0087, gt=0, description="[rad]")
+    load_relative: float = Field(0.01, gt=0, description="share of the load")
+    acceleration: float = Field(0.2, gt=0, description="[m/s2]")
 
     def channels(self) -> dict[str, tuple[float, float]]:
         """Measured channel (`quantities.MEASURED`) -> (standard deviation [SI], share of the signal that comes on top)."""
@@ -136,12 +139,25 @@ def row_of(p: Parameter) -> ParameterRow:
 
 
 def read_kite(path: Path) -> KiteDeclaration:
-    """Read and check a kite file. Raises BadInput with file:line, also for unknown effects and parameters that effects need."""
+    """Read and check a kite file. Raises BadInput (BadInputs: all mistakes at once) with file:line, also for numbers that are still to be
+    filled in, for unknown effects, and for parameters that effects need; a file that is no kite file is one mistake."""
     from awescli.physics.kite import check_declaration
+    from awescli.physics.unfilled import unfilled
 
     document = open_document(Path(path))
-    declaration = document.check(KiteDeclaration)
-    check_declaration(declaration, document.where)
+    if isinstance(document.data, dict) and not {"parameters", "aerodynamics"} <= set(document.data):
+        found = ", ".join(list(document.data)[:6])
+        do = "A kite file has `parameters` and `aerodynamics`; `awes init DIR --flight LOG` writes one to fill in."
+        raise BadInput(f"this is no kite file (it holds: {found})", document.where(), do)
+    document, errors = unfilled(document)
+    declaration = None
+    try:
+        declaration = document.check(KiteDeclaration)
+        check_declaration(declaration, document.where)
+    except BadInput as e:
+        errors += e.errors if isinstance(e, BadInputs) else [e]
+    if errors:
+        raise errors[0] if len(errors) == 1 else BadInputs(errors)
     return declaration
 
 

@@ -29,9 +29,9 @@ class Evidence:
 
     scores, predictions: evaluate's metrics.json and predictions.npz; controller: fit-controller's metrics.json;
     commanded: surface -> (N,) rad, what the fitted law commands at the measured states; identify, params: metrics.json and params.json;
-    effects, residuals: effects.json and residuals.npz; hybrid, network, correction: train-hybrid's metrics.json, network.json and
-    correction.npz; flown, trajectory: simulate's metrics.json and trajectory.npz; provenance: stage -> provenance.json; versions:
-    package -> version.
+    effects, traced_params, residuals: effects.json, params.json and residuals.npz of trace-residual; hybrid, network, correction:
+    train-hybrid's metrics.json, network.json and correction.npz; flown, trajectory: simulate's metrics.json and trajectory.npz;
+    provenance: stage -> provenance.json; versions: package -> version.
     """
 
     log: FlightLog
@@ -46,6 +46,7 @@ class Evidence:
     identify: Document | None = None
     params: Document | None = None
     effects: Document | None = None
+    traced_params: Document | None = None
     residuals: Arrays | None = None
     hybrid: Document | None = None
     network: Document | None = None

@@ -1,5 +1,7 @@
 """Identification: parameters with intervals, prior, shift and flags; errors before and after (figure 2 of the seed)."""
 
+from collections.abc import Mapping
+
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Cell, Section, absent, chip, esc, paragraph, table
 from awescli.report.plots import Figure, axis, bars, dots
@@ -13,7 +15,11 @@ def identification(evidence: Evidence) -> Section:
     title = "Identification"
     if evidence.params is None:
         return Section("identification", title, absent("awes identify", "no parameters were identified"))
-    body = paragraph(sentence(evidence)), attitude(evidence), shifts(evidence), parameters(evidence)
+    tables = [parameters(evidence.params["parameters"], "tab-parameters", "Parameters")]
+    if evidence.tracing_added and evidence.traced_params is not None:
+        title_of = f"Parameters {evidence.label('with_effects')}"
+        tables.append(parameters(evidence.traced_params["parameters"], "tab-traced-parameters", esc(title_of)))
+    body = paragraph(sentence(evidence)), attitude(evidence), shifts(evidence), *tables
     return Section("identification", title, body)
 
 
@@ -102,10 +108,10 @@ def shifts(evidence: Evidence) -> Figure:
     )  # fmt: skip
 
 
-def parameters(evidence: Evidence) -> str:
-    """The table."""
+def parameters(rows: Mapping[str, Mapping], place: str, title: str) -> str:
+    """The table of a params.json."""
     lines = []
-    for name, p in evidence.params["parameters"].items():
+    for name, p in rows.items():
         unit, factor = unit_of(p["unit"])
         flags = [chip("at bound", "bad")] if p.get("at_bound") else []
         flags += [chip(DETERMINED[p["determined"]])] if p.get("determined") in DETERMINED else []
@@ -117,4 +123,4 @@ def parameters(evidence: Evidence) -> str:
             Cell(f"{p['shift_in_prior_std']:+.2f}".replace("-", "−"), p["shift_in_prior_std"]), Cell(" ".join(flags), -len(flags)),
         ))  # fmt: skip
     head = ("parameter", "value ± 2 std", "unit", "prior ± 2 std", "shift [prior std]", "flags")
-    return f'<div id="tab-parameters"><h3>Parameters</h3>{table(head, lines)}</div>'
+    return f'<div id="{place}"><h3>{title}</h3>{table(head, lines)}</div>'

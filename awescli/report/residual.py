@@ -188,11 +188,13 @@ def ranking(evidence: Evidence) -> str:
         "freedom lies above 1 on train: what noise does not explain."
     )
     seen = effects.get("detectable") or {}
-    small = [(effect_words(*_key(k)), Cell(number(v), v)) for k, v in seen.items()]
+    units = effects.get("detectable_units") or {}
+    shown = {k: units.get(k, {}).get("unit", "-") for k in seen}
+    small = [(effect_words(*_key(k)), Cell(f"{number(v)} {'' if shown[k] == '-' else esc(shown[k])}", v)) for k, v in seen.items()]
     more = (
         folded(
             "What this flight would have shown: smallest size of each effect that stands out",
-            table(("effect", "smallest size (in its unit)"), small),
+            table(("effect", "smallest size"), small),
         )
         if small
         else ""

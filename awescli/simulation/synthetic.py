@@ -16,7 +16,7 @@ from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.notation.quantities import CONTROL_SURFACES, MEASURED, OF_LINE, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import Kite, surfaces_used
+from awescli.physics.kite import Kite, make_effect, surfaces_used
 from awescli.simulation.gusts import dryden, roll_gust
 from awescli.simulation.rollout import BODY_VELOCITY, Segments, Simulator, Trajectories, inputs_of
 from awescli.simulation.segments import noise_std
@@ -104,6 +104,17 @@ def with_effects(declaration: KiteDeclaration, effects: Mapping[str, Mapping[str
     return kite.declare(tuple(effects), table=kite.parameters.with_values(values))
 
 
+def refuse_measured(declaration: KiteDeclaration) -> None:
+    """Raise BadInput for a kite that reads measurements: one that flies on its own has none."""
+    if declaration.tether.tension == "measured":
+        what = "a kite whose tension is the measured one cannot fly on its own"
+        raise BadInput(what, "tether.tension", "Declare `tension: constraint`.")
+    for effect in (make_effect(key, declaration) for key in declaration.effects):
+        if effect.reads:
+            what = f"effect '{effect.key}' reads the measured {', '.join(effect.reads)}: a kite that flies on its own has no log of it"
+            raise BadInput(what, "effects", "Replay a log, or leave the effect out.")
+
+
 def fly(
     declaration: KiteDeclaration,
     law: Callable,
@@ -159,13 +170,7 @@ def simulate_flight(
     clock shows at t = 0 [s], for what drifts with it. pattern: what the kite must not stray from; without one only a kite that the numbers
     or the ground end departs.
     """
-    if kite.declaration.tether.tension == "measured":
-        what = "a kite whose tension is the measured one cannot fly on its own"
-        raise BadInput(what, "tether.tension", "Declare `tension: constraint`.")
-    for effect in kite.effects:
-        if effect.reads:
-            what = f"effect '{effect.key}' reads the measured {', '.join(effect.reads)}: a kite that flies on its own has no log of it"
-            raise BadInput(what, "effects", "Replay a log, or leave the effect out.")
+    refuse_measured(kite.declaration)
     lead = int(round((settle if start is None else 0.0) / dt))
     samples = lead + int(round(duration / dt)) + 1
     time = (np.arange(samples) - lead) * dt

@@ -14,6 +14,10 @@ A stage is a file in this folder and a line in `STAGES`:
         def needs(self, config):
             return (Need("fit-controller", required=False),)
 
+        def check(self, inputs, config):
+            if config.horizon > inputs.log.time[-1]:
+                yield "horizon", BadInput("longer than the flight", do="Use a shorter one.")
+
         def run(self, context, config):
             from awescli.flightlog.read import read_flight     # heavy imports are the first lines of run, so that
             from awescli.artifacts import write_json           # `awes --help` does not wait for torch
@@ -24,17 +28,21 @@ A stage is a file in this folder and a line in `STAGES`:
             return {"test error": 0.036}
 
 The runner decides whether a stage runs; a stage never looks at the clock, the command line or another stage's folder but through
-`context`. It raises BadInput for what the user can mend and NumericalFailure for a computation without a usable answer; in both
-cases, and when it is interrupted, the artifacts of the run before stay as they were.
+`context`. What a setting asks of this flight and this kite that they do not have, `check` says before anything is computed: for `awes
+check`, and for the runner before it calls `run`. `run` raises BadInput for what the user can mend and NumericalFailure for a computation
+without a usable answer; in both cases, and when it is interrupted, the artifacts of the run before stay as they were.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from awescli.notation.errors import BadInput
 
 KITE_FILE = "kite.yaml"
 """The artifact by which a stage hands on a model: the kite's declaration with new values or effects."""
@@ -114,6 +122,50 @@ class Silent:
 
 
 @dataclass(frozen=True)
+class Inputs:
+    """What the stages of a plan are made from, read once: flight, kite: the plan's; split: its shares; upstreams: as in `Context`.
+
+    log, parts, declared raise BadInput where the flight or the kite file cannot be used.
+    """
+
+    flight: Path
+    kite: Path
+    split: Split
+    upstreams: Mapping[str, Path] = field(default_factory=dict)
+
+    @cached_property
+    def log(self) -> Any:
+        """The FlightLog of the plan's flight."""
+        from awescli.flightlog.read import read_flight
+
+        return read_flight(self.flight)
+
+    @cached_property
+    def parts(self) -> Any:
+        """Its whole loops, dealt to train, validation and test (`flightlog.split.Split`). BadInput too where a model would lack signals."""
+        return self.parts_of(self.log, self.flight)
+
+    def parts_of(self, log: Any, folder: Path) -> Any:
+        """`parts` of another flight, dealt by the same shares."""
+        from awescli.flightlog.loops import find_loops
+        from awescli.flightlog.read import missing_for_model
+        from awescli.flightlog.split import split
+        from awescli.physics.kite import needed_by
+
+        if missing := missing_for_model(log, needed_by(self.declared)):
+            what = f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}"
+            raise BadInput(what, str(folder), "See `awes check` for what it has.")
+        return split(find_loops(log), **self.split.model_dump(), log=log)
+
+    @cached_property
+    def declared(self) -> Any:
+        """The KiteDeclaration of the plan's kite file."""
+        from awescli.physics.declaration import read_kite
+
+        return read_kite(self.kite)
+
+
+@dataclass(frozen=True)
 class Context:
     """What a stage may see and touch while it runs.
 
@@ -122,7 +174,8 @@ class Context:
     scratch: for checkpoints: survives an interruption, comes back only to a run with the same inputs, settings and code, and is
     removed when the stage has ended; seed, split: shared by all stages; progress: where to tell how it goes;
     upstreams: folders of the upstream stages in `needs` that have run and are up to date, in the order of the stages table;
-    stamp: what this run of the stage is made from, as its provenance.json will say: inputs, seed, split, settings, code, versions.
+    stamp: what this run of the stage is made from, as its provenance.json will say: inputs, seed, split, settings, code, versions;
+    inputs: flight and kite, as they were read for `check`.
     """
 
     flight: Path
@@ -134,6 +187,7 @@ class Context:
     split: Split
     upstreams: Mapping[str, Path]
     progress: Progress
+    inputs: Inputs
     stamp: Mapping[str, Any] = field(default_factory=dict)
 
     def upstream(self, stage: str) -> Path | None:
@@ -159,8 +213,8 @@ class Stage(ABC):
     help: ClassVar[str]
     """One line: the command's help."""
     Config: ClassVar[type[StageConfig]] = StageConfig
-    """Its settings. `report: bool` becomes the option `--report`; `figures: bool` becomes `--figures DIR`, which also copies the
-    files of the stage's folder `figures` to DIR."""
+    """Its settings. `report: bool` becomes the option `--report`; with `figures: bool` there is `--figures DIR` too, which writes what
+    `figures` gives to DIR and leaves the stage as it is."""
     makes: ClassVar[tuple[str, ...]]
     """Names of the files it always writes into `context.folder`; it may write more."""
     reads: ClassVar[tuple[str, ...]] = ("flight", "kite")
@@ -170,7 +224,18 @@ class Stage(ABC):
         """The upstream stages it takes something from; they stand before it in the stages table."""
         return ()
 
+    def check(self, inputs: Inputs, config: Any) -> Iterable[tuple[str, BadInput]]:
+        """What `run` would refuse, found without computing anything long: (name of the setting, or "", the mistake), all of them.
+
+        Seen by `awes check` and by the runner, which calls it before `run`. It may raise BadInput too, as reading the inputs does.
+        """
+        return ()
+
+    def figures(self, context: Context, config: Any) -> Iterable[tuple[str, str | bytes]]:
+        """(file name, content) of its figures, drawn from the artifacts in `context.folder`, which are not touched."""
+        return ()
+
     @abstractmethod
     def run(self, context: Context, config: Any) -> Mapping[str, Any]:
-        """Do it. Returns the summary for the terminal: label -> number or short text; a mapping of mappings is shown as a
-        table (rows of columns)."""
+        """Do it. Returns the summary for the terminal: `answer` -> the sentences in which the stage ends (see answers.py); a mapping of
+        mappings is shown above it as a table (rows of columns); label -> number or short text is for --json."""

@@ -1,5 +1,6 @@
 """Two runs side by side: what they were made from, and which of their numbers and verdicts differ."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,11 +8,16 @@ from typing import Any
 
 from awescli.artifacts import PROVENANCE, read_json
 from awescli.notation.errors import BadInput
+from awescli.stages.answers import named, sized
 from awescli.stages.base import Stage
-from awescli.stages.runner import changes
+from awescli.stages.changes import changes
 
 TIMES = ("seconds", "timing")
 """Keys of times: they differ between any two runs and say nothing about the result."""
+ADVICE = ("advice", "excited", "at_bound", "partners", "plausible_size", "says")
+"""Keys of flags and sentences for people: they follow from numbers that are compared, and flip at a threshold."""
+VERDICTS = ("verdict", "outcome")
+"""Keys, at the top of an artifact, of what a stage concludes."""
 NAMES = ("name", "acts_on", "loop", "part")
 """What an entry of a list is known by, where it has one of these: its place may differ between runs."""
 
@@ -37,15 +43,32 @@ class Difference:
     def one_sided(self) -> bool:
         return self.a is None or self.b is None
 
+    @property
+    def advice(self) -> bool:
+        """A flag or a sentence for people, not a result."""
+        return any(key in ADVICE for key in re.split(r"[.\[]", self.where))
+
+    @property
+    def nameless(self) -> bool:
+        """Has it only a place in a list or a matrix?"""
+        return re.search(r"\[\d+\]", self.where) is not None
+
+    @property
+    def number(self) -> bool:
+        return _is_number(self.a) and _is_number(self.b)
+
 
 @dataclass(frozen=True)
 class Comparison:
     """made_from: stage -> what differs in inputs, settings, seed, versions, one sentence each; only: run -> stages that the other lacks;
-    errors: model -> (mean test NRMSE in a, in b); same: how many values are equal; differences: largest change first, what only one
+    verdicts: stage -> (what it concluded in a, in b); effects: effect and parameter -> (size with interval in a, in b), None where it was
+    not found; errors: model -> (mean test NRMSE in a, in b); same: how many values are equal; differences: largest first, what only one
     of the runs has last."""
 
     made_from: Mapping[str, list[str]]
     only: Mapping[str, list[str]]
+    verdicts: Mapping[str, tuple[str | None, str | None]]
+    effects: Mapping[str, tuple[str | None, str | None]]
     errors: Mapping[str, tuple[float | None, float | None]]
     same: int
     differences: tuple[Difference, ...]
@@ -60,11 +83,12 @@ def compare(a: Path, b: Path, stages: Sequence[Stage], tolerance: float = 0.0) -
     values_a, values_b = ({k: v for name in both for k, v in _values(run / name)} for run in (a, b))
     pairs = [Difference(k, values_a.get(k), values_b.get(k)) for k in dict.fromkeys([*values_a, *values_b])]
     differing = [d for d in pairs if d.a != d.b and d.change > tolerance]
-    errors_a, errors_b = (_errors(run) for run in (a, b))
     return Comparison(
         {name: lines for name, lines in made_from.items() if lines},
         {str(a): [n for n in in_a if n not in in_b], str(b): [n for n in in_b if n not in in_a]},
-        {model: (errors_a.get(model), errors_b.get(model)) for model in dict.fromkeys([*errors_a, *errors_b])},
+        _side_by_side(*({n: v for n in names for v in _verdict(run / n)} for run, names in ((a, in_a), (b, in_b)))),
+        _side_by_side(*(_effects(run) for run in (a, b))),
+        _side_by_side(*(_errors(run) for run in (a, b))),
         len(pairs) - len(differing),
         tuple(sorted(differing, key=lambda d: (d.one_sided, -d.change))),
     )
@@ -87,6 +111,27 @@ def _stamp(folder: Path) -> Mapping[str, Any]:
     if not isinstance(stamp, dict):
         raise BadInput("not readable as provenance", str(folder / PROVENANCE), "Run the stage again.")
     return stamp
+
+
+def _side_by_side(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    return {name: (a.get(name), b.get(name)) for name in dict.fromkeys([*a, *b])}
+
+
+def _verdict(folder: Path) -> Iterator[str]:
+    """What a stage concluded, where it says so: at most one word."""
+    for file in ("effects.json", "metrics.json"):
+        document = read_json(folder / file) if (folder / file).is_file() else {}
+        if word := next((document[k] for k in VERDICTS if isinstance(document, dict) and isinstance(document.get(k), str)), None):
+            yield word
+            return
+
+
+def _effects(run: Path) -> dict[str, str]:
+    """`actuator_lag on rudder, tau` -> its size with the 95 % interval, where trace-residual has run."""
+    file = run / "trace-residual" / "effects.json"
+    found = read_json(file) if file.is_file() else {}
+    effects = found.get("effects", []) if isinstance(found, dict) else []
+    return {f"{named(e)}, {name}": sized(size) for e in effects for name, size in e["parameters"].items()}
 
 
 def _errors(run: Path) -> dict[str, float]:

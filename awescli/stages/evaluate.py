@@ -2,7 +2,11 @@
 
 from pydantic import Field
 
+from awescli.stages.answers import ANSWER, number
 from awescli.stages.base import Need, Stage, StageConfig
+
+SHOWN = ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
+"""Channels in the terminal's table; `mean` is that of the 12 states."""
 
 
 class EvaluateConfig(StageConfig):
@@ -28,6 +32,20 @@ class Evaluate(Stage):
             Need("trace-residual", required=False), Need("train-hybrid", required=False), Need("simulate", required=False),
         )  # fmt: skip
 
+    def check(self, inputs, config):
+        from awescli.stages.flight_parts import too_long
+
+        yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
+
+    def figures(self, context, config):
+        from awescli.artifacts import read_arrays, read_json
+        from awescli.report.paper import figure_files
+        from awescli.stages.flight_parts import flight_parts
+        from awescli.stages.page import gather
+
+        metrics, arrays = read_json(context.folder / "metrics.json"), read_arrays(context.folder / "predictions.npz")
+        return figure_files(gather(context, *flight_parts(context), metrics, arrays))
+
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json
         from awescli.stages.flight_parts import flight_parts
@@ -46,19 +64,20 @@ class Evaluate(Stage):
             write_report(context, evidence)
         if config.figures:
             write_figures(context, evidence)
-        errors = {
-            model: {
-                name: metrics[model]["nrmse"]["test"][name] for name in ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi")
-            }
-            for model in models
-        }
-        summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"]}
+        errors = {model: {n: e for n, e in metrics[model]["nrmse"]["test"].items() if n in SHOWN} for model in models}
+        errors["noise alone"] = {n: metrics["noise_floor"][n] for n in SHOWN if n in metrics["noise_floor"]}
+        means = [f"{model} {number(metrics[model]['nrmse']['test']['mean'])}" for model in models]
+        answer = [
+            f"error on unseen loops, {config.horizon:g} s ahead: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"
+        ]
+        summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
             summary["power"] = power
-        if config.report:
-            summary["report"] = str(context.out / self.name / REPORT)
-        if config.figures:
-            summary["figures"] = str(context.out / self.name / FIGURES)
+            answer.append(f"mean power on test loops: {power}")
+        for wanted, key, place in ((config.report, "report", REPORT), (config.figures, "figures", FIGURES)):
+            if wanted:
+                summary[key] = str(context.out / self.name / place)
+                answer.append(f"{key}: {summary[key]}")
         return summary
 
 

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from awescli.stages.answers import ANSWER, number, plural
 from awescli.stages.base import Stage, StageConfig
 
 
@@ -31,6 +32,30 @@ class FitController(Stage):
     Config = FitControllerConfig
     makes = ("controller.json", "controller.safetensors", "metrics.json")
     reads = ("flight", "kite")
+
+    def check(self, inputs, config):
+        from awescli.control.features import check_features
+        from awescli.estimation.controller_features import FEATURE_SETS
+        from awescli.estimation.controller_samples import gather
+        from awescli.notation.errors import BadInput, did_you_mean
+
+        named = isinstance(config.features, str)
+        if named and config.features not in (known := [*FEATURE_SETS, "auto"]):
+            yield "features", BadInput(f"unknown feature set '{config.features}'", do=did_you_mean(config.features, known))
+        for name in () if named else config.features:
+            try:
+                check_features([name])
+            except BadInput as e:
+                yield "features", e
+        parts, _ = inputs.parts, inputs.declared
+        try:
+            samples = gather(inputs.log, parts.train, parts.validation, config.surfaces)
+        except BadInput as e:
+            yield "surfaces", e
+            return
+        if (loops := len(set(samples.loop[samples.train].tolist()))) < config.folds:
+            few = f"{loops} loops in the training part, fewer than {config.folds} folds"
+            yield "folds", BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
 
     def run(self, context, config):
         from awescli.artifacts import write_json
@@ -67,4 +92,16 @@ class FitController(Stage):
                 context.progress.note(f"the {kind} law is zero everywhere")
         test = fitted.report["nrmse"].get("test", {})
         summary = {f"test NRMSE {surface}": value for surface, value in test.items()}
-        return summary | {"non-zeros": fitted.report["nonzeros"], "closed loop": proof["outcome"]}
+        return summary | {"non-zeros": fitted.report["nonzeros"], "closed loop": proof["outcome"], ANSWER: told(fitted.report, proof)}
+
+
+def told(report: dict, proof: dict) -> list[str]:
+    """The answer of the stage, in a few lines."""
+    test, noise = (report[key].get("test", {}) for key in ("nrmse", "noise_nrmse"))
+    errors = ", ".join(f"{s} {number(e)} (noise alone {number(noise.get(s))})" for s, e in test.items())
+    return [
+        f"{report['kind']} law for {', '.join(report['surfaces'])}, {plural(report['nonzeros'], 'term')}, "
+        f"{plural(len(report['features']['chosen']), 'feature')}",
+        f"error on unseen loops, share of the range: {errors or '-'}",
+        f"in closed loop on its own it {proof['outcome'].replace('_', ' ')} ({100 * proof['share']:.0f} % of {proof['asked_s']:g} s flown)",
+    ]

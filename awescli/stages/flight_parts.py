@@ -2,25 +2,38 @@
 
 from pathlib import Path
 
-from awescli.stages.base import Context
+from awescli.notation.errors import BadInput
+from awescli.notation.names import nearest_quantity
+from awescli.stages.base import Context, Inputs
 
 
 def flight_parts(context: Context, flight: Path | None = None):
     """(FlightLog, Split) of the plan's flight, or of another folder. Raises BadInput where a model would lack signals."""
-    from awescli.flightlog.loops import find_loops
-    from awescli.flightlog.read import missing_for_model, read_flight
-    from awescli.flightlog.split import split
-    from awescli.notation.errors import BadInput
-    from awescli.physics.declaration import read_kite
-    from awescli.physics.kite import needed_by
+    inputs = context.inputs
+    if flight is None or flight == inputs.flight:
+        return inputs.log, inputs.parts
+    from awescli.flightlog.read import read_flight
 
-    folder = flight or context.flight
-    log = read_flight(folder)
-    if missing := missing_for_model(log, needed_by(read_kite(context.kite))):
-        raise BadInput(
-            f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}", str(folder), "See `awes check` for what it has."
-        )
-    return log, split(find_loops(log), **context.split.model_dump(), log=log)
+    log = read_flight(flight)
+    return log, inputs.parts_of(log, flight)
+
+
+def unknown_channels(log, wanted, key: str = "outputs"):
+    """(key, mistake) of every wanted channel that the flight does not measure."""
+    for name in wanted or ():
+        if name not in log.measured:
+            yield key, BadInput(f"the flight has no measured channel '{name}'", do=nearest_quantity(name, log.measured))
+
+
+def too_long(inputs: Inputs, horizon: float, parts: tuple[str, ...], key: str = "horizon"):
+    """(key, mistake) where no stretch of `horizon` seconds fits into the loops of a part."""
+    from awescli.flightlog.split import segments
+
+    steps = int(round(horizon / inputs.log.dt))
+    for part in parts:
+        if not len(segments(getattr(inputs.parts, part), steps, valid=inputs.log.valid)):
+            what = f"no {horizon:g} s in a row fit into the {part} loops of flight '{inputs.log.name}'"
+            yield key, BadInput(what, do="Use a shorter one, or a longer flight; `awes check` lists what was left out and why.")
 
 
 def driven_upstream(context: Context, declaration, log):
@@ -44,4 +57,6 @@ def score_parts(simulator, log, parts, horizon: float) -> dict:
         prediction = predict(simulator, log, getattr(parts, part), horizon)
         nrmse[part] = prediction.nrmse()
         diverged[part] = prediction.diverged
-    return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged}
+    # of the last part, which is test
+    return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged, "noise_floor": prediction.noise_floor()}
+

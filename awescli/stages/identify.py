@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from awescli.stages.answers import ANSWER, change, number, plural, sized
 from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
 
 
@@ -48,12 +49,32 @@ class Identify(Stage):
     def needs(self, config):
         return (Need("fit-controller", required=config.surfaces == "controller"),)
 
+    def check(self, inputs, config):
+        from awescli.flightlog.read import read_flight
+        from awescli.notation.errors import BadInput
+        from awescli.stages.flight_parts import too_long, unknown_channels
+
+        yield from unknown_channels(inputs.log, config.outputs)
+        yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
+        yield from unknown_own(inputs.declared, config)
+        for i, other in enumerate(config.also):
+            try:
+                inputs.parts_of(read_flight(other.flight), other.flight)
+            except BadInput as e:
+                yield f"also.{i}.flight", BadInput(str(e))
+            if other.kite is not None:
+                try:
+                    same_kite(inputs.declared, other.kite)
+                except BadInput as e:
+                    yield f"also.{i}.kite", BadInput(str(e))
+
     def run(self, context, config):
         from awescli.artifacts import write_json, write_text
         from awescli.estimation.answer import describe
         from awescli.estimation.staged_fit import fit_from_starts, spread_of
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.simulation.closed_loop import without_setpoint_dynamics
+        from awescli.stages.handed_on import with_sources
 
         declared = read_kite(context.kite)
         flights = flown(context, config, declared)
@@ -82,15 +103,35 @@ class Identify(Stage):
             metrics["starts"] = spread_of(optima, fitted)
         identified = held(flights[0], fitted.flights[0])
         write_json(context.folder / "params.json", answer)
-        kite = without_setpoint_dynamics(identified.kite.declare(()), declared)
+        kite = with_sources(without_setpoint_dynamics(identified.kite.declare(()), declared), answer, names_of(flights))
         write_text(context.folder / KITE_FILE, kite_text(kite))
         write_json(context.folder / "metrics.json", metrics)
         tell(context.progress, answer, metrics)
         return {
             "outcome": fitted.solution.outcome, "chi2": fitted.chi2,
             "test NRMSE before": metrics["initial"]["nrmse"]["test"]["mean"], "after": metrics["nrmse"]["test"]["mean"],
-            "parameters": {name: shown(row) for name, row in answer["parameters"].items()},
+            "noise floor": metrics["noise_floor"]["mean"], "parameters": {name: shown(row) for name, row in answer["parameters"].items()},
+            ANSWER: told(answer, metrics, context.out / self.name / KITE_FILE),
         }  # fmt: skip
+
+
+def unknown_own(declared, config):
+    """(key, mistake) of `per_flight`: patterns of no free parameter, or nothing to tell apart."""
+    from fnmatch import fnmatchcase
+
+    from awescli.notation.errors import BadInput, did_you_mean
+
+    free = [name for name, row in declared.parameters.items() if row.free]
+    for pattern in config.per_flight:
+        if not any(fnmatchcase(name, pattern) for name in free):
+            yield "per_flight", BadInput(f"no free parameter is called '{pattern}'", do=did_you_mean(pattern, free))
+    if config.per_flight and not config.also:
+        yield "per_flight", BadInput("there is only one flight", do="Name further flights under identify.also, or drop this key.")
+
+
+def names_of(flights) -> str:
+    """The flights of a fit, for people."""
+    return " and ".join(dict.fromkeys(f.label or f.log.name for f in flights))
 
 
 def shown(row: dict) -> dict:
@@ -101,16 +142,28 @@ def shown(row: dict) -> dict:
         (row.get("flight", ""), "flight" in row),
     )  # fmt: skip
     return {
-        "value": row["value"], "std": row["std"], "unit": row["unit"], "prior": row["prior"], "prior std": row["prior_std"],
+        "value": row["value"], "std": row["std"], "unit": row["unit"], "prior": row["prior"],
         "": "; ".join(words for words, holds in said if holds),
     }  # fmt: skip
+
+
+def told(answer: dict, metrics: dict, kite_file) -> list[str]:
+    """The answer of the stage, in a few lines."""
+    rows = answer["parameters"]
+    seen, bounded = (sum(row[flag] for row in rows.values()) for flag in ("excited", "at_bound"))
+    lines = [
+        f"{metrics['outcome']}: {plural(len(rows), 'parameter')}, {seen} seen, {bounded} at a bound, chi-square {number(metrics['chi2'])}",
+        change(*(m["nrmse"]["test"]["mean"] for m in (metrics["initial"], metrics)), metrics["noise_floor"]["mean"], metrics["horizon_s"]),
+    ]
+    if moved := sorted((n for n in rows if rows[n]["excited"]), key=lambda n: -abs(rows[n]["shift_in_prior_std"]))[:2]:
+        lines += [f"moved far: {n} {number(rows[n]['prior'])} -> {sized(rows[n])} (95 %)" for n in moved]
+    return [*lines, f"kite file: {kite_file}; next: awes trace-residual"]
 
 
 def flown(context, config, declared) -> list:
     """The flights of the fit: the plan's, then those of `also`, each with its own simulator (wind record, control law) and question."""
     from awescli.estimation.question import ask, simulator_of
-    from awescli.estimation.staged_fit import Flown, own_names
-    from awescli.notation.errors import BadInput, did_you_mean
+    from awescli.estimation.staged_fit import Flown
     from awescli.stages.flight_parts import driven_upstream, flight_parts
 
     flights, labels = [], []
@@ -125,12 +178,6 @@ def flown(context, config, declared) -> list:
         label = f"{log.name}-{labels.count(log.name) + 1}" if log.name in labels else log.name
         labels.append(log.name)
         flights.append(Flown(question, log, parts, label if i else ""))
-    free = flights[0].question.kite.parameters.free
-    for pattern in config.per_flight:
-        if not set(own_names(flights[0].question, [pattern])) & set(free):
-            raise BadInput(f"no free parameter is called '{pattern}'", "identify.per_flight", did_you_mean(pattern, free))
-    if config.per_flight and not config.also:
-        raise BadInput("there is only one flight", "identify.per_flight", "Name further flights under identify.also, or drop this key.")
     return flights
 
 
@@ -206,14 +253,10 @@ def tell(progress, answer: dict, metrics: dict) -> None:
 
 def outputs_of(log, config) -> tuple[str, ...]:
     """The channels that count: those asked for, else all measured ones (weights: seed leaves velocities and rates out)."""
-    from awescli.notation.errors import BadInput, did_you_mean
     from awescli.notation.quantities import MEASURED
 
     wanted = config.outputs
     if wanted is None:
         left_out = {"v_n", "v_e", "v_d", "p", "q", "r", "a_x", "a_y", "a_z", "V_a", "alpha", "beta"} if config.weights == "seed" else set()
         return tuple(n for n in MEASURED if n in log and n not in left_out)
-    for name in wanted:
-        if name not in log.measured:
-            raise BadInput(f"the flight has no measured channel '{name}'", "identify.outputs", did_you_mean(name, log.measured))
     return wanted

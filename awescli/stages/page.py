@@ -48,7 +48,7 @@ def gather(context: Context, log, parts, metrics: dict, arrays: dict):
         scores=metrics, predictions=arrays,
         controller=_json(law, "metrics.json"), commanded=_commanded(law, log),
         identify=_json(identified, "metrics.json"), params=_json(identified, "params.json"),
-        effects=_json(traced, "effects.json"), residuals=_arrays(traced, "residuals.npz"),
+        effects=_json(traced, "effects.json"), traced_params=_json(traced, "params.json"), residuals=_arrays(traced, "residuals.npz"),
         hybrid=_json(trained, "metrics.json"), network=_json(trained, "network.json"), correction=_arrays(trained, "correction.npz"),
         flown=_json(simulated, "metrics.json"), trajectory=_arrays(simulated, "trajectory.npz"),
         provenance={stage: record for stage, record in records.items() if record}, versions=versions(),

@@ -4,7 +4,7 @@ Paths in the file are relative to the file's folder. Paths given by `--set` are 
 else to the file's folder; `--set out=...` is always relative to the current folder (it need not exist yet).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -37,7 +37,7 @@ class Plan:
     """A checked plan; every path is ready to open.
 
     file: the stages.yaml; settings: stage name -> its settings, for every stage there is; planned: the stages that `awes run`
-    runs, in the order of the stages table.
+    runs, in the order of the stages table; where: parts of a key -> its place, `stages.yaml:12: identify.horizon` or `--set ...`.
     """
 
     file: Path
@@ -48,6 +48,7 @@ class Plan:
     split: Split
     settings: Mapping[str, StageConfig]
     planned: tuple[str, ...]
+    where: Callable[..., str] = lambda *key: ".".join(key[1:])
 
 
 @cache
@@ -89,6 +90,7 @@ def read_plan(path: Path, stages: Sequence[Stage], overrides: Mapping[str, str] 
         split=checked.split,
         settings=settings,
         planned=tuple(s.name for s in stages if s.name.replace("-", "_") in present),
+        where=document.where,
     )
     _check_paths(plan, document)
     return plan

@@ -17,6 +17,7 @@ from awescli.artifacts import (
     PROVENANCE,
     artifact_hashes,
     content_hash,
+    has_checkpoints,
     locked,
     machine,
     read_json,
@@ -28,7 +29,10 @@ from awescli.artifacts import (
     write_json,
 )
 from awescli.notation.errors import BadInput, did_you_mean
-from awescli.stages.base import Context, Progress, Silent, Stage, StageConfig
+from awescli.stages.base import Context, Inputs, Progress, Silent, Stage, StageConfig
+from awescli.stages.changes import changes, flat
+from awescli.stages.checking import raise_all, refused
+from awescli.stages.forced import Forced
 from awescli.stages.plan import Plan
 
 Stamp = dict[str, Any]
@@ -37,7 +41,8 @@ Stamp = dict[str, Any]
 
 @dataclass(frozen=True)
 class Result:
-    """What became of one stage. status: "ran", "unchanged", "would run" (dry run) or "skipped" (before --from)."""
+    """What became of one stage. status: "ran", "unchanged", "would run" (dry run), "skipped" (before --from) or "interrupted" (reason:
+    where the same command goes on)."""
 
     stage: str
     status: str
@@ -60,14 +65,31 @@ def run_plan(
 
     begin: run this stage and all after it, changed or not, and leave those before it as they are; force: run all, changed or not;
     dry_run: decide only. report(stage, event) is called with the reason when a stage begins and with its Result when it is done.
-    Artifacts appear stage by stage, so whatever stops this function, the stages done before it are finished.
+    Artifacts appear stage by stage, so whatever stops this function, the stages done before it are finished. After an interruption the same
+    call goes on, a forced one too: stages that it has finished stand, the one that it was in begins at its last checkpoint.
     """
     names = _chosen(plan, stages, only, begin)
     run = _Run(plan, {s.name: s for s in stages}, progress or Silent(), report or (lambda stage, event: None), begin, force)
     if dry_run:
         return [run.dry(name) for name in names]
     with locked(plan.out):
-        return [run.one(name) for name in names]
+        run.forced = Forced.begin(plan.out, names, force, begin)
+        try:
+            results = [run.one(name) for name in names]
+        except Exception:
+            # an interruption is no Exception: its mark stays
+            if run.forced is not None:
+                run.forced.end()
+            raise
+        if run.forced is not None:
+            run.forced.end()
+        return results
+
+
+def drawn(plan: Plan, stages: Sequence[Stage], name: str, progress: Progress | None = None) -> Iterable[tuple[str, str | bytes]]:
+    """(file name, content) of the figures of a stage that has run: drawn from its artifacts, which stay as they are."""
+    run = _Run(plan, {s.name: s for s in stages}, progress or Silent(), lambda stage, event: None, None, False)
+    return run.figures(name)
 
 
 def _chosen(plan: Plan, stages: Sequence[Stage], only: Iterable[str] | None, begin: str | None) -> list[str]:
@@ -95,6 +117,7 @@ class _Run:
     begin: str | None
     force: bool
     ran: list[str] = field(default_factory=list)
+    forced: Forced | None = None
 
     def dry(self, name: str) -> Result:
         """What would become of a stage."""
@@ -118,8 +141,15 @@ class _Run:
             return self._done(Result(name, "unchanged", "unchanged", summary=kept.get("summary", {})))
         self.report(name, reason)
         began = time.monotonic()
-        summary = self._run(name, upstreams, stamp)
+        try:
+            summary = self._run(name, upstreams, stamp)
+        except KeyboardInterrupt:
+            saved = has_checkpoints(self._scratch(name))
+            self.report(name, Result(name, "interrupted", "at its last checkpoint" if saved else "from its beginning"))
+            raise
         self.ran.append(name)
+        if self.forced is not None:
+            self.forced.finished(name, _digest(stamp))
         return self._done(Result(name, "ran", reason, time.monotonic() - began, summary))
 
     def _done(self, result: Result) -> Result:
@@ -138,12 +168,13 @@ class _Run:
     def _run(self, name: str, upstreams: Mapping[str, Path], stamp: Stamp) -> Mapping[str, Any]:
         """Run a stage in a folder of its own that takes the old one's place when all is written."""
         stage, plan, folder = self.stages[name], self.plan, self._folder(name)
-        forced = self.force or self._from_here(name)
-        scratch_path = plan.out / f".{name}.scratch"
-        if forced:
-            remove(scratch_path)  # asked for anew: not even the checkpoints are trusted
+        scratch_path = self._scratch(name)
+        if self.forced is not None and not self.forced.starts(name):
+            remove(scratch_path)  # asked for anew: only checkpoints of this very run are trusted
         started, began = datetime.now(UTC), time.monotonic()
         scratch = scratch_folder(scratch_path, _digest(stamp))
+        inputs = Inputs(plan.flight, plan.kite, plan.split, upstreams)
+        raise_all(refused(stage, inputs, plan))
         with staged_folder(folder) as staged:
             context = Context(
                 flight=plan.flight,
@@ -156,6 +187,7 @@ class _Run:
                 upstreams=upstreams,
                 progress=self.progress,
                 stamp=stamp,
+                inputs=inputs,
             )
             try:
                 summary = dict(stage.run(context, plan.settings[name]) or {})
@@ -179,6 +211,19 @@ class _Run:
         remove(scratch_path)
         return summary
 
+    def figures(self, name: str) -> Iterable[tuple[str, str | bytes]]:
+        """The figures of a stage, from what it left in its folder."""
+        stage, plan, upstreams = self.stages[name], self.plan, self._upstreams(name)
+        kept = self._provenance(name) or {}
+        context = Context(
+            plan.flight, plan.kite, plan.out, self._folder(name), self._scratch(name), plan.seed, plan.split, upstreams, self.progress,
+            Inputs(plan.flight, plan.kite, plan.split, upstreams), kept.get("stamp", {}),
+        )  # fmt: skip
+        return stage.figures(context, plan.settings[name])
+
+    def _scratch(self, name: str) -> Path:
+        return self.plan.out / f".{name}.scratch"
+
     def _folder(self, name: str) -> Path:
         return self.plan.out / name
 
@@ -189,10 +234,10 @@ class _Run:
 
     def _why(self, name: str, stamp: Stamp) -> str:
         """Why a stage has to run; empty if it need not."""
-        if self.force:
-            return "--force"
-        if self._from_here(name):
-            return f"--from {self.begin}"
+        asked = "--force" if self.force else f"--from {self.begin}" if self._from_here(name) else ""
+        # what this very run had done before it was interrupted stands as if nothing were forced
+        if asked and not (self.forced is not None and self.forced.done.get(name) == _digest(stamp)):
+            return asked
         if not self._folder(name).is_dir():
             return "first run"
         kept = self._provenance(name)
@@ -298,37 +343,6 @@ class _Run:
         return changes({**kept["stamp"], "upstream": {}, "code": "", "versions": {}}, today)
 
 
-def changes(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What differs between two stamps, in words."""
-    words = []
-    for group, label in (("inputs", "input"), ("settings", "setting"), ("split", "split"), ("versions", "version of")):
-        old, new = _flat(then.get(group)), _flat(now[group])
-        for key in sorted({*old, *new}):
-            if old.get(key) != new.get(key):
-                is_hash = group == "inputs"
-                words.append(f"{label} {key} changed" + ("" if is_hash else f" {_word(old.get(key))} -> {_word(new.get(key))}"))
-    if then.get("seed") != now["seed"]:
-        words.append(f"seed changed {then.get('seed')} -> {now['seed']}")
-    for name, digest in now["upstream"].items():
-        if then["upstream"].get(name) != digest:
-            words.append(f"upstream {name} " + ("is no longer used" if digest is None else "changed"))
-    if then.get("code") != now["code"]:
-        words.append("code changed")
-    return words
-
-
-def _flat(tree: Any, prefix: str = "") -> dict[str, Any]:
-    """Nested mappings -> dotted keys."""
-    if not isinstance(tree, dict):
-        return {prefix.removesuffix("."): tree}
-    return {k: v for key, value in tree.items() for k, v in _flat(value, f"{prefix}{key}.").items()} if tree else {}
-
-
-def _word(value: Any) -> str:
-    text = "unset" if value is None else str(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
-
-
 def _settings(config: StageConfig, plan: Plan) -> dict[str, Any]:
     """The settings as plain JSON values. A path counts by its content where there is one: moving a file changes nothing."""
 
@@ -360,13 +374,20 @@ def _finite(summary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _digest(stamp: Stamp) -> str:
-    return table_hash({key: repr(value) for key, value in _flat(stamp).items()})
+    return table_hash({key: repr(value) for key, value in flat(stamp).items()})
+
+
+def input_hash(path: Path, out: Path) -> str:
+    """Of a file or folder, and of what it names elsewhere: a flight.yaml may stand far from its log."""
+    from awescli.flightlog.flight_check import opened_by
+
+    return content_hash(path, *opened_by(path), exclude=[out])
 
 
 @cache
 def _input_hash(path: Path, out: Path) -> str:
     """Once per process: a flight of an hour takes a second to hash, and does not change under our hands."""
-    return content_hash(path, exclude=[out])
+    return input_hash(path, out)
 
 
 @cache

@@ -4,9 +4,12 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from awescli.stages.answers import ANSWER, number
 from awescli.stages.base import Context, Need, Stage, StageConfig
 from awescli.stages.ladder import MADE_BY
 
+BY = {"controller": "the fitted controller", "recorded": "the log", "path_following": "a built-in law"}
+"""Who moves the surfaces, in words."""
 HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0)
 """[s] after the start at which the simulated flight is compared with the measured one."""
 
@@ -53,13 +56,31 @@ class Simulate(Stage):
         upstream += [Need(s, required=config.model == model) for model, s in MADE_BY.items() if config.model in (model, "newest")]
         return tuple(upstream)
 
+    def check(self, inputs, config):
+        from awescli.notation.errors import BadInput
+        from awescli.physics.kite import has_line
+        from awescli.simulation.synthetic import refuse_measured, with_effects
+
+        log, _ = inputs.log, inputs.parts
+        if config.start is not None and int(round(config.start / log.dt)) >= len(log) - 1:
+            do = f"Start before {log.time[-1]:.1f} s."
+            yield "start", BadInput(f"the flight is only {log.time[-1]:.1f} s long", do=do)
+        if config.surfaces == "path_following" and not has_line(inputs.declared):
+            what = "path_following flies a circle around a winch, and this kite flies free"
+            yield "surfaces", BadInput(what, do="Use recorded or controller.")
+        refuse_measured(inputs.declared)
+        for key, values in config.effects.items():
+            try:
+                refuse_measured(with_effects(inputs.declared, {key: values}))
+            except BadInput as e:
+                yield "effects", e
+
     def run(self, context, config):
         from dataclasses import replace
 
         from awescli.artifacts import write_arrays, write_json, write_text
         from awescli.flightlog.kitemill_csv import to_kitemill_csv
         from awescli.flightlog.plausible_units import YEARS
-        from awescli.notation.errors import BadInput
         from awescli.simulation.free_flight import compared, side_by_side
         from awescli.simulation.rollout import setpoints_of
         from awescli.simulation.segments import smooth_states
@@ -70,8 +91,6 @@ class Simulate(Stage):
         log, parts = flight_parts(context)
         log = in_wanted_wind(log, config.wind)
         first = max(parts.test, key=lambda r: r[1] - r[0])[0] if config.start is None else int(round(config.start / log.dt))
-        if first >= len(log) - 1:
-            raise BadInput(f"the flight is only {log.time[-1]:.1f} s long", "simulate.start", f"Start before {log.time[-1]:.1f} s.")
         fitted = read_controller(context.upstream("fit-controller")) if config.surfaces == "controller" else None
         model, kite = kite_to_fly(context, config, log.wind.height, fitted)
         duration = config.duration
@@ -105,7 +124,16 @@ class Simulate(Stage):
         }  # fmt: skip
         write_json(context.folder / "metrics.json", metrics)
         errors = {f"error over {horizon} s": block["mean"] for horizon, block in metrics["nrmse"].items()}
-        return {"model": model, "outcome": metrics["outcome"], "flew": f"{survived:.1f} of {duration:g} s", **errors}
+        flew = f"{survived:.1f} of {duration:g} s"
+        shown = ", ".join(f"{number(block['mean'])} over {horizon} s" for horizon, block in metrics["nrmse"].items())
+        return {
+            "model": model, "outcome": metrics["outcome"], "flew": flew, **errors,
+            ANSWER: [
+                f"{metrics['outcome'].replace('_', ' ')}: the {model} model flew {flew}, surfaces by {BY[config.surfaces]}",
+                *([f"error against the measured flight: {shown}"] if shown else []),
+                f"flight as a log: {context.out / self.name / 'flight'}",
+            ],
+        }  # fmt: skip
 
 
 def in_wanted_wind(log, wanted: Wind):
@@ -141,15 +169,11 @@ def kite_to_fly(context: Context, config: SimulateConfig, heights, fitted=None):
 
 def law_to_fly(config: SimulateConfig, log, kite, fitted):
     """(law for the simulator or None, pattern or None)."""
-    from awescli.notation.errors import BadInput
     from awescli.simulation.closed_loop import loop
     from awescli.stages.controller_artifact import wind_direction
 
     if config.surfaces == "controller":
         return loop(fitted, kite, wind_direction(log)), fitted.pattern
-    if config.surfaces == "path_following" and kite.tether is None:
-        what = "path_following flies a circle around a winch, and this kite flies free"
-        raise BadInput(what, "simulate.surfaces", "Use recorded or controller.")
     if config.surfaces == "path_following":
         law = follower_of(log, kite.declaration)
         return law.setpoints, law.pattern

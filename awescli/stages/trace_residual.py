@@ -1,7 +1,10 @@
 """trace-residual: find what the residual still holds, name the missing effect, add it, prove it on unseen loops."""
 
+from textwrap import shorten
+
 from pydantic import Field
 
+from awescli.stages.answers import ANSWER, change, fitting, named, number, sized
 from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
 
 
@@ -21,16 +24,30 @@ class TraceResidual(Stage):
     name = "trace-residual"
     help = "Find what still repeats in the residual, trace it to the effect that the model lacks, add it, prove it on unseen loops."
     Config = TraceResidualConfig
-    makes = ("effects.json", KITE_FILE, "metrics.json", "residuals.npz")
+    makes = ("effects.json", "params.json", KITE_FILE, "metrics.json", "residuals.npz")
 
     def needs(self, config):
         return (Need("identify"),)
+
+    def check(self, inputs, config):
+        from awescli.notation.errors import BadInput
+        from awescli.physics.kite import Kite
+        from awescli.stages.flight_parts import too_long, unknown_channels
+
+        for key in config.candidates or ():
+            try:
+                Kite(inputs.declared, extra=(key,))
+            except BadInput as e:
+                yield "candidates", e
+        yield from unknown_channels(inputs.log, config.outputs)
+        yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
 
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json, write_text
         from awescli.flightlog.loops import find_loops
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.stages.flight_parts import flight_parts, score_parts
+        from awescli.stages.handed_on import traced_params, with_sources
         from awescli.tracing.account import account, residual_arrays
         from awescli.tracing.flight import trace_flight
 
@@ -51,13 +68,61 @@ class TraceResidual(Stage):
         scores = {"before": score_parts(before, log, parts, config.horizon), "after": score_parts(after, log, parts, config.horizon)}
         effects = account(finding, log, parts, config.horizon, before, after)
         effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), before, after, config.horizon)
+        params = traced_params(finding, log, effects)
         write_json(context.folder / "effects.json", effects)
-        write_text(context.folder / KITE_FILE, kite_text(finding.declaration()))
+        write_json(context.folder / "params.json", params)
+        write_text(context.folder / KITE_FILE, kite_text(with_sources(finding.declaration(), params, log.name)))
         write_arrays(context.folder / "residuals.npz", arrays)
         write_json(context.folder / "metrics.json", {"outcome": finding.verdict, "before": scores["before"], **scores["after"]})
-        names = ", ".join(e["name"] + (f" on {e['acts_on']}" if e["acts_on"] else "") for e in effects["effects"]) or "-"
         error = effects["error"]
         return {
-            "verdict": effects["verdict"], "effect": names,
+            "verdict": effects["verdict"], "effect": ", ".join(named(e) for e in effects["effects"]) or "-",
             "test NRMSE before": error["before"]["mean"], "after": error["after"]["mean"], "noise floor": error["noise_floor"]["mean"],
+            **detectable(effects), ANSWER: told(effects, context.out / self.name / KITE_FILE),
         }  # fmt: skip
+
+
+def detectable(effects: dict) -> dict:
+    """The least sizes that the flight would have shown, as a table, where nothing was found."""
+    if effects["verdict"] != "none" or not effects["detectable"]:
+        return {}
+    units = effects["detectable_units"]
+    return {"would have been seen from": {key: {"size": size, **units[key]} for key, size in effects["detectable"].items()}}
+
+
+def told(effects: dict, kite_file) -> list[str]:
+    """The answer of the stage, in a few lines: all sizes where they fit, else the first of each effect, else the effects' names."""
+    error, left, verdict = effects["error"], effects["left"], effects["verdict"]
+    before, after = (m["mean"] for m in (error["before"], error["after"]))
+    share = f", {100 * left['share']:.0f} % of what was missing" if left["share"] > 0 else ""
+    rest = effects["unexplained"]
+    empirical = [shorten(f"empirical: {rest['expression']}", 120, placeholder=" ...")] if rest and rest["expression"] else []
+    end = [
+        change(before, after, error["noise_floor"]["mean"], error["horizon_s"]),
+        f"left: chi-square {number(left['chi2'])} (1: noise alone){share}",
+        f"kite file: {kite_file}; report: awes evaluate --report",
+    ]
+    if not effects["effects"]:
+        return fitting(TraceResidual.name, ([f"{verdict}: {SAYS[verdict]}", *empirical, *e] for e in (end, end[::2])))
+    found = [[_said(e, most) for e in effects["effects"]] for most in (9, 1, 0)]
+    versions = [[f"{verdict}: {first}", *(f"and {e}" for e in others), *empirical, *end] for first, *others in found]
+    names = shorten(f"{verdict}: {', '.join(named(e) for e in effects['effects'])}", 200, placeholder=" ...")
+    return fitting(TraceResidual.name, [*versions, [names, *empirical, *end[::2]], [names, *end[::2]]])
+
+
+def _said(effect: dict, most: int) -> str:
+    """An effect with `most` of its sizes, their 95 % intervals, and its rivals."""
+    sizes = list(effect["parameters"].items())[:most]
+    others = [named(r) for r in effect["rivals"]]
+    rivals = f"; or {others[0]}{f' and {len(others) - 1} more' if len(others) > 1 else ''}" if others else ""
+    return f"{named(effect)}{''.join(f', {name} {sized(size)}' for name, size in sizes)}{' (95 %)' if sizes else ''}{rivals}"
+
+
+SAYS = {
+    "none": "nothing is missing that this flight could show at its noise",
+    "cannot_tell": "several explanations do equally well on this flight",
+    "unexplained": "something repeats that no effect of the library explains",
+    "not_deterministic": "the residual does not repeat from loop to loop, and no effect helps",
+    "found": "an effect explains what the model lacks",
+}
+"""The verdicts in words."""

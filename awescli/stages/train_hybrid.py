@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from awescli.stages.answers import ANSWER, change
 from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
 
 CHECKPOINT = "training-{}.npz"
@@ -50,6 +51,20 @@ class TrainHybrid(Stage):
         return (
             Need("fit-controller", required=config.surfaces == "controller"), Need("identify"), Need("trace-residual", required=False),
         )  # fmt: skip
+
+    def check(self, inputs, config):
+        from awescli.learning.network_inputs import check_inputs
+        from awescli.notation.errors import BadInput
+
+        _ = inputs.parts, inputs.declared
+        for name in config.inputs or ():
+            try:
+                check_inputs([name])
+            except BadInput as e:
+                yield "inputs", e
+        if config.surfaces == "controller" and config.solver != "rk4":
+            do = "Use solver: rk4, or surfaces: recorded."
+            yield "solver", BadInput(f"solver '{config.solver}' replays recorded set-points only", do=do)
 
     def run(self, context, config):
         import numpy as np
@@ -120,10 +135,13 @@ class TrainHybrid(Stage):
         if metrics["outside_box_test"] > 0.05:
             share = 100 * metrics["outside_box_test"]
             context.progress.note(f"on {share:.0f} % of the test loops the correction faded: the flight left what it was trained on")
-        context.progress.note(best.metrics["sentence"])
         return {
             "outcome": best.outcome, "test NRMSE before": before["nrmse"]["test"]["mean"], "after": after["nrmse"]["test"]["mean"],
             "outside its box": metrics["outside_box_test"], "seconds of training": round(best.metrics["seconds"], 1),
+            ANSWER: [
+                f"{best.outcome}: {best.metrics['sentence']}",
+                change(*(m["nrmse"]["test"]["mean"] for m in (before, after)), after["noise_floor"]["mean"], horizon),
+            ],
         }  # fmt: skip
 
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from awescli.artifacts import PROVENANCE, artifact_hashes, content_hash, read_json, table_hash
+from awescli.artifacts import PROVENANCE, artifact_hashes, read_json, table_hash
 from awescli.notation.errors import BadInput
 from awescli.stages.base import Stage
+from awescli.stages.runner import input_hash
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def _of_stage(run: Path, name: str, now: Mapping[str, str]) -> Iterator[str]:
         path = Path(str(kept["paths"].get(key)))
         if not path.exists():
             yield f"{path}: the {key} that {name} was made from is not there"
-        elif content_hash(path, exclude=[run]) != digest:
+        elif input_hash(path, run) != digest:
             yield f"{path}: the {key} changed since {name} was made from it"
     for upstream, digest in kept["stamp"]["upstream"].items():
         if digest is not None and table_hash(artifact_hashes(run / upstream)) != digest:

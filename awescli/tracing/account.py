@@ -49,6 +49,10 @@ def account(finding: Finding, log, parts, horizon: float, before: Simulator, aft
         "gust_m_s": finding.gust,
         "roll_gusts": roll,
         "detectable": finding.library.detectable,
+        "detectable_units": {
+            key: {"parameter": name.rpartition(".")[2], "unit": finding.simulator.kite.parameters[name].unit}
+            for key, name in finding.library.sizes_of.items() if name in finding.simulator.kite.parameters
+        },
         "not_testable": list(finding.library.rounds[0].untestable) if finding.library.rounds else [],
         "parameter_shifts": _shifts(finding, null, model),
         "dropped": [r.dropped for r in finding.library.rounds if r.dropped],

@@ -61,12 +61,14 @@ class Round:
 
 @dataclass(frozen=True)
 class Trace:
-    """What tracing found. verdict: see `verdict.py`; null, final: the models before and after; rounds: the record."""
+    """What tracing found. verdict: see `verdict.py`; null, final: the models before and after; rounds: the record; detectable: key -> least
+    size that would have shown; sizes_of: key -> the parameter whose size that is."""
 
     null: Runner
     final: Runner
     rounds: tuple[Round, ...]
     detectable: dict[str, float] = field(default_factory=dict)
+    sizes_of: dict[str, str] = field(default_factory=dict)
 
 
 def trace(
@@ -82,11 +84,13 @@ def trace(
     models, record, fields = [null], [], []
     remaining = list(keys)
     detectable: dict[str, float] = {}
+    sizes_of: dict[str, str] = {}
     for number in range(rounds):
         progress(f"round {number + 1}: screening {len(remaining)} candidates")
         here = models[-1]
         screening = _screened(contest, here, kite, remaining)
         if number == 0:
+            sizes_of = {s.key: s.moving[0] for s in screening.scores}
             detectable = {s.key: float(3.5 * s.std[0] * (s.variant.at[s.moving[0]] if s.variant.secant else 1)) for s in screening.scores}
         entries, admissible = _race(contest, here, kite, screening, progress)
         finalists = _unbeaten(admissible) + [r for r in _close(admissible, here) if _unfinished(kite, r)]
@@ -104,7 +108,7 @@ def trace(
     models, record = _credible(contest, models, record)
     progress("going back over what was accepted")
     final, record = _revisited(contest, models[-1], record, fields)
-    return Trace(null, final, tuple(record), detectable)
+    return Trace(null, final, tuple(record), detectable, sizes_of)
 
 
 def _unbeaten(admissible: list[Runner]) -> list[Runner]:

@@ -139,7 +139,8 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
                             "starts_s": [0.0, 20.0], "path_error_5s_m": 2.0},
         },
         commanded={"rudder": log["rudder"] + 0.001}, identify={"outcome": "converged", "chi2": 1.1, "gust_m_s": 0.0},
-        params={"parameters": {f"Ca{evil}": row}}, effects=effects, residuals=residuals,
+        params={"parameters": {f"Ca{evil}": row}}, traced_params={"parameters": {f"lag{evil}.tau": row}},
+        effects=effects, residuals=residuals,
         hybrid=trained if hybrid else None, network={"inputs": [f"u{evil}"], "hidden": [8, 8]} if hybrid else None,
         correction=correction if hybrid else None, flown=flown, trajectory=trajectory,
         provenance={"identify": {

@@ -260,3 +260,13 @@ def test_weak_parameters_are_not_all_near_their_priors():
     assert "One parameter was hardly seen by this flight and stay near their priors" not in text
     assert "One parameter was hardly seen by this flight and stays near its prior." in text
     assert "2 parameters were hardly seen by it and yet more than one prior std from their priors, or at a bound" in text
+
+
+def test_the_parameters_of_the_traced_model_have_their_table_with_intervals():
+    """Beside those of identification, named by what was added; nothing where tracing added nothing."""
+    text = usual()
+    assert '<div id="tab-traced-parameters">' in text and "<code>lag.tau</code>" in text
+    table = text[text.index('<div id="tab-traced-parameters">') :]
+    assert "with actuator lag (rudder)" in table[:200] and "1.10 ± 0.10" in table[:3000]
+    nothing = replace(evidence(), effects={**evidence().effects, "verdict": "none", "effects": [], "chi2": {}})
+    assert "tab-traced-parameters" not in own(page(nothing))

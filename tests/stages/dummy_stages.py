@@ -66,6 +66,10 @@ class Judge(Stage):
     def needs(self, config):
         return (Need("identify", required=False), Need("trace-residual", required=False))
 
+    def figures(self, context, config):
+        kite = artifacts.read_json(context.folder / "metrics.json")["kite"]
+        yield "one.png", f"PNG of {kite}".encode()
+
     def run(self, context, config):
         artifacts.write_json(context.folder / "metrics.json", {"kite": context.model_kite().read_text()})
         if config.report:

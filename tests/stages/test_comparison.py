@@ -87,3 +87,31 @@ def test_what_is_no_run_is_an_error(runs, tmp_path):
     awes("run")
     with pytest.raises(BadInput, match="Did you mean its folder 'out'"):
         compare(tmp_path, runs[0], DUMMIES)
+
+
+def traced(verdict: str, *effects: tuple[str, float]) -> dict:
+    sized = [{"name": n, "acts_on": "rudder", "parameters": {"tau": {"value": v, "std": 0.01, "unit": "s"}}} for n, v in effects]
+    ranking = [{"name": n, "acts_on": "rudder", "score": v, "plausible_size": v > 0.2} for n, v in effects]
+    return {"verdict": verdict, "effects": sized, "ranking": ranking}
+
+
+def test_verdicts_effects_and_errors_come_first_and_advice_never(runs):
+    """What an engineer asks of two runs: which conclusion, how large, how good; then numbers; flags that follow from them stay out."""
+    write_json(runs[0] / "trace-residual" / "effects.json", traced("found", ("actuator_lag", 0.201)))
+    write_json(runs[1] / "trace-residual" / "effects.json", traced("cannot_tell", ("actuator_lag", 0.195), ("actuator_delay", 0.12)))
+    for run, value, flag in ((runs[0], 1.0, True), (runs[1], 2.0, False)):
+        row = {"value": value, "excited": flag, "at_bound": not flag, "partners": ["Cb"] if flag else ["Cc"], "advice": f"move it {value}"}
+        write_json(run / "identify" / "params.json", {"parameters": {"Ca": row}})
+        write_json(run / "evaluate" / "metrics.json", scores(0.01 * value, outcome="scored" if flag else "1 of 9 predictions diverged"))
+    found = compare(*runs, DUMMIES)
+    assert found.verdicts == {"trace-residual": ("found", "cannot_tell"), "evaluate": ("scored", "1 of 9 predictions diverged")}
+    assert found.effects["actuator_lag on rudder, tau"] == ("0.201 s [0.181, 0.221]", "0.195 s [0.175, 0.215]")
+    assert found.effects["actuator_delay on rudder, tau"][0] is None
+    shown = awes("compare", "one", "two").stdout
+    order = ("cannot_tell", "0.201 s [0.181, 0.221]", "mean error", "identify/params.json: parameters.Ca.value")
+    places = [shown.index(text) for text in order]
+    assert places == sorted(places)
+    assert not [word for word in ("excited", "at_bound", "partners", "advice", "plausible_size", "move it") if word in shown]
+    assert max(map(len, shown.splitlines())) <= 80
+    answer = json.loads(awes("compare", "one", "two", "--json").stdout)
+    assert any("excited" in d["where"] for d in answer["differences"])  # --json has all

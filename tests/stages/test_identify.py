@@ -13,6 +13,7 @@ from awescli.notation.errors import BadInput
 from awescli.physics.declaration import kite_text, read_kite
 from awescli.simulation.synthetic import with_effects
 from awescli.stages import STAGES, controller_artifact
+from awescli.stages.base import Inputs, Split
 from awescli.stages.flight_parts import score_parts
 from awescli.stages.identify import IdentifyConfig, flown
 from awescli.stages.plan import read_plan
@@ -105,11 +106,9 @@ def late_flight(tmp_path, monkeypatch):
     found = flight(seed=1, duration=50.0, effects=(("actuator_delay:rudder", (("tau", 0.15),)),))
     write_folder(tmp_path / "late", found.log)
     law = Late(**{f.name: getattr(found.law, f.name) for f in fields(found.law)})
-    shares = {"train": 0.5, "validation": 0.25, "test": 0.25}
     (tmp_path / "kite.yaml").write_text(kite_text(DEVELOPMENT))
-    context = SimpleNamespace(
-        flight=tmp_path / "late", kite=tmp_path / "kite.yaml", upstream=lambda _: tmp_path, split=SimpleNamespace(model_dump=lambda: shares)
-    )
+    inputs = Inputs(tmp_path / "late", tmp_path / "kite.yaml", Split(train=0.5, validation=0.25, test=0.25))
+    context = SimpleNamespace(flight=tmp_path / "late", upstream=lambda _: tmp_path, inputs=inputs)
 
     def fitted(law):
         monkeypatch.setattr(controller_artifact, "read_controller", lambda _: law)

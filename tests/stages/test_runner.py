@@ -197,3 +197,70 @@ def test_a_stage_that_does_not_write_what_it_promises(file, monkeypatch):
     monkeypatch.setattr(type(DUMMIES[0]), "makes", ("other.json",))
     with pytest.raises(RuntimeError, match="identify did not write other.json"):
         go(file)
+
+
+def test_a_forced_run_that_was_interrupted_goes_on_where_it_stood(file):
+    """--force and --from: stages finished before the interruption stand, the stage that it was in begins at its checkpoint; then the same
+    command is a new run again."""
+    overrides = {"trace-residual.count": "4"}
+    for how in ({"force": True}, {"begin": "identify"}):
+        go(file)
+        asked = "--force" if "force" in how else "--from identify"
+        with pytest.raises(KeyboardInterrupt):
+            go(file, overrides={"identify.end": "interrupt"}, **how)
+        assert (file.parent / "out" / ".forced.json").is_file()
+        reasons, notes = go(file, overrides={"identify.end": "interrupt"}, **how)
+        assert notes == ["from step 2"] and set(reasons.values()) == {asked}
+        assert not (file.parent / "out" / ".forced.json").exists() and not (file.parent / "out" / ".identify.scratch").exists()
+        reasons, notes = go(file, overrides=overrides, **how)
+        assert notes == ["from step 0"] and set(reasons.values()) == {asked}
+
+
+def test_stages_that_a_forced_run_had_finished_are_not_run_again(file, monkeypatch):
+    go(file)
+    count = {"identify": 0}
+    fit, judge = DUMMIES[0], DUMMIES[2]
+    run_fit, run_judge = type(fit).run, type(judge).run
+    ends = [KeyboardInterrupt, None, None]
+
+    def counted(self, context, config):
+        count["identify"] += 1
+        return run_fit(self, context, config)
+
+    def stopped(self, context, config):
+        if end := ends.pop(0):
+            raise end
+        return run_judge(self, context, config)
+
+    monkeypatch.setattr(type(fit), "run", counted)
+    monkeypatch.setattr(type(judge), "run", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        go(file, force=True)
+    assert go(file, force=True)[0] == {"identify": "unchanged", "trace-residual": "unchanged", "evaluate": "--force"}
+    assert count["identify"] == 1
+    assert set(go(file, force=True)[0].values()) == {"--force"} and count["identify"] == 2  # finished: the same command is a new one
+
+
+@pytest.mark.parametrize("between", ["another command", "a failure", "other settings"])
+def test_what_a_forced_run_had_done_does_not_outlive_it(file, between):
+    go(file)
+    with pytest.raises(KeyboardInterrupt):
+        go(file, force=True, overrides={"identify.end": "interrupt"})
+    settings = {"identify.end": "interrupt"}
+    if between == "another command":
+        go(file)
+    elif between == "a failure":
+        with pytest.raises(NumericalFailure):
+            go(file, force=True, overrides={"identify.end": "diverge"})
+    else:
+        settings = {"identify.end": "interrupt", "identify.horizon": "3.0"}
+    with pytest.raises(KeyboardInterrupt):
+        go(file, force=True, overrides=settings)  # from its beginning, so that it is interrupted again
+
+
+def test_an_interruption_says_where_the_same_command_goes_on(file):
+    events = []
+    with pytest.raises(KeyboardInterrupt):
+        go(file, overrides={"identify.end": "interrupt"}, report=lambda stage, event: events.append((stage, event)))
+    stage, last = events[-1]
+    assert (stage, last.status, last.reason) == ("identify", "interrupted", "at its last checkpoint")

@@ -1,0 +1,24 @@
+"""What the stages of a plan would refuse, before any of them runs: for `awes check`, and for the runner before every stage."""
+
+from awescli.notation.errors import BadInput, BadInputs
+from awescli.stages.base import Inputs, Stage
+from awescli.stages.plan import Plan
+
+
+def refused(stage: Stage, inputs: Inputs, plan: Plan) -> list[BadInput]:
+    """Every mistake that a stage sees in its settings, the flight and the kite, with the place of the setting."""
+    errors = []
+    try:
+        for key, error in stage.check(inputs, plan.settings[stage.name]):
+            where = plan.where("stages", stage.name, *key.split(".")) if key else error.where
+            errors.append(BadInput(error.what, where, error.do))
+    except BadInput as e:  # the inputs themselves cannot be read
+        errors += e.errors if isinstance(e, BadInputs) else [e]
+    return errors
+
+
+def raise_all(errors: list[BadInput]) -> None:
+    """All errors, each once, as one."""
+    once = list({str(e): e for e in errors}.values())
+    if once:
+        raise once[0] if len(once) == 1 else BadInputs(once)

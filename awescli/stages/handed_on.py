@@ -1,0 +1,49 @@
+"""What a stage says of the parameters that it hands on: params.json of a traced model, and where fitted values come from."""
+
+from collections.abc import Mapping
+from typing import Any
+
+FITTED = "identified by awes"
+"""How the source of a fitted value begins."""
+PRIOR = ", prior: "
+
+
+def with_sources(declaration, params: Mapping[str, Any], flights: str):
+    """The declaration with the source of every fitted value: the flights it was fitted to, its standard deviation, and what was known
+    before. params: params.json; values that were not fitted keep their sources."""
+    rows = dict(declaration.parameters)
+    for name, fitted in params["parameters"].items():
+        if name in rows:
+            row = rows[name]
+            # the prior of a value that was itself fitted to an earlier flight is told once, not flight after flight
+            before = row.source.partition(PRIOR)[2] if row.source.startswith(FITTED) else row.source
+            unit = f" {row.unit}" if row.unit not in ("", "-") else ""
+            said = f"{FITTED} from {flights} (std {fitted['std']:.3g}{unit}){PRIOR}{before or 'as declared'}"
+            rows[name] = row.model_copy(update={"source": said})
+    return declaration.model_copy(update={"parameters": rows})
+
+
+def traced_params(finding, log, effects: Mapping[str, Any]) -> dict:
+    """params.json of the model that tracing ended with, in the form of identify's, strengths and shapes of accepted effects included, with
+    the intervals of effects.json. effects: effects.json."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from awescli.estimation.answer import describe_one, interval
+    from awescli.estimation.record_error import mid_times, with_record_errors
+
+    model, kite = finding.model, finding.simulator.kite
+    fit = model.fit
+    if log.wind is not None:
+        fit = with_record_errors(fit, kite.record, log.wind.time, mid_times(finding.fitted.segments, log))
+    # what the model leaves beside noise makes its answer less certain, as it does that of the effects
+    fit = replace(fit, covariance=fit.covariance * np.maximum(fit.chi2, 1.0))
+    params = describe_one(fit, model.prior, kite.constraints, kite.record)
+    keys = {key.partition(":")[::2]: key for key in model.keys}
+    for effect in effects["effects"]:
+        key = keys.get((effect["name"], effect["acts_on"]), effect["name"])
+        for short, size in effect["parameters"].items():
+            if (row := params["parameters"].get(f"{key}.{short}")) is not None:
+                row |= {"std": size["std"], "interval": interval(row["value"], size["std"])}
+    return params

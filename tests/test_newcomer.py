@@ -1,0 +1,90 @@
+"""Somebody who has a log and a kite file and nothing else types what awes prints, and nothing that awes has not printed.
+
+The log is the bundled flight as a stranger's logger would have written it: knots, feet, degrees and pounds, east before north, altitude up,
+25 Hz, no airspeed, the weather in a file of its own. Its truth: the rudder follows its set-point with 0.2 s of lag.
+"""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from flightlog.foreign import knots_and_feet
+from typer.testing import CliRunner
+
+from awescli.cli import build_app
+from awescli.flightlog.read import read_flight
+from awescli.stages import STAGES
+
+ROOT = Path(__file__).parents[1]
+KITE = ROOT / "data" / "kites" / "km1_initial.yaml"
+TAU = 0.2
+
+
+class Newcomer:
+    """Types commands, keeps what was printed, and does what it says: commands after `next:`, lines of files that are to be completed."""
+
+    def __init__(self, folder: Path, monkeypatch):
+        self.folder, self.monkeypatch, self.printed = folder, monkeypatch, ""
+        monkeypatch.chdir(folder)
+        monkeypatch.setenv("COLUMNS", "80")
+
+    def types(self, command: str) -> str:
+        """One command; it must end well."""
+        program, *words = shlex.split(command)
+        if program == "cd":
+            self.folder = self.folder / words[0]
+            self.monkeypatch.chdir(self.folder)
+            return ""
+        assert program == "awes", command
+        result = CliRunner().invoke(build_app(STAGES), words)
+        assert result.exit_code == 0, f"{command}\n{result.stdout}\n{result.stderr}"
+        self.printed = result.stdout
+        return result.stdout
+
+    def follows(self) -> list[str]:
+        """The commands that the last print says come next."""
+        return re.findall(r"(?:^|[;,:] )((?:awes|cd) [\w./-]+)", re.search(r"next: (.*)", self.printed)[1])
+
+    def completes(self, unit: str) -> None:
+        """Finish every line of flight.yaml that init says it could not map: the unit, and the # away."""
+        for name, column in re.findall(r"^  (\w+), column (\w+): ", self.printed, re.M):
+            file = self.folder / "plan" / "flight.yaml"
+            old = f"  # {name}: {{column: {column}, unit: ...}}"
+            assert old in file.read_text()
+            file.write_text(file.read_text().replace(old, f"  {name}: {{column: {column}, unit: {unit}}}"))
+
+
+@pytest.fixture(scope="module")
+def demo():
+    return read_flight(ROOT / "data" / "km1_demo")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("says_the_unit_of_the_load", [True, False])
+def test_from_an_unknown_log_to_a_right_verdict(demo, tmp_path, monkeypatch, says_the_unit_of_the_load):
+    log = knots_and_feet(demo, tmp_path / "logs", every=2)
+    if not says_the_unit_of_the_load:
+        log.write_text(log.read_text().replace("load_lbf", "load", 1))
+    me = Newcomer(tmp_path, monkeypatch)
+    me.types(f"awes init plan --flight {log} --kite {KITE}")
+    assert "columns found" in me.printed and ("no unit in its name" in me.printed) == (not says_the_unit_of_the_load)
+    me.completes("lbf")
+    change, check = me.follows()
+    me.types(change)
+    me.types(check)
+    assert "at 25 Hz" in me.printed and "verdict: good" in me.printed and "missing for a model" not in me.printed
+    assert re.search(r"tension +N +30\d\d", me.printed) and not re.search(r"^  V_a ", me.printed, re.M)
+    steps = me.follows()
+    assert steps[0] == "awes run" and "awes identify" in steps
+    if not says_the_unit_of_the_load:
+        return  # the same flight from here on
+    me.types("awes identify")
+    assert re.search(r"identify: converged: \d+ parameters", me.printed) and me.follows() == ["awes trace-residual"]
+    me.types(me.follows()[0])
+    found = re.search(r"found: actuator_lag on rudder, tau ([\d.]+) s \[([\d.]+), ([\d.]+)\]", " ".join(me.printed.split()))
+    assert found, me.printed
+    value, low, high = map(float, found.groups())
+    assert low < TAU < high and abs(value - TAU) < 0.03
+    before, after, noise = map(float, re.search(r"ahead: ([\d.]+) -> ([\d.]+) \(noise alone ([\d.]+)\)", me.printed).groups())
+    assert after < 0.6 * before and after < 1.4 * noise
