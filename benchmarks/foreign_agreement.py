@@ -46,7 +46,7 @@ def agreement(flight: ForeignFlight, kite: KiteDeclaration, scene: Scene, horizo
 def true_log(flight: ForeignFlight, scene: Scene) -> FlightLog:
     """The flight as it truly was, with the wind that truly blew, as a log."""
     commanded = {**flight.truth, **flight.setpoints}
-    measured, inputs = ({name: commanded[name].copy() for name in names} for names in (MEASURED, INPUTS))
+    measured, inputs = ({name: commanded[name].copy() for name in names if name in commanded} for names in (MEASURED, INPUTS))
     return FlightLog("truth", 0.0, 1 / flight.rate, flight.time, measured, inputs, np.ones(len(flight.time), bool), scene.wind)
 
 
