@@ -237,9 +237,9 @@ def _gone_on(folder: Path, reference: Artifacts, command: str, *settings: str) -
     out = folder / "out"
     code, _, err = ended(Forked(folder, command, "--quiet", *settings))
     checked, now = NAMES if command == "run" else (command,), artifacts(out)
-    left = {p.name for p in out.iterdir()} - {*NAMES, ".lock"}
-    if command != "run":  # checkpoints of a stage that has not gone on yet stay
-        left -= {f".{name}.scratch" for name in NAMES if name != command}
+    left = {p.name for p in out.iterdir()} - {*NAMES, ".awes"} | {p.name for p in (out / ".awes" / "partial").iterdir()}
+    scratch = {p.name for p in (out / ".awes" / "scratch").iterdir()}
+    left |= scratch if command == "run" else scratch & {command}  # checkpoints of a stage that has not gone on yet stay
     return [
         *([f"going on ended with code {code}: {err}"] if code else []),
         *(f"{name} ended with other numbers" for name in checked if now.get(name) != reference[name]),
@@ -287,7 +287,6 @@ def read_only(folder: Path, references: dict[str, Artifacts]) -> list[str]:
     """A folder that may not be written: one error, nothing changed."""
     out = folder / "out"
     out.chmod(0o555)
-    (out / ".lock").unlink()
     try:
         code, _, err = ended(awes(folder, "run", "--force", preexec_fn=_like_any_user))
     finally:

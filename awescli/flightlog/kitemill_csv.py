@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from awescli.flightlog.kitemill_wind import find_weather, read_wind, wind_csv_text
+from awescli.flightlog.kitemill_wind import read_wind, wind_csv_text
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.plausible_units import check_clock, check_units
 from awescli.flightlog.resample import RawFlight, uniform_log, usable_stamps
@@ -54,21 +54,21 @@ CURE = (
 
 
 def read_kitemill(
-    folder: Path,
+    path: Path,
+    weather: Path | None,
     max_gap: float = 0.2,
     units: Mapping[str, str] | None = None,
     station_height: float = 10.0,
-    file: str = "kite.csv",
     late: Mapping[str, float] | None = None,
 ) -> FlightLog:
-    """A Kitemill folder as a flight log.
+    """The log `path` and the weather file that belongs to it as a flight log.
 
     units: column -> unit, where the file does not use the format's own (`flight.yaml: units`); such columns are believed.
     station_height: height of a weather station without a `height` column [m above the winch]. late: clock group -> s by
     which its records come late.
     Raises BadInput (BadInputs) for missing columns, wrong units, cut-off or unreadable files.
     """
-    path, units = folder / file, dict(units or {})
+    folder, units = path.parent, dict(units or {})
     _, header = read_header(path)
     _refuse_missing(path, header)
     _refuse_unknown_units(folder, header, units)
@@ -86,7 +86,6 @@ def read_kitemill(
     places = {quantity: (f"{path}: column {column}", column) for quantity, (column, _, _) in COLUMNS.items()}
     signals, spikes = without_spikes(signals, usable_stamps(seconds)[0])
     check_units(seconds, signals, places, units, CURE)
-    weather = find_weather(folder)
     notes = list(table.notes)
     if others := [name for name in table.others if name not in WITHOUT_QUANTITY]:
         notes.append(f"{path.name}: columns without a quantity: {', '.join(others[:20])}{' ...' if len(others) > 20 else ''}.")

@@ -18,18 +18,6 @@ MAX_CELLS = 20_000_000
 """times x heights of a profile: more is a file whose height column is no height."""
 
 
-def find_weather(folder: Path) -> Path | None:
-    """The weather file of a Kitemill folder, or None; several wind*.csv are an error, since one would be ignored."""
-    if (folder / "lista_fyr_lighthouse.csv").is_file():
-        return folder / "lista_fyr_lighthouse.csv"
-    found = sorted(folder.glob("wind*.csv"))
-    if len(found) > 1:
-        raise BadInput(
-            f"several weather files: {', '.join(p.name for p in found)}", str(folder), "Keep the one that belongs to the flight."
-        )
-    return found[0] if found else None
-
-
 def read_wind(path: Path, start: float, flight: tuple[float, float], station_height: float) -> tuple[WindRecord, list[str]]:
     """(WindRecord, notes) of a weather file. start: unix time of the flight's stamp 0; flight: its (first, last) stamp [s]."""
     _, header = read_header(path)

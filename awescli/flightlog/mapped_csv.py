@@ -25,12 +25,11 @@ CURE = "Correct the unit, sign or frame of column {column} in flight.yaml; if al
 """What to do about a column that contradicts its unit."""
 
 
-def read_mapped(declaration: Path, mapping: FlightFile, max_gap: float = 0.2) -> FlightLog:
-    """The log that `mapping`, read from the file `declaration`, describes.
+def read_mapped(declaration: Path, path: Path, mapping: FlightFile, max_gap: float = 0.2) -> FlightLog:
+    """The log `path` as `mapping`, read from the file `declaration`, describes it.
 
     Raises BadInput (BadInputs) for columns that are missing, units that do not fit, numbers that contradict their units.
     """
-    path = _log_file(declaration, mapping)
     _, header = read_header(path)
     _refuse_missing(declaration, mapping, path, header)
     table = read_table(path, [column for _, column in _columns(mapping)])
@@ -163,23 +162,6 @@ def _winch_lateness(seconds: np.ndarray, signals: dict[str, np.ndarray]) -> tupl
 
 def _number(late: float | str) -> float:
     return 0.0 if late == "auto" else float(late)
-
-
-def _log_file(declaration: Path, mapping: FlightFile) -> Path:
-    """The CSV: named, or the only one beside the declaration."""
-    if mapping.file is not None:
-        path = declaration.parent / mapping.file
-        if not path.is_file():
-            near = [p.name for p in declaration.parent.glob("*.csv")]
-            raise BadInput(
-                f"there is no file {path}", f"{declaration}: file", did_you_mean(mapping.file, near) if near else "Check the path."
-            )
-        return path
-    found = sorted(declaration.parent.glob("*.csv"))
-    if len(found) != 1:
-        what = "there is no CSV file beside it" if not found else f"several CSV files: {', '.join(p.name for p in found[:8])}"
-        raise BadInput(what, str(declaration), "Say which one: `file: NAME.csv`.")
-    return found[0]
 
 
 def _columns(mapping: FlightFile) -> Iterator[tuple[str, str]]:

@@ -1,16 +1,14 @@
 """read_flight: a folder -> FlightLog, by the reader that what is in it calls for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from awescli.flightlog.ampyx_mat import read_ampyx
 from awescli.flightlog.faults import mark_faults
-from awescli.flightlog.flight_file import FlightFile
+from awescli.flightlog.files import FlightFiles, find_flight
 from awescli.flightlog.kitemill_csv import read_kitemill
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.mapped_csv import read_mapped
-from awescli.notation.document import read_document
-from awescli.notation.errors import BadInput
 
 NEEDED_BY_MODEL = (
     "p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r", "tether_length", "reel_out_speed",
@@ -23,28 +21,8 @@ def read_flight(flight: Path, max_gap: float = 0.2) -> FlightLog:
 
     max_gap: longest gap that may be interpolated [s]. Raises BadInput, with its place and cure, for all that cannot be read.
     """
-    flight = Path(flight)
-    if not flight.exists():
-        near = sorted(p.name for p in flight.parent.iterdir() if p.is_dir()) if flight.parent.is_dir() else []
-        raise BadInput("there is no such flight folder", str(flight), f"Beside it: {', '.join(near[:8])}." if near else "Check the path.")
-    if flight.is_file() and flight.suffix in (".yaml", ".yml"):
-        return mark_faults(_declared(flight, max_gap))
-    if not flight.is_dir():
-        raise BadInput("a flight is a folder, this is a file", str(flight), f"Give its folder: {flight.parent}.")
-    for pattern, read in READERS:
-        if found := sorted(flight.glob(pattern)):
-            if len(found) > 1:
-                names = ", ".join(p.name for p in found[:8])
-                raise BadInput(
-                    f"several logs: {names}", str(flight), "Say which one in a flight.yaml (`file: NAME`), or give each its folder."
-                )
-            return mark_faults(read(found[0], max_gap))
-    there = ", ".join(sorted(p.name for p in flight.iterdir())[:12]) or "nothing"
-    raise BadInput(
-        "no flight log that awes knows",
-        str(flight),
-        f"Looked for {', '.join(p for p, _ in READERS)}; there is: {there}. Map a CSV in flight.yaml.",
-    )
+    found = find_flight(Path(flight))
+    return mark_faults(READERS[found.format](found, max_gap))
 
 
 def missing_for_model(log: FlightLog) -> list[str]:
@@ -57,24 +35,21 @@ def missing_for_model(log: FlightLog) -> list[str]:
     return missing
 
 
-def _declared(path: Path, max_gap: float) -> FlightLog:
-    """The log that a flight.yaml describes."""
-    mapping = read_document(path, FlightFile)
-    if mapping.format == "csv":
-        return read_mapped(path, mapping, max_gap)
-    late = {group: float(value) for group, value in mapping.clocks.items() if value != "auto"}
-    pattern = mapping.file or ("kite.csv" if mapping.format == "kitemill" else "*.mat")
-    found = sorted(path.parent.glob(pattern)) if mapping.file is None else [path.parent / mapping.file]
-    if len(found) != 1 or not found[0].is_file():
-        raise BadInput(f"there is no single {pattern} for format {mapping.format}", f"{path}: file", "Name the log: `file: NAME`.")
-    if mapping.format == "ampyx":
-        return read_ampyx(found[0], max_gap, late)
-    return read_kitemill(found[0].parent, max_gap, mapping.units, mapping.station_height, found[0].name, late)
+def _late(found: FlightFiles) -> dict[str, float]:
+    """Clock group -> s by which it records late, as the flight.yaml says."""
+    clocks = found.mapping.clocks if found.mapping else {}
+    return {group: float(value) for group, value in clocks.items() if value != "auto"}
 
 
-READERS: tuple[tuple[str, Callable[[Path, float], FlightLog]], ...] = (
-    ("flight.yaml", _declared),
-    ("*.mat", read_ampyx),
-    ("kite.csv", lambda path, max_gap: read_kitemill(path.parent, max_gap)),
-)
-"""What to look for in a folder, in this order, and who reads it."""
+def _kitemill(found: FlightFiles, max_gap: float) -> FlightLog:
+    if found.mapping is None:
+        return read_kitemill(found.log, found.weather, max_gap)
+    return read_kitemill(found.log, found.weather, max_gap, found.mapping.units, found.mapping.station_height, _late(found))
+
+
+READERS: Mapping[str, Callable[[FlightFiles, float], FlightLog]] = {
+    "csv": lambda found, max_gap: read_mapped(found.declaration, found.log, found.mapping, max_gap),
+    "ampyx": lambda found, max_gap: read_ampyx(found.log, max_gap, _late(found)),
+    "kitemill": _kitemill,
+}
+"""Format -> its reader."""

@@ -16,12 +16,13 @@ import awescli
 from awescli.artifacts import (
     PROVENANCE,
     artifact_hashes,
-    content_hash,
+    file_hash,
     locked,
     machine,
-    read_json,
+    refuse_foreign,
     remove,
     scratch_folder,
+    scratch_path,
     staged_folder,
     table_hash,
     versions,
@@ -29,6 +30,8 @@ from awescli.artifacts import (
 )
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.stages.base import Context, Progress, Silent, Stage, StageConfig
+from awescli.stages.inputs import files_of, input_hash
+from awescli.stages.made import made_hash, read_provenance
 from awescli.stages.plan import Plan
 
 Stamp = dict[str, Any]
@@ -63,6 +66,7 @@ def run_plan(
     Artifacts appear stage by stage, so whatever stops this function, the stages done before it are finished.
     """
     names = _chosen(plan, stages, only, begin)
+    _refuse_own_inputs(plan, stages, names)
     run = _Run(plan, {s.name: s for s in stages}, progress or Silent(), report or (lambda stage, event: None), begin, force)
     if dry_run:
         return [run.dry(name) for name in names]
@@ -82,6 +86,28 @@ def _chosen(plan: Plan, stages: Sequence[Stage], only: Iterable[str] | None, beg
     if begin and begin not in wanted:
         raise BadInput(f"stage '{begin}' is not in the plan", "--from", f"In the plan: {', '.join(n for n in known if n in wanted)}.")
     return [name for name in known if name in wanted]
+
+
+def _refuse_own_inputs(plan: Plan, stages: Sequence[Stage], names: Sequence[str]) -> None:
+    """Raise BadInput where an input lies in the results of a stage that is to run: it would be replaced while it is used."""
+    inputs = [("kite", plan.kite), ("flight", plan.flight)]
+    for stage in stages:
+        if stage.name in names:
+            inputs += _paths(plan.settings[stage.name].model_dump(by_alias=True), stage.name)
+    for key, path in inputs:
+        for file in files_of(key.rpartition(".")[2], path).values():
+            for name in names:
+                if file.resolve().is_relative_to((plan.out / name).resolve()):
+                    do = "Copy it elsewhere, or write to another folder: --set out=FOLDER."
+                    raise BadInput(f"{file} lies in the results of {name}, which would replace it", f"{plan.file}: {key}", do)
+
+
+def _paths(tree: Any, prefix: str) -> list[tuple[str, Path]]:
+    """Dotted key and path of every path in the settings of a stage that exists."""
+    if isinstance(tree, Path):
+        return [(prefix, tree)] if tree.exists() else []
+    items = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, (list, tuple)) else ()
+    return [found for key, value in items for found in _paths(value, f"{prefix}.{key}")]
 
 
 @dataclass
@@ -139,11 +165,12 @@ class _Run:
         """Run a stage in a folder of its own that takes the old one's place when all is written."""
         stage, plan, folder = self.stages[name], self.plan, self._folder(name)
         forced = self.force or self._from_here(name)
-        scratch_path = plan.out / f".{name}.scratch"
+        checkpoints = scratch_path(plan.out, name)
         if forced:
-            remove(scratch_path)  # asked for anew: not even the checkpoints are trusted
+            remove(checkpoints)  # asked for anew: not even the checkpoints are trusted
+        refuse_foreign(folder, stage.makes)
         started, began = datetime.now(UTC), time.monotonic()
-        scratch = scratch_folder(scratch_path, _digest(stamp))
+        scratch = scratch_folder(plan.out, name, _digest(stamp))
         with staged_folder(folder) as staged:
             context = Context(
                 flight=plan.flight,
@@ -161,10 +188,13 @@ class _Run:
                 summary = dict(stage.run(context, plan.settings[name]) or {})
             except Exception:
                 # a failure would only be repeated from its own checkpoints; an interruption (no Exception) keeps them
-                remove(scratch_path)
+                remove(checkpoints)
                 raise
             if missing := [file for file in stage.makes if not (staged / file).is_file()]:
                 raise RuntimeError(f"stage {name} did not write {', '.join(missing)}")
+            if changed := changes(stamp, self._stamp(name, upstreams)):
+                remove(checkpoints)
+                raise BadInput(f"{'; '.join(changed)} while {name} was running: its result is of neither", str(folder), "Run it again.")
             provenance = {
                 "stage": name,
                 "versions": versions(),
@@ -176,7 +206,7 @@ class _Run:
                 "timing": {"started": started.isoformat(timespec="seconds"), "duration_s": round(time.monotonic() - began, 3)},
             }
             write_json(staged / PROVENANCE, provenance)
-        remove(scratch_path)
+        remove(checkpoints)
         return summary
 
     def _folder(self, name: str) -> Path:
@@ -212,12 +242,7 @@ class _Run:
 
     def _provenance(self, name: str) -> dict[str, Any] | None:
         """What a stage was made from; None if it has not run, or not readably."""
-        try:
-            kept = read_json(self._folder(name) / PROVENANCE)
-        except BadInput:
-            return None
-        good = isinstance(kept, dict) and all(isinstance(kept.get(key), dict) for key in ("stamp", "artifacts"))
-        return kept if good and isinstance(kept["stamp"].get("upstream"), dict) else None
+        return read_provenance(self._folder(name))
 
     def _damaged(self, name: str, kept: Mapping[str, Any]) -> str:
         """The first artifact that is not what the stage wrote, and how; empty if all are."""
@@ -233,10 +258,10 @@ class _Run:
         settings = plan.settings[name]
         inputs = {"flight": plan.flight, "kite": plan.kite}
         return {
-            "inputs": {key: _input_hash(inputs[key], plan.out) for key in stage.reads},
+            "inputs": {key: input_hash(key, inputs[key]) for key in stage.reads},
             "seed": plan.seed,
             "split": plan.split.model_dump(),
-            "settings": _settings(settings, plan),
+            "settings": _settings(settings),
             "upstream": {need.stage: self._hash(need.stage) if need.stage in upstreams else None for need in self._needs(name)},
             "code": code_hash(),
             "versions": versions(),
@@ -287,7 +312,7 @@ class _Run:
         return None if self._unusable(name) else self._hash(name)
 
     def _hash(self, name: str) -> str:
-        return table_hash(artifact_hashes(self._folder(name)))
+        return made_hash(self._folder(name))
 
     def _outdated(self, name: str) -> list[str]:
         """Changes of the plan since an upstream stage ran, that this run was not asked to act on."""
@@ -329,19 +354,19 @@ def _word(value: Any) -> str:
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-def _settings(config: StageConfig, plan: Plan) -> dict[str, Any]:
+def _settings(config: StageConfig) -> dict[str, Any]:
     """The settings as plain JSON values. A path counts by its content where there is one: moving a file changes nothing."""
 
-    def plain(value: Any) -> Any:
+    def plain(key: str, value: Any) -> Any:
         if isinstance(value, Path):
-            return _input_hash(value, plan.out) if value.exists() else str(value)
+            return input_hash(key, value) if value.exists() else str(value)
         if isinstance(value, dict):
-            return {str(k): plain(v) for k, v in value.items()}
+            return {str(k): plain(str(k), v) for k, v in value.items()}
         if isinstance(value, (list, tuple)):
-            return [plain(v) for v in value]
+            return [plain(key, v) for v in value]
         return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
-    return plain(config.model_dump(by_alias=True))
+    return plain("", config.model_dump(by_alias=True))
 
 
 def _finite(summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -364,13 +389,12 @@ def _digest(stamp: Stamp) -> str:
 
 
 @cache
-def _input_hash(path: Path, out: Path) -> str:
-    """Once per process: a flight of an hour takes a second to hash, and does not change under our hands."""
-    return content_hash(path, exclude=[out])
-
-
-@cache
 def code_hash() -> str:
-    """Of awes' own sources: other code may give other numbers."""
+    """Of all files of awes' own package, the page's script and style included: other code may give other results."""
     package = Path(awescli.__file__).parent
-    return table_hash({str(p.relative_to(package)): content_hash(p) for p in sorted(package.rglob("*.py"))})
+    return table_hash({str(p.relative_to(package)): file_hash(p) for p in sorted(package.rglob("*")) if _is_code(p)})
+
+
+def _is_code(path: Path) -> bool:
+    """Not what Python, an editor or a version control system leaves beside the code."""
+    return path.is_file() and path.suffix != ".pyc" and not path.name.startswith(".") and not path.name.endswith("~")

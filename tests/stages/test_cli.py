@@ -229,7 +229,7 @@ def test_signals_interrupt_cleanly(folder, number):
     process.send_signal(number)
     _, stderr = process.communicate(timeout=20)
     assert process.returncode == 130 and "interrupted during identify" in stderr and "Traceback" not in stderr
-    assert not list((folder / "out").glob(".*partial*"))
+    assert not list((folder / "out" / ".awes" / "partial").iterdir())
 
 
 def test_a_killed_run_leaves_nothing_in_the_way(folder):
@@ -241,10 +241,10 @@ def test_a_killed_run_leaves_nothing_in_the_way(folder):
         pass
     process.kill()
     process.communicate(timeout=20)
-    assert list((folder / "out").glob(".identify.partial-*"))
+    assert list((folder / "out" / ".awes" / "partial").glob("identify-*"))
     assert (folder / "out" / "identify" / "params.json").read_bytes() == before
     assert "identify: skipped, unchanged" in awes("run").stdout
-    assert not list((folder / "out").glob(".*partial*"))
+    assert not list((folder / "out" / ".awes" / "partial").iterdir())
 
 
 def test_two_runs_in_one_folder(folder):

@@ -1,11 +1,11 @@
 """What runs, what does not, and why."""
 
 import os
+import shutil
 
 import pytest
 from stages.dummy_stages import DUMMIES, make_folder
 
-from awescli import artifacts
 from awescli.artifacts import read_json
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.stages import runner
@@ -28,7 +28,6 @@ def file(tmp_path):
 
 
 def go(file, *only, **options):
-    runner._input_hash.cache_clear()
     notes = Notes()
     overrides = options.pop("overrides", {})
     results = run_plan(read_plan(file, DUMMIES, overrides), DUMMIES, only or None, progress=notes, **options)
@@ -42,7 +41,7 @@ def test_first_run_then_unchanged(file):
     # "upstream ran" is said only of what had been there before
     assert go(file)[0] == {"identify": "first run", "trace-residual": "first run", "evaluate": "first run"}
     out = file.parent / "out"
-    assert sorted(os.listdir(out)) == [".lock", "evaluate", "identify", "trace-residual"]
+    assert sorted(os.listdir(out)) == [".awes", "evaluate", "identify", "trace-residual"]
     before = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file()}
     assert go(file)[0] == UNCHANGED
     assert {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file()} == before
@@ -79,7 +78,7 @@ def test_why_it_runs(file, change, expected, monkeypatch):
     elif change == "kite":
         (file.parent / "kite.yaml").write_text("other")
     elif change == "flight":
-        (file.parent / "flight" / "winch.csv").write_text("3")
+        (file.parent / "flight" / "kite.csv").write_text("3")
     elif change == "missing":
         (out / "identify" / "params.json").unlink()
     elif change == "edited":
@@ -89,7 +88,7 @@ def test_why_it_runs(file, change, expected, monkeypatch):
     elif change == "code":
         monkeypatch.setattr(runner, "code_hash", lambda: "other")
     elif change == "gone":
-        artifacts.remove(out / "identify")
+        shutil.rmtree(out / "identify")
     dry, _ = go(file, dry_run=True, overrides=overrides)
     reasons, _ = go(file, overrides=overrides)
     assert dry == reasons
@@ -160,9 +159,9 @@ def test_a_stage_that_does_not_end_well_leaves_the_old_artifacts(file, end, erro
     before = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file()}
     with pytest.raises(error):
         go(file, overrides={"identify.end": end})
-    after = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file() and ".identify.scratch" not in p.parts}
+    after = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file() and "scratch" not in p.parts}
     assert after == before
-    assert (out / ".identify.scratch").exists() == (end == "interrupt")
+    assert (out / ".awes" / "scratch" / "identify").exists() == (end == "interrupt")
     assert go(file)[0] == UNCHANGED
 
 
@@ -174,7 +173,7 @@ def test_an_interrupted_stage_continues_from_its_checkpoint(file, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         go(file, overrides=overrides, force=True)
     assert go(file)[1] == ["from step 0"]  # other settings: not its checkpoint
-    assert not (file.parent / "out" / ".identify.scratch").exists()
+    assert not (file.parent / "out" / ".awes" / "scratch" / "identify").exists()
 
 
 def test_a_file_named_in_the_settings_is_an_input(file):

@@ -1,0 +1,319 @@
+"""What each JSON artifact must hold for its readers: one form a file, each with a version; more than that is allowed in any of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Text = str
+Numbers = dict[str, Number]
+
+
+class _Form(BaseModel):
+    model_config = ConfigDict(strict=True, extra="allow")
+
+
+class Stamp(_Form):
+    """What a stage was made from."""
+
+    inputs: dict[str, Text]
+    upstream: dict[str, Text | None]
+    settings: dict[str, Any] = {}
+    versions: dict[str, Text] = {}
+    split: dict[str, Any] = {}
+
+
+class Timing(_Form):
+    """When, and for how long."""
+
+    started: Text = ""
+    duration_s: Number | None = None
+
+
+class Provenance(_Form):
+    """provenance.json of every stage."""
+
+    artifacts: dict[str, Text]
+    stamp: Stamp
+    paths: dict[str, Text] = {}
+    summary: dict[str, Any] = {}
+    timing: Timing = Timing()
+
+
+class Metrics(_Form):
+    """What metrics.json of every stage has where it has it."""
+
+    outcome: Text | None = None
+
+
+class Fit(Metrics):
+    """metrics.json of identify."""
+
+    chi2: Number | None = None
+    gust_m_s: Number | None = None
+
+
+class Chosen(_Form):
+    chosen: list[Text] = []
+    how: Text = ""
+    reasons: dict[str, dict[str, Any]] = {}
+
+
+class Proof(_Form):
+    outcome: Text | None = None
+    asked_s: Number = 0.0
+    survival_s: list[Number] = []
+    starts_s: list[Number] = []
+    path_error_5s_m: Number | None = None
+
+
+class Delay(_Form):
+    delay_s: Number | None = None
+
+
+class Steering(_Form):
+    moved_deg: Number | None = None
+    slopes: dict[str, Text] | None = None
+
+
+class Gain(_Form):
+    gamma_error: Number | None = None
+    plant_gain: Number | None = None
+    holds: bool | None = None
+
+
+class ControllerFit(Metrics):
+    """metrics.json of fit-controller."""
+
+    kind: Text = ""
+    nonzeros: int = 0
+    surfaces: list[Text] = []
+    features: Chosen = Chosen()
+    delay: Delay | None = None
+    nrmse: dict[str, dict[str, Number | None]] = {}
+    noise_nrmse: dict[str, dict[str, Number | None]] | None = None
+    closed_loop: Proof = Proof()
+    steering: Steering | None = None
+    gain: dict[str, Gain] = {}
+    hold: Number | None = None
+
+
+class History(_Form):
+    columns: list[Text]
+    rows: list[list[Number | None]]
+
+
+class Ensemble(_Form):
+    spread: Numbers = {}
+
+
+class Validated(_Form):
+    prediction: dict[str, Number | None] = {}
+
+
+class Compared(_Form):
+    test: dict[str, Numbers] = {}
+
+
+class Training(Metrics):
+    """metrics.json of train-hybrid."""
+
+    history: History | None = None
+    sentence: Text = ""
+    comparison: Compared | None = None
+    validation: Validated | None = None
+    ensemble: Ensemble | None = None
+    share_of_acceleration: dict[str, Number | None] | None = None
+    validation_rmse_ratio: dict[str, Number | None] | None = None
+    distilled: list[Text] = []
+    outside_box_test: Number | None = None
+
+
+class OwnWind(_Form):
+    speed: Number | None
+    direction: Number | None
+
+
+class Flown(_Form):
+    """metrics.json of simulate."""
+
+    outcome: Text
+    start_s: Number
+    survived_s: Number
+    asked_s: Number
+    model: Text
+    surfaces: Text
+    effects: dict[str, dict[str, Number]]
+    wind: OwnWind
+    nrmse: dict[str, Numbers]
+    path_error_m: Numbers
+
+
+class Scored(_Form):
+    test: dict[str, Number | None]
+
+
+class OfModel(_Form):
+    nrmse: Scored
+
+
+class Row(_Form):
+    """One parameter of params.json."""
+
+    value: Number
+    std: Number
+    unit: Text
+    prior: Number
+    prior_std: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    shift_in_prior_std: Number
+    excited: bool = True
+    at_bound: bool = False
+    partners: list[Text] = []
+    advice: Text | None = None
+
+
+class Factor(_Form):
+    says: Annotated[str, Field(min_length=1)]
+
+
+class Kept(_Form):
+    constraint: Text
+    active: bool
+    cost_per_unit: Number
+
+
+class Params(_Form):
+    """params.json."""
+
+    parameters: dict[str, Row]
+    common_factors: list[Factor] = []
+    constraints: list[Kept] = []
+
+
+class Size(_Form):
+    value: Number
+    std: Number | None
+    unit: Text
+
+
+class Named(_Form):
+    name: Text
+    acts_on: Text = ""
+
+
+class Effect(Named):
+    rivals: list[Named]
+    parameters: dict[str, Size]
+    doc: Text = ""
+
+
+class Candidate(Named):
+    score: Number
+    p_value: Number
+    explained_share: Number
+    plausible_size: bool
+    test_gain: Number | None
+    outcome: Text = ""
+
+
+class Unexplained(_Form):
+    channel: Text = ""
+    share: Number | None = None
+    expression: Text | None = None
+
+
+class Shift(_Form):
+    before_in_prior_std: Number
+    after_in_prior_std: Number
+
+
+class Errors(_Form):
+    """Channel -> NRMSE before, after, and of noise alone, of the same channels."""
+
+    horizon_s: Number
+    before: Numbers
+    after: Numbers
+    noise_floor: Numbers
+
+
+class BeforeAfter(_Form):
+    before: Number
+    after: Number
+
+
+class RollGusts(_Form):
+    std_rad_s: Number
+    of_specification: Number
+    lasts_s: Number
+    split: Text
+    channels: dict[str, BeforeAfter]
+    parameter_shifts: dict[str, Shift]
+
+
+class Effects(_Form):
+    """effects.json."""
+
+    verdict: Text
+    sentence: Text = ""
+    effects: list[Effect]
+    ranking: list[Candidate]
+    unexplained: Unexplained | None
+    error: Errors
+    chi2: dict[str, Number | None] = {}
+    gust_m_s: Number | None = None
+    roll_gusts: RollGusts | None = None
+    detectable: Numbers = {}
+    not_testable: list[Text] = []
+    parameter_shifts: dict[str, Shift] = {}
+    separate: list[Text] = []
+
+
+class Network(_Form):
+    """network.json."""
+
+    format: Text
+    inputs: list[Text]
+    hidden: list[int]
+    width: Number
+    fingerprint: Text
+
+
+class Controller(_Form):
+    """controller.json."""
+
+    kind: Text
+    surfaces: list[Text]
+    features: list[Text]
+    centre: list[Number]
+    scale: list[Number]
+    limits: dict[str, list[Number]]
+    constants: dict[str, Any]
+    pattern: dict[str, Any] | None
+    rate_limits: Numbers
+    delay_s: Number
+
+
+@dataclass(frozen=True)
+class Form:
+    """How one file looks today. unversioned: awes 0.1 wrote the same form, without a version."""
+
+    model: type[BaseModel]
+    version: int = 2
+    unversioned: bool = False
+
+
+FORMS: Mapping[str, Form] = {
+    "provenance.json": Form(Provenance, unversioned=True),
+    "params.json": Form(Params),
+    "effects.json": Form(Effects),
+    "network.json": Form(Network),
+    "controller.json": Form(Controller),
+    "metrics.json": Form(Metrics),
+    "fit-controller/metrics.json": Form(ControllerFit),
+    "identify/metrics.json": Form(Fit),
+    "train-hybrid/metrics.json": Form(Training),
+    "simulate/metrics.json": Form(Flown),
+}
+"""File, with its stage where stages differ -> its form."""
