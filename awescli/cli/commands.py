@@ -67,6 +67,7 @@ def _copy_figures(screen: Screen, folder: Path, to: Path) -> None:
 
 def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:
     """Everything that can be wrong before hours are spent; all complaints together."""
+    from awescli.engine.object_cache import why_unused
     from awescli.flightlog.quality import data_quality
     from awescli.flightlog.read import read_flight
     from awescli.physics.declaration import read_kite
@@ -74,6 +75,8 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
 
     plan = read_plan(file, stages, _overrides(settings))
     screen.line(f"plan    {plan.file}: good, runs {', '.join(plan.planned) or 'nothing'}")
+    if why := why_unused():
+        screen.line(f"cache   compiled code is not kept, each start takes seconds longer: {why}")
     errors: list[BadInput] = []
     log = None
     try:
