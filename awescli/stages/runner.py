@@ -30,6 +30,7 @@ from awescli.artifacts import (
 )
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.stages.base import Context, Progress, Silent, Stage, StageConfig
+from awescli.stages.blas import blas, one_blas_thread
 from awescli.stages.inputs import files_of, input_hash
 from awescli.stages.made import made_hash, read_provenance
 from awescli.stages.plan import Plan
@@ -171,7 +172,7 @@ class _Run:
         refuse_foreign(folder, stage.makes)
         started, began = datetime.now(UTC), time.monotonic()
         scratch = scratch_folder(plan.out, name, _digest(stamp))
-        with staged_folder(folder) as staged:
+        with staged_folder(folder) as staged, one_blas_thread():
             context = Context(
                 flight=plan.flight,
                 kite=plan.kite,
@@ -200,7 +201,7 @@ class _Run:
                 "versions": versions(),
                 "stamp": stamp,
                 "paths": {key: path.resolve() for key, path in (("flight", plan.flight), ("kite", plan.kite), ("plan", plan.file))},
-                "machine": machine(),
+                "machine": {**machine(), "blas": blas()},
                 "artifacts": artifact_hashes(staged),
                 "summary": _finite(summary),
                 "timing": {"started": started.isoformat(timespec="seconds"), "duration_s": round(time.monotonic() - began, 3)},
