@@ -70,6 +70,7 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     from awescli.engine.object_cache import why_unused
     from awescli.flightlog.quality import data_quality
     from awescli.flightlog.read import read_flight
+    from awescli.physics.admissible import doubts
     from awescli.physics.declaration import read_kite
     from awescli.stages.plan import read_plan
 
@@ -80,8 +81,10 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     errors: list[BadInput] = []
     log = None
     try:
-        read_kite(plan.kite)
+        kite = read_kite(plan.kite)
         screen.line(f"kite    {plan.kite}: good")
+        for doubt in doubts(kite.model_dump()):
+            screen.line(f"        but {doubt}")
     except BadInput as e:
         errors.append(e)
     try:

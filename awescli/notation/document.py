@@ -95,7 +95,11 @@ class Document:
     def _translate(self, error: ValidationError, model: type[BaseModel]) -> list[BadInput]:
         """One BadInput per place; the branches of a union complain together ("must be a number or must be 'auto'")."""
         found: dict[str, BadInput] = {}
-        for e in error.errors(include_url=False):
+        raw = error.errors(include_url=False)
+        for e in raw:
+            # a list with a wrong entry is told to be too short as well
+            if e["type"] == "too_short" and any(o["loc"][: len(e["loc"])] == e["loc"] != o["loc"] for o in raw):
+                continue
             loc = self._real(e["loc"], e["type"] == "missing")
             where = self.where(*loc)
             what, do = _say(e, loc, model, self.omit)
@@ -280,6 +284,7 @@ def _say(e: Mapping[str, Any], loc: Loc, model: type[BaseModel], omit: tuple[str
     message = e["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
     message = re.sub(r"^Input should (be|have)", r"must \1", message)
     message = re.sub(r"^must be a valid (dictionary|mapping)\b.*", "must be a mapping (key: value)", message)
+    message = re.sub(r"^(Tuple|List|Value) should have at (least|most) (\d+) items?.*", r"must have at \2 \3 of them", message)
     message = re.sub(r"^Input is not a valid path.*", "must be a path", message).replace(", unable to parse string as a number", "")
     if e["type"] in ("value_error", "assertion_error"):
         return message, _described(model, loc)

@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from awescli.notation.document import open_document
+from awescli.notation.errors import BadInput, BadInputs
 from awescli.notation.parameters import Parameter, ParameterTable
 
 
@@ -129,12 +130,21 @@ def row_of(p: Parameter) -> ParameterRow:
 
 
 def read_kite(path: Path) -> KiteDeclaration:
-    """Read and check a kite file. Raises BadInput with file:line, also for unknown effects and parameters that effects need."""
+    """Read and check a kite file. Raises BadInput (BadInputs: all mistakes at once) with file:line, also for unknown effects, for
+    parameters that effects need, and for what is not of this world (admissible.py)."""
+    from awescli.physics.admissible import all_told, mistakes
     from awescli.physics.kite import check_declaration
 
     document = open_document(Path(path))
-    declaration = document.check(KiteDeclaration)
-    check_declaration(declaration, document.where)
+    errors, declaration = mistakes(document.data, document.where), None
+    try:
+        declaration = document.check(KiteDeclaration)
+        check_declaration(declaration, document.where)
+    except BadInput as e:
+        errors += e.errors if isinstance(e, BadInputs) else [e]
+    if errors:
+        told = all_told(errors)
+        raise told[0] if len(told) == 1 else BadInputs(told)
     return declaration
 
 

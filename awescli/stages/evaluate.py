@@ -2,14 +2,14 @@
 
 from pydantic import Field
 
-from awescli.stages.base import Need, Stage, StageConfig
+from awescli.stages.base import Need, Seconds, Stage, StageConfig
 
 
 class EvaluateConfig(StageConfig):
     """Settings of evaluate."""
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
-    horizons: tuple[float, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
+    horizons: tuple[Seconds, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
     report: bool = Field(True, description="write report.html, one self-contained page")
     figures: bool = Field(False, description="write every figure of the page as PNG and SVG, and the data behind it as CSV")
 

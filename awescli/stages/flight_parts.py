@@ -21,6 +21,16 @@ def flight_parts(context: Context, flight: Path | None = None):
     return log, split(find_loops(log), **context.split.model_dump())
 
 
+def known_channels(log, wanted, where: str) -> tuple[str, ...]:
+    """The channels that are wanted. Raises BadInput for one that the flight does not measure."""
+    from awescli.notation.errors import BadInput, did_you_mean
+
+    for name in wanted:
+        if name not in log.measured:
+            raise BadInput(f"the flight has no measured channel '{name}'", where, did_you_mean(name, log.measured))
+    return tuple(wanted)
+
+
 def driven_upstream(context: Context, declaration, log):
     """(the kite as the fitted controller drives it, delay and rate limit of its set-points included; the controller as the law of a
     simulator of that kite). Raises BadInput where there is no controller."""
@@ -46,4 +56,4 @@ def score_parts(simulator, log, parts, horizon: float) -> dict:
     return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged}
 
 
-__all__ = ["StageConfig", "driven_upstream", "flight_parts", "score_parts"]
+__all__ = ["StageConfig", "driven_upstream", "flight_parts", "known_channels", "score_parts"]

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
+from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 
 
 class FurtherFlight(StageConfig):
@@ -21,14 +21,14 @@ class IdentifyConfig(StageConfig):
     """Settings of identify."""
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds between re-initialisations [s]")
-    curriculum: tuple[float, ...] = Field((1.0, 2.5), description="shorter horizons that are fitted first, one after the other [s]")
+    curriculum: tuple[Seconds, ...] = Field((1.0, 2.5), description="shorter horizons that are fitted first, one after the other [s]")
     surfaces: Literal["recorded", "controller"] = Field(
         "recorded", description="replay the recorded set-points, or close the loop with the fitted controller (seed eq. 11d)"
     )
     weights: Literal["noise", "seed"] = Field(
         "noise", description="noise: every measured channel by its noise; seed: position, attitude and tension by their range"
     )
-    outputs: tuple[str, ...] | None = Field(None, description="measured channels that count; default all of the log")
+    outputs: Names | None = Field(None, description="measured channels that count; default all of the log")
     prior: bool = Field(True, description="weigh deviations from the declared values by their prior standard deviations")
     also: tuple[FurtherFlight, ...] = Field((), description="further flights of the same kite, fitted together with the plan's")
     per_flight: tuple[str, ...] = Field(
@@ -205,14 +205,11 @@ def tell(progress, answer: dict, metrics: dict) -> None:
 
 def outputs_of(log, config) -> tuple[str, ...]:
     """The channels that count: those asked for, else all measured ones (weights: seed leaves velocities and rates out)."""
-    from awescli.notation.errors import BadInput, did_you_mean
     from awescli.notation.quantities import MEASURED
+    from awescli.stages.flight_parts import known_channels
 
     wanted = config.outputs
     if wanted is None:
         left_out = {"v_n", "v_e", "v_d", "p", "q", "r", "a_x", "a_y", "a_z", "V_a", "alpha", "beta"} if config.weights == "seed" else set()
         return tuple(n for n in MEASURED if n in log and n not in left_out)
-    for name in wanted:
-        if name not in log.measured:
-            raise BadInput(f"the flight has no measured channel '{name}'", "identify.outputs", did_you_mean(name, log.measured))
-    return wanted
+    return known_channels(log, wanted, "identify.outputs")

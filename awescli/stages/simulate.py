@@ -32,7 +32,7 @@ class SimulateConfig(StageConfig):
     effects: dict[str, dict[str, float]] = Field({}, description="effects switched on, e.g. {actuator_lag:rudder: {tau: 0.2}}")
     wind: Wind = Field(Wind(), description="wind of one's own: speed, direction, height, shear; default as recorded")
     start: float | None = Field(None, ge=0, description="where in the flight it sets out [s]; default where the test part begins")
-    duration: float = Field(60.0, gt=0, le=3600, description="how long it flies [s]; beyond the log, winch and wind go on as they were")
+    duration: float = Field(60.0, ge=0.5, le=3600, description="how long it flies [s]; beyond the log, winch and wind go on as they were")
     noise: bool = Field(True, description="add the kite file's sensor noise to the written log")
     seed: int | None = Field(None, ge=0, description="seed of noise and turbulence; default the plan's")
     substeps: int = Field(2, ge=1, le=20, description="integration steps per sample")

@@ -2,17 +2,17 @@
 
 from pydantic import Field
 
-from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
+from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 
 
 class TraceResidualConfig(StageConfig):
     """Settings of trace-residual."""
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds between re-initialisations [s]")
-    curriculum: tuple[float, ...] = Field((1.0, 2.5), description="shorter horizons that are fitted first [s]")
+    curriculum: tuple[Seconds, ...] = Field((1.0, 2.5), description="shorter horizons that are fitted first [s]")
     rounds: int = Field(3, ge=1, le=6, description="most effects that may be accepted one after the other")
-    candidates: tuple[str, ...] | None = Field(None, description="effects to try; default the whole library that the flight could show")
-    outputs: tuple[str, ...] | None = Field(None, description="measured channels that count; default all of the log")
+    candidates: Names | None = Field(None, description="effects to try; default the whole library that the flight could show")
+    outputs: Names | None = Field(None, description="measured channels that count; default all of the log")
 
 
 class TraceResidual(Stage):
@@ -30,11 +30,12 @@ class TraceResidual(Stage):
         from awescli.artifacts import write_arrays, write_json, write_text
         from awescli.flightlog.loops import find_loops
         from awescli.physics.declaration import kite_text, read_kite
-        from awescli.stages.flight_parts import flight_parts, score_parts
+        from awescli.stages.flight_parts import flight_parts, known_channels, score_parts
         from awescli.tracing.account import account, residual_arrays
         from awescli.tracing.flight import trace_flight
 
         log, parts = flight_parts(context)
+        known_channels(log, config.outputs or (), "trace-residual.outputs")
         declared = read_kite(context.kite)
         identified = read_kite(context.upstream("identify") / KITE_FILE)
         task = context.progress.task("tracing the residual")
