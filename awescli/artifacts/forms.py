@@ -2,13 +2,27 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Text = str
 Numbers = dict[str, Number]
+
+
+def _with_mean(errors: dict[str, float]) -> dict[str, float]:
+    if "mean" not in errors:
+        raise ValueError("'mean' is missing")
+    return errors
+
+
+Word = Annotated[str, Field(pattern="^[A-Za-z0-9_]+$")]
+"""A name that also becomes part of a file's name."""
+Channels = Annotated[Numbers, AfterValidator(_with_mean)]
+"""Channel -> NRMSE, and their `mean`."""
+Horizon = Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?$")]
+"""Seconds ahead, as a key."""
 
 
 class _Form(BaseModel):
@@ -89,7 +103,7 @@ class ControllerFit(Metrics):
 
     kind: Text = ""
     nonzeros: int = 0
-    surfaces: list[Text] = []
+    surfaces: list[Word] = []
     features: Chosen = Chosen()
     delay: Delay | None = None
     nrmse: dict[str, dict[str, Number | None]] = {}
@@ -114,7 +128,7 @@ class Validated(_Form):
 
 
 class Compared(_Form):
-    test: dict[str, Numbers] = {}
+    test: dict[str, Channels] = {}
 
 
 class Training(Metrics):
@@ -139,24 +153,22 @@ class OwnWind(_Form):
 class Flown(_Form):
     """metrics.json of simulate."""
 
-    outcome: Text
+    outcome: Literal["flew_on", "departed"]
     start_s: Number
     survived_s: Number
     asked_s: Number
-    model: Text
-    surfaces: Text
+    model: Literal["initial", "identified", "with_effects", "hybrid"]
+    surfaces: Literal["controller", "recorded", "path_following"]
     effects: dict[str, dict[str, Number]]
     wind: OwnWind
-    nrmse: dict[str, Numbers]
-    path_error_m: Numbers
+    nrmse: dict[Horizon, Channels]
+    path_error_m: dict[Horizon, Number]
 
-
-class Scored(_Form):
-    test: dict[str, Number | None]
-
-
-class OfModel(_Form):
-    nrmse: Scored
+    @model_validator(mode="after")
+    def _alike(self):
+        if self.nrmse.keys() != self.path_error_m.keys():
+            raise ValueError("nrmse and path_error_m are of different times")
+        return self
 
 
 class Row(_Form):
@@ -233,9 +245,15 @@ class Errors(_Form):
     """Channel -> NRMSE before, after, and of noise alone, of the same channels."""
 
     horizon_s: Number
-    before: Numbers
-    after: Numbers
-    noise_floor: Numbers
+    before: Channels
+    after: Channels
+    noise_floor: Channels
+
+    @model_validator(mode="after")
+    def _alike(self):
+        if not self.before.keys() == self.after.keys() == self.noise_floor.keys():
+            raise ValueError("before, after and noise_floor are of different channels")
+        return self
 
 
 class BeforeAfter(_Form):
@@ -255,8 +273,8 @@ class RollGusts(_Form):
 class Effects(_Form):
     """effects.json."""
 
-    verdict: Text
-    sentence: Text = ""
+    verdict: Literal["none", "found", "cannot_tell", "unexplained", "not_deterministic", "not_testable"]
+    sentence: Text
     effects: list[Effect]
     ranking: list[Candidate]
     unexplained: Unexplained | None
@@ -284,7 +302,7 @@ class Controller(_Form):
     """controller.json."""
 
     kind: Text
-    surfaces: list[Text]
+    surfaces: list[Word]
     features: list[Text]
     centre: list[Number]
     scale: list[Number]
