@@ -253,3 +253,23 @@ def test_two_runs_in_one_folder(folder):
     with locked(folder / "out"):
         result = awes("run")
     assert result.exit_code == 2 and "another awes" in result.stderr
+
+
+def test_control_characters_of_files_do_not_reach_the_terminal(folder):
+    """A column's name could colour the screen, set its title or overwrite what stands there."""
+    evil = "\x1b[31m\x1b]0;owned\x07\r\x9b2J\u202egnp.txt"
+    (folder / "flight" / "kite.csv").write_text(f"epoch_ms,{evil}\n1,2\n")
+    (folder / "kite.yaml").write_text("name: x\n")
+    result = awes("check")
+    assert result.exit_code == 2 and "\\x1b[31m" in result.stderr and "\\u202e" in result.stderr
+    for text in (result.stderr, result.stdout):
+        assert not [c for c in text if not (c.isprintable() or c in "\n\t")]
+
+
+def test_a_path_that_is_no_text_is_shown_nevertheless(folder):
+    """A file's name of bytes that are no UTF-8: printing it used to be a fault of awes."""
+    (folder / "empty").mkdir()
+    (folder / "empty" / os.fsdecode(b"\xff.txt")).write_text("x")
+    (folder / "kite.yaml").write_text("name: x\n")
+    result = awes("check", "--set", "flight=empty")
+    assert result.exit_code == 2 and "there is: \\udcff.txt" in result.stderr
