@@ -14,8 +14,8 @@ from awescli.notation.errors import BadInput, did_you_mean
 FAR = 7200.0
 """s between flight and the nearest weather sample: beyond, it is the weather of another flight."""
 
-MAX_CELLS = 20_000_000
-"""times x heights of a profile: more is a file whose height column is no height."""
+MAX_CELLS = 2_000_000
+"""times x heights of a profile: three hours of a lidar at 1 Hz and 100 heights have half of it; more is a height column of no heights."""
 
 
 def read_wind(path: Path, start: float, flight: tuple[float, float], station_height: float) -> tuple[WindRecord, list[str]]:

@@ -18,6 +18,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
+from awescli.notation.regular_files import open_regular
 from awescli.notation.yaml_text import MAX_CHARACTERS, MAX_DEPTH, Loc, parse_yaml
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -125,13 +126,11 @@ class Document:
 def _read_text(path: Path) -> str:
     """The file's text, or what is wrong with the file."""
     try:
-        with open(path, "rb") as file:
+        with open_regular(path) as file:
             raw = file.read(4 * MAX_CHARACTERS + 1)
         return raw.decode("utf-8")
     except FileNotFoundError:
         raise BadInput("there is no such file", str(path), "Check the path; `awes init DIR` writes a plan to start from.") from None
-    except IsADirectoryError:
-        raise BadInput("this is a folder, a YAML file is needed", str(path), "Name the file inside it.") from None
     except UnicodeDecodeError as e:
         if len(raw) > 4 * MAX_CHARACTERS:
             raise BadInput("this is too large for a settings file", str(path), "Is this the file you meant?") from None

@@ -32,6 +32,7 @@ def open_regular(path: Path, most: int | None = None) -> BinaryIO:
 def _refuse(found: os.stat_result, path: Path, most: int | None) -> None:
     if not stat.S_ISREG(found.st_mode):
         kind = KINDS.get(stat.S_IFMT(found.st_mode), "no regular file")
-        raise BadInput(f"this is {kind}, a file is needed", str(path), "Name the file itself.")
+        do = "Name the file inside it." if stat.S_ISDIR(found.st_mode) else "Name the file itself."
+        raise BadInput(f"this is {kind}, a file is needed", str(path), do)
     if most is not None and found.st_size > most:
         raise BadInput(f"{found.st_size / 1e6:.0f} MB are too much (limit {most / 1e6:.0f} MB)", str(path), "Is this the file you meant?")
