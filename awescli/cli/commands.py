@@ -70,8 +70,8 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     from awescli.engine.object_cache import why_unused
     from awescli.flightlog.quality import data_quality
     from awescli.flightlog.read import read_flight
-    from awescli.physics.admissible import doubts
     from awescli.physics.declaration import read_kite
+    from awescli.physics.doubts import doubts
     from awescli.stages.plan import read_plan
 
     plan = read_plan(file, stages, _overrides(settings))
@@ -83,7 +83,7 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     try:
         kite = read_kite(plan.kite)
         screen.line(f"kite    {plan.kite}: good")
-        for doubt in doubts(kite.model_dump()):
+        for doubt in doubts(kite):
             screen.line(f"        but {doubt}")
     except BadInput as e:
         errors.append(e)

@@ -46,8 +46,8 @@ LONGEST_NAME, LONGEST_UNIT = 120, 30
 """Characters; an empirical term of four factors has 40."""
 MOST_FACTORS, HIGHEST_DEGREE = 8, 12
 """Of a monomial: each factor costs work in every step of every rollout."""
-ROUNDING = 1e-9
-"""Share by which an inertia may miss a rigid body's."""
+MEASURED = 0.05
+"""Share by which an inertia may miss the triangle inequality: swings measure it to some per cent (that of UMN's Thor misses by 0.5 %)."""
 
 
 def mistakes(data: Any, where: Where) -> list[BadInput]:
@@ -60,13 +60,6 @@ def mistakes(data: Any, where: Where) -> list[BadInput]:
         *_surfaces(_mapping(data.get("surfaces")), where), *_effects(data.get("effects"), where),
         *_monomials(data.get("aerodynamics"), where), *_constraints(data.get("constraints"), rows, where),
     ]  # fmt: skip
-
-
-def doubts(data: Mapping[str, Any]) -> list[str]:
-    """What is worth a sentence and no mistake: values that no rigid body has, within bounds that allow one."""
-    rows = {str(n): row for n, row in _mapping(data.get("parameters")).items() if isinstance(row, dict)}
-    held = {name: (value, value) for name in INERTIA if (value := _number(_of(rows, name, "value"))) is not None}
-    return [f"{why} as declared; the bounds allow it, and a fit may mend it" for why in _not_rigid(held)]
 
 
 def _mapping(data: Any) -> Mapping[Any, Any]:
@@ -136,14 +129,14 @@ def _inertia(rows: Mapping[str, Mapping], where: Where) -> Iterator[BadInput]:
         free = _of(rows, name, "free") is True
         lower, upper = (_number(_of(rows, name, key)) for key in ("lower", "upper"))
         ranges[name] = ((-math.inf if lower is None else lower), (math.inf if upper is None else upper)) if free else (value, value)
-    for why in _not_rigid(ranges):
-        do = "Correct the inertia (Jxz is the product of inertia, with the sign of its definition in the equations of motion)."
+    for why in not_rigid(ranges):
+        do = "Correct Jx, Jy, Jz, or the product of inertia Jxz."
         yield BadInput(
             f"{why}, whatever the bounds allow" if any(a < b for a, b in ranges.values()) else why, where("parameters", "Jx"), do
         )
 
 
-def _not_rigid(ranges: Mapping[str, tuple[float, float]]) -> Iterator[str]:
+def not_rigid(ranges: Mapping[str, tuple[float, float]]) -> Iterator[str]:
     """Which condition of a rigid body, symmetric about its x-z plane, no inertia within the ranges meets.
 
     Positive definite: Jx Jz > Jxz^2. Triangle inequality of the principal moments (Jx + Jz)/2 +- sqrt(((Jz - Jx)/2)^2 + Jxz^2) and Jy:
@@ -157,9 +150,9 @@ def _not_rigid(ranges: Mapping[str, tuple[float, float]]) -> Iterator[str]:
     least = math.hypot(apart, 2 * product)
     if Jx * Jz <= product**2:
         yield f"the inertia is not positive definite: Jx Jz = {Jx * Jz:g} is not above Jxz^2 = {product**2:g}"
-    elif (Jx + Jz) * (1 + ROUNDING) < Jy_low:
+    elif (Jx + Jz) * (1 + MEASURED) < Jy_low:
         yield f"no rigid body has this inertia: Jx + Jz = {Jx + Jz:g} is below Jy = {Jy_low:g}"
-    elif Jy * (1 + ROUNDING) < least:
+    elif Jy * (1 + MEASURED) < least:
         yield f"no rigid body has this inertia: Jy = {Jy:g} is below sqrt((Jz - Jx)^2 + 4 Jxz^2) = {least:g} (triangle inequality)"
 
 

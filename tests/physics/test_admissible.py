@@ -12,8 +12,9 @@ from kites import DEVELOPMENT, ROOT
 
 from awescli.notation.constraints import contradiction, parse_constraint
 from awescli.notation.errors import BadInput
-from awescli.physics.admissible import INERTIA, _not_rigid, doubts
+from awescli.physics.admissible import INERTIA, MEASURED, not_rigid
 from awescli.physics.declaration import kite_text, read_kite
+from awescli.physics.doubts import doubts
 
 TEXT = kite_text(DEVELOPMENT)
 
@@ -123,7 +124,8 @@ def test_all_mistakes_of_a_file_are_told_together(tmp_path):
 def test_published_kites_are_admissible(file):
     """KM1's published inertia is no rigid body's; its bounds hold some that are, so this is a doubt and no mistake."""
     declaration = read_kite(file)
-    assert bool(doubts(declaration.model_dump())) == (file.stem != "ap2")
+    # the development kite misses by 3 %, which is what a measurement may
+    assert [d.split(":")[0] for d in doubts(declaration)] == (["no rigid body has this inertia"] if file.stem.startswith("km1") else [])
 
 
 def test_only_what_is_declared_is_looked_at(tmp_path):
@@ -148,7 +150,7 @@ def test_the_inertia_of_any_body_is_admissible(points, mass):
     J = {"Jx": y**2 + z**2, "Jy": x**2 + z**2, "Jz": x**2 + y**2, "Jxz": x * z}
     values = {name: float(mass * term.sum()) for name, term in J.items()}
     if min(values[n] for n in ("Jx", "Jy", "Jz")) > 1e-3 and values["Jx"] * values["Jz"] > (1 + 1e-6) * values["Jxz"] ** 2:
-        assert list(_not_rigid({name: (values[name], values[name]) for name in INERTIA})) == []
+        assert list(not_rigid({name: (values[name], values[name]) for name in INERTIA})) == []
 
 
 @given(st.tuples(*[st.floats(1.0, 100.0)] * 3), st.floats(-50, 50))
@@ -157,10 +159,33 @@ def test_what_passes_has_a_second_moment_that_is_no_negative_mass(moments, produ
     Jx, Jy, Jz = moments
     J = np.array([[Jx, 0, -product], [0, Jy, 0], [-product, 0, Jz]])
     second = np.trace(J) / 2 * np.eye(3) - J
-    fine = not list(_not_rigid(dict(zip(INERTIA, [(v, v) for v in (Jx, Jy, Jz, product)], strict=True))))
+    fine = not list(not_rigid(dict(zip(INERTIA, [(v, v) for v in (Jx, Jy, Jz, product)], strict=True))))
     least = min(np.linalg.eigvalsh(J).min(), np.linalg.eigvalsh(second).min())
-    if abs(least) > 1e-6:
-        assert fine == (least > 0)
+    if least > 1e-6:
+        assert fine
+    if least < -2 * MEASURED * max(moments):
+        assert not fine
+
+
+SLIPS = {
+    "chord in mm": ({"c": 405.0}, "are all three in metres"),
+    "mass in g": ({"m": 50_000.0}, "is m in kg"),
+    "inertia in kg cm2": ({"Jy": 248_000.0}, "is it in kg m2"),
+    "inertia a digit short by a million": ({"Jz": 6.9e-5}, "is it in kg m2"),
+    "roll damping": ({"Clp": 0.59}, "rolling is driven on"),
+    "pitch damping": ({"Cmq": 15.2}, "pitching is driven on"),
+    "yaw damping": ({"Cnr": 0.113}, "yawing is driven on"),
+    "lift slope": ({"CLa": -5.7}, "lift falls"),
+    "drag": ({"CD0": -0.09}, "drag pushes"),
+}
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_slips_of_units_and_signs_are_said(slip):
+    values, says = SLIPS[slip]
+    rows = {n: r.model_copy(update={"value": values.get(n, r.value)}) for n, r in DEVELOPMENT.parameters.items()}
+    told = doubts(DEVELOPMENT.model_copy(update={"parameters": rows}))
+    assert any(says in sentence for sentence in told), told
 
 
 @given(st.data())
