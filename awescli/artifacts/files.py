@@ -12,7 +12,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from awescli.artifacts.form_check import versioned, without_version, wrong_with
+from awescli.artifacts.form_check import versioned, without_version, wrong_arrays, wrong_with
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.notation.regular_files import open_regular
 
@@ -210,6 +210,8 @@ def read_arrays(path: Path, made_by: str = "") -> dict[str, Any]:
                 arrays[info.filename.removesuffix(".npy")] = _read_member(np, member)
     except (ValueError, KeyError, EOFError, OSError, RuntimeError, NotImplementedError, SyntaxError, zipfile.BadZipFile, zlib.error) as e:
         raise _corrupt(path, made_by, f"not readable as npz: {e}") from None
+    if wrong := wrong_arrays(Path(path).name, arrays):
+        raise _corrupt(path, made_by, wrong)
     return arrays
 
 

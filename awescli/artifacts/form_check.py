@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from awescli.artifacts.forms import FORMS
+from awescli.artifacts.forms import ARRAYS, FORMS
 
 VERSION = "version"
 """Key of the form's version in the file; readers never see it."""
@@ -38,6 +38,22 @@ def wrong_with(stage: str, name: str, content: Any) -> str:
         told = [_say(error) for error in e.errors(include_url=False, include_context=False)]
         more = f"; and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
         return f"not as awes writes it: {'; '.join(told[:MOST_TOLD])}{more}"
+    return ""
+
+
+def wrong_arrays(name: str, arrays: Mapping[str, Any]) -> str:
+    """What is wrong with the arrays of the file `name`; empty where they are of the sizes that their readers need, or no form is known."""
+    for array, form in ARRAYS.get(name, {}).items():
+        found = {n: a for n, a in arrays.items() if n == array or (array.endswith("*") and n.startswith(array[:-1]))}
+        if not found and not array.endswith("*"):
+            return f"not as awes writes it: '{array}' is missing"
+        for n, a in found.items():
+            if a.dtype.kind not in "fiu" or a.ndim != len(form):
+                return f"not as awes writes it: '{n}' has {a.ndim} axes of type {a.dtype}, expected {len(form)} of numbers"
+            for have, (other, most) in zip(a.shape, form, strict=True):
+                size = other if isinstance(other, int) else len(arrays[other])
+                if have > size or (have < size and not most):
+                    return f"not as awes writes it: '{n}' has the shape {a.shape}"
     return ""
 
 

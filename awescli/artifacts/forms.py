@@ -335,3 +335,15 @@ FORMS: Mapping[str, Form] = {
     "simulate/metrics.json": Form(Flown),
 }
 """File, with its stage where stages differ -> its form."""
+
+_ANY = (1 << 40, True)
+_PATH = {f"{which}_{axis}": ((("time", which == "measured"),)) for which in ("simulated", "measured") for axis in ("p_n", "p_e", "p_d")}
+ARRAYS: Mapping[str, Mapping[str, tuple[tuple[int | str, bool], ...]]] = {
+    "trajectory.npz": {"time": (_ANY,), **_PATH, "simulated_*": (("time", False),), "measured_*": (("time", True),)},
+    "correction.npz": {"time": (_ANY,), "correction": (("time", False), (6, False))},
+    "residuals.npz": {
+        "time": (_ANY,), "test_first": (_ANY,),
+        "test_before_*": (("test_first", False), ("time", False)), "test_after_*": (("test_first", False), ("time", False)),
+    },
+}  # fmt: skip
+"""File -> array, or all whose names begin so -> its axes: (length, or the array that is as long; whether it may be shorter)."""

@@ -17,8 +17,10 @@ SIGNS = (
     ("Cl", "p_hat", -1, "rolling is driven on instead of damped"), ("Cm", "q_hat", -1, "pitching is driven on instead of damped"),
     ("Cn", "r_hat", -1, "yawing is driven on instead of damped"), ("CL", "alpha", 1, "lift falls with the angle of attack"),
     ("CZ", "alpha", -1, "lift falls with the angle of attack"), ("CD", "1", 1, "drag pushes"), ("CX", "1", -1, "drag pushes"),
+    ("CY", "beta", -1, "the side force pulls into the sideslip"), ("Cm", "alpha", -1, "it is unstable in pitch"),
+    ("Cn", "beta", 1, "it is unstable in yaw"),
 )  # fmt: skip
-"""Coefficient, monomial, sign that it has on every aircraft (Beard & McLain, ch. 4), and what the other one means."""
+"""Coefficient, monomial, sign that it has on nearly every aircraft (Beard & McLain, ch. 4), and what the other one means."""
 
 
 def doubts(declaration: KiteDeclaration) -> list[str]:

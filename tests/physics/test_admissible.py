@@ -177,6 +177,7 @@ SLIPS = {
     "yaw damping": ({"Cnr": 0.113}, "yawing is driven on"),
     "lift slope": ({"CLa": -5.7}, "lift falls"),
     "drag": ({"CD0": -0.09}, "drag pushes"),
+    "weathercock": ({"Cnb": -0.056}, "unstable in yaw"),
 }
 
 
