@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
+Spread = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+"""A standard deviation."""
 Text = str
 Numbers = dict[str, Number]
 
@@ -175,7 +177,7 @@ class Row(_Form):
     """One parameter of params.json."""
 
     value: Number
-    std: Number
+    std: Spread
     unit: Text
     prior: Number
     prior_std: Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -206,7 +208,7 @@ class Params(_Form):
 
 class Size(_Form):
     value: Number
-    std: Number | None
+    std: Spread | None
     unit: Text
 
 

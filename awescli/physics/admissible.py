@@ -148,8 +148,8 @@ def not_rigid(ranges: Mapping[str, tuple[float, float]]) -> Iterator[str]:
     product = 0.0 if product_low <= 0 <= product_high else min(abs(product_low), abs(product_high))
     apart = max(Jx_low - Jz, Jz_low - Jx, 0.0)
     least = math.hypot(apart, 2 * product)
-    if Jx * Jz <= product**2:
-        yield f"the inertia is not positive definite: Jx Jz = {Jx * Jz:g} is not above Jxz^2 = {product**2:g}"
+    if Jx * Jz <= product * product:
+        yield f"the inertia is not positive definite: Jx Jz = {Jx * Jz:g} is not above Jxz^2 = {product * product:g}"
     elif (Jx + Jz) * (1 + MEASURED) < Jy_low:
         yield f"no rigid body has this inertia: Jx + Jz = {Jx + Jz:g} is below Jy = {Jy_low:g}"
     elif Jy * (1 + MEASURED) < least:

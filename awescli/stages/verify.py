@@ -44,7 +44,7 @@ def _of_stage(run: Path, name: str, now: Mapping[str, str], stages: Sequence[str
             yield f"{run / name / artifact}: {'changed since it was written' if artifact in now else 'missing'}"
     yield from (f"{run / name / artifact}: not one of the stage's artifacts" for artifact in now if artifact not in kept["artifacts"])
     for key, digest in kept["stamp"]["inputs"].items():
-        path = Path(str(kept["paths"].get(key)))
+        path = Path(str(kept.get("paths", {}).get(key)))
         if not path.exists():
             yield f"{path}: the {key} that {name} was made from is not there"
             continue
