@@ -273,3 +273,15 @@ def test_a_path_that_is_no_text_is_shown_nevertheless(folder):
     (folder / "kite.yaml").write_text("name: x\n")
     result = awes("check", "--set", "flight=empty")
     assert result.exit_code == 2 and "there is: \\udcff.txt" in result.stderr
+
+
+@pytest.mark.parametrize("where", ["build_app", "commands"])
+def test_ctrl_c_before_a_command_begins_leaves_no_traceback(where):
+    """While commands are built, and while one reads its options: a kill campaign found a traceback there."""
+    patched = {
+        "build_app": "app.build_app = lambda stages: os.kill(os.getpid(), signal.SIGINT)",
+        "commands": "commands.check = None; app.shell = lambda *a: os.kill(os.getpid(), signal.SIGINT)",
+    }[where]
+    code = f"import os, signal, sys; from awescli.cli import app, commands, main; {patched}; sys.argv = ['awes', 'check']; main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
