@@ -141,7 +141,7 @@ def table() -> str:
     """The newest result of every target."""
     from awescli.artifacts import read_json
 
-    results = [read_json(file) for name in TARGETS if (file := RESULTS / f"{name}.json").is_file()]
+    results = [read_json(file, any_form=True) for name in TARGETS if (file := RESULTS / f"{name}.json").is_file()]
     lines = [
         "# Fuzzing", "", f"`python benchmarks/fuzz.py`: {sum(r['inputs'] for r in results)} inputs.", "",
         "| target | inputs | branches reached: by the seeds -> at the end | peak memory [MB] | ended by |", "|---|---|---|---|---|",

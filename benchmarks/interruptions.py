@@ -78,6 +78,7 @@ class Forked:
         self.said = [tempfile.TemporaryFile("w+"), tempfile.TemporaryFile("w+")]
         self.pid, self.code = os.fork(), None
         if self.pid == 0:
+            signal.signal(signal.SIGINT, lambda number, frame: os._exit(130))  # what comes before awes is no part of it
             os.chdir(folder)
             for stream, file in zip((1, 2), self.said, strict=True):
                 os.dup2(file.fileno(), stream)
@@ -90,6 +91,7 @@ class Forked:
                 from awescli.cli import main
 
                 threadpool_limits(limits=threads, user_api="blas")
+                signal.signal(signal.SIGINT, signal.default_int_handler)
                 main()
             except SystemExit as e:
                 code = e.code or 0

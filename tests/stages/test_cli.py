@@ -267,7 +267,7 @@ def test_control_characters_of_files_do_not_reach_the_terminal(folder):
 
 
 def test_a_path_that_is_no_text_is_shown_nevertheless(folder):
-    """A file's name of bytes that are no UTF-8: printing it used to be a fault of awes."""
+    """A file's name of bytes that are no UTF-8."""
     (folder / "empty").mkdir()
     (folder / "empty" / os.fsdecode(b"\xff.txt")).write_text("x")
     (folder / "kite.yaml").write_text("name: x\n")
