@@ -121,7 +121,7 @@ def staged_folder(folder: Path) -> Iterator[Path]:
         yield partial
         refuse_foreign(folder)  # the block may have taken hours
         try:
-            write_text(partial / MARK, json.dumps({"made_by": "awes", "files": _all_in(partial)}, indent=1) + "\n")
+            _mark(partial, _all_in(partial))
             _carry_over(folder, partial)
             sync_folder(partial)
             _put_in_place(partial, folder)
@@ -275,8 +275,26 @@ def remove(path: Path) -> None:
 
 
 def copy_files(source: Path, folder: Path) -> int:
-    """Every file of `source` copied into a folder of the user's, beside what may lie there; how many."""
-    files = sorted(p for p in source.iterdir() if p.is_file())
+    """Every file of `source` copied into a folder of the user's, beside what may lie there; how many.
+
+    Raises BadInput where that would replace a file that is neither an earlier copy (they are marked) nor the same.
+    """
+    files = sorted(p for p in source.iterdir() if p.is_file() and p.name != MARK)
+    made = _made(folder) or set()
+    others = [p.name for p in files if p.name not in made and os.path.lexists(folder / p.name) and not _same(p, folder / p.name)]
+    if others:
+        what = f"awes did not make {', '.join(others[:5])}{', ...' if len(others) > 5 else ''}, and would replace {len(others)} files"
+        raise BadInput(what, str(folder), "Move them away, or name another folder.")
     for file in files:
         copy_file(file, folder / file.name)
+    _mark(folder, sorted(made - {MARK, PROVENANCE} | {p.name for p in files}))
     return len(files)
+
+
+def _same(a: Path, b: Path) -> bool:
+    return b.is_file() and not b.is_symlink() and a.read_bytes() == b.read_bytes()
+
+
+def _mark(folder: Path, names: list[str]) -> None:
+    """Say in a folder which of its files awes made."""
+    write_text(folder / MARK, json.dumps({"made_by": "awes", "files": names}, indent=1) + "\n")

@@ -45,9 +45,14 @@ def test_figures_go_where_the_user_wants_them(folder):
     for status in ("done in", "skipped, unchanged"):
         result = awes("evaluate", "--figures", "paper")
         assert result.exit_code == 0 and f"evaluate: {status}" in result.stdout and "figures: 1 files in paper" in result.stdout
-        assert sorted(p.name for p in (folder / "paper").iterdir()) == ["mine.tex", "one.png"]
-        (folder / "paper" / "one.png").unlink()
+        assert sorted(p.name for p in (folder / "paper").iterdir()) == [".made-by-awes", "mine.tex", "one.png"]
+        (folder / "paper" / "one.png").write_bytes(b"an earlier copy, which awes may replace")
     assert "files in" not in awes("evaluate", "--figures", "paper", "--dry-run").stdout
+    (folder / "own").mkdir()
+    (folder / "own" / "one.png").write_text("the user's own")
+    result = awes("evaluate", "--figures", "own")
+    assert result.exit_code == 2 and "own: awes did not make one.png" in result.stderr
+    assert (folder / "own" / "one.png").read_text() == "the user's own"
     result = awes("evaluate", "--figures", "kite.yaml")
     assert result.exit_code == 2 and "--figures kite.yaml: is a file, a folder is needed" in result.stderr
 
