@@ -87,8 +87,12 @@ def describe(fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str
 
 
 def _correlation(covariance: np.ndarray) -> np.ndarray:
-    std = np.sqrt(np.diag(covariance))
-    return covariance / np.outer(std, std) if len(std) else np.zeros((0, 0))
+    """Correlations; of a parameter that equalities leave no freedom none with any other."""
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    both = np.outer(std, std)
+    correlation = np.divide(covariance, both, out=np.zeros_like(both), where=both > 0)
+    np.fill_diagonal(correlation, 1.0)
+    return correlation
 
 
 def _constraints(fit: JointFit) -> list[dict]:

@@ -150,6 +150,8 @@ def white_noise(signal: np.ndarray, valid: np.ndarray | None = None, order: int 
 
     Differences of order n of white noise have the variance C(2n, n). The median keeps jumps (wraps, gaps) out of it.
     """
+    if signal.size <= order:
+        return None
     difference = np.diff(signal, order)
     if valid is not None:
         bad = np.convolve(~valid, np.ones(order + 1), "valid") > 0

@@ -27,6 +27,9 @@ INDISPENSABLE = (*MEASURED[:12], *SURFACES)
 MAX_STRETCH = 20
 """A grid with more points than this per sample is a wrong clock, not a log with gaps (and would fill the memory)."""
 
+MAX_VALUES = 60_000_000
+"""Points of a grid times signals: six hours at 100 Hz with 27 signals, half a gigabyte."""
+
 
 @dataclass(frozen=True)
 class RawFlight:
@@ -84,6 +87,9 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
             raw.where,
             "Check the unit of the time column; cut the log into its flights.",
         )
+    if count * len(raw.signals) > MAX_VALUES:
+        what = f"{len(raw.signals)} signals at {count} points of {dt:g} s are too many (limit {MAX_VALUES} values)"
+        raise BadInput(what, raw.where, "Cut the log into its flights.")
     origin, time = stamps[0], np.arange(count) * dt
     max_gap = max(max_gap, 1.5 * dt)
     between = _place(time, stamps - origin, dt, max_gap)

@@ -134,8 +134,9 @@ def over_time(evidence: Evidence) -> Body:
 def scores(evidence: Evidence) -> str:
     """Error of the one long simulation against how long it has flown."""
     f = evidence.flown
+    away = f["path_error_m"]
     rows = [
-        (Cell(f"{h} s", float(h)), Cell(percent(block["mean"]), block["mean"]), Cell(number(f["path_error_m"][h]), f["path_error_m"][h]))
+        (Cell(f"{esc(h)} s", float(h)), Cell(percent(block["mean"]), block["mean"]), Cell(number(away[h]), away[h]))
         for h, block in f["nrmse"].items()
     ]
     head = ("after", "mean NRMSE of the 12 states", "RMS distance from the measured path [m]")

@@ -119,7 +119,7 @@ def _error(evidence: Evidence) -> str:
 
 def _effect(evidence: Evidence, effect: dict) -> str:
     name = esc(effect_words(effect["name"], effect.get("acts_on", "")))
-    sizes = ", ".join(f"{esc(k)} = {with_std(p['value'], p['std'], p['unit'])}" for k, p in effect["parameters"].items())
+    sizes = ", ".join(f"{esc(k)} = {esc(with_std(p['value'], p['std'], p['unit']))}" for k, p in effect["parameters"].items())
     rivals = [effect_words(r["name"], r.get("acts_on", "")) for r in effect["rivals"]]
     against = f" Not to be told from {esc(listed(rivals))} on this flight; {link('next', 'what would separate them')}." if rivals else ""
     doc = f" ({esc(effect['doc'])})" if effect.get("doc") else ""
@@ -199,7 +199,7 @@ def _flown(evidence: Evidence) -> str:
         return ""
     who = {"controller": "with the fitted controller", "recorded": "on the recorded set-points"}.get(f["surfaces"], "on a built-in law")
     far = list((f.get("path_error_m") or {}).items())
-    near = f", {number(far[-1][1])} m (RMS) from the measured path over {far[-1][0]} s" if far else ""
+    near = f", {number(far[-1][1])} m (RMS) from the measured path over {esc(far[-1][0])} s" if far else ""
     held = f"{link('fig-3d-flown', number(f['survived_s']) + ' s')} of {number(f['asked_s'])} s"
     return f"Flown on its own {who}, the model ({esc(evidence.label(evidence.same_as(f['model'])))}) holds for {held}{near}."
 

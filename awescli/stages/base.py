@@ -38,9 +38,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from awescli.notation.errors import BadInput
 
@@ -48,10 +48,24 @@ KITE_FILE = "kite.yaml"
 """The artifact by which a stage hands on a model: the kite's declaration with new values or effects."""
 
 
+def _once(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names that each stand there once."""
+    if twice := [name for i, name in enumerate(names) if name in names[:i]]:
+        raise ValueError(f"'{twice[0]}' is there twice")
+    return names
+
+
+Names = Annotated[tuple[str, ...], AfterValidator(_once), Field(min_length=1, max_length=1000)]
+"""Names of channels, features, candidates: at least one, none twice."""
+Seconds = Annotated[float, Field(ge=0.05, le=600)]
+"""A time ahead [s]: longer than some samples, shorter than a flight."""
+
+
 class StageConfig(BaseModel):
     """Base of every stage's settings. Every field has a default and a description (they become `awes init` and `--help`);
     what cannot be allowed is said by gt/ge/lt/le/Literal, or by a validator that raises ValueError. A field of type Path is
-    relative to the plan's folder, and its content counts as an input."""
+    relative to the plan's folder, and its content counts as an input: of a field called `flight` that of all files that are read as
+    this flight."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

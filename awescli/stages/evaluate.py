@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from awescli.stages.answers import ANSWER, number
-from awescli.stages.base import Need, Stage, StageConfig
+from awescli.stages.base import Need, Seconds, Stage, StageConfig
 
 SHOWN = ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
 """Channels in the terminal's table; `mean` is that of the 12 states."""
@@ -13,7 +13,7 @@ class EvaluateConfig(StageConfig):
     """Settings of evaluate."""
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
-    horizons: tuple[float, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
+    horizons: tuple[Seconds, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
     report: bool = Field(True, description="write report.html, one self-contained page")
     figures: bool = Field(False, description="write every figure of the page as PNG and SVG, and the data behind it as CSV")
 

@@ -59,4 +59,3 @@ def score_parts(simulator, log, parts, horizon: float) -> dict:
         diverged[part] = prediction.diverged
     # of the last part, which is test
     return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged, "noise_floor": prediction.noise_floor()}
-

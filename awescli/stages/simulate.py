@@ -37,7 +37,7 @@ class SimulateConfig(StageConfig):
     start: float | None = Field(
         None, ge=0, description="where in the flight it sets out [s]; default where the longest test stretch begins"
     )
-    duration: float = Field(60.0, gt=0, le=3600, description="how long it flies [s]; beyond the log, winch and wind go on as they were")
+    duration: float = Field(60.0, ge=0.5, le=3600, description="how long it flies [s]; beyond the log, winch and wind go on as they were")
     noise: bool = Field(True, description="add the kite file's sensor noise to the written log")
     seed: int | None = Field(None, ge=0, description="seed of noise and turbulence; default the plan's")
     step: float = Field(0.01, ge=1e-4, le=0.02, description="longest step of the integration [s]")

@@ -116,6 +116,7 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
         "history": {"columns": ["train", "validation_last_horizon", "evaluations"],
                     "rows": [[1.0, 1.0, 10], [0.5, 0.6, 20], [0.4, 0.5, 5]]},
     }  # fmt: skip
+    network = {"format": "awes correction 1", "inputs": [f"u{evil}"], "hidden": [8, 8], "width": 0.3, "fingerprint": "ab" * 32}
     flown = {
         "outcome": "flew_on", "survived_s": 30.0, "asked_s": 30.0, "start_s": 56.0, "unseen_s": 8.0, "model": models[-1],
         "surfaces": "controller",
@@ -141,7 +142,7 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
         commanded={"rudder": log["rudder"] + 0.001}, identify={"outcome": "converged", "chi2": 1.1, "gust_m_s": 0.0},
         params={"parameters": {f"Ca{evil}": row}}, traced_params={"parameters": {f"lag{evil}.tau": row}},
         effects=effects, residuals=residuals,
-        hybrid=trained if hybrid else None, network={"inputs": [f"u{evil}"], "hidden": [8, 8]} if hybrid else None,
+        hybrid=trained if hybrid else None, network=network if hybrid else None,
         correction=correction if hybrid else None, flown=flown, trajectory=trajectory,
         provenance={"identify": {
             "timing": {"started": "2026-01-01", "duration_s": 2.0},

@@ -1,5 +1,7 @@
 """The page: whole, self-contained, safe against names from users' files, and there even where stages are not."""
 
+import base64
+import hashlib
 import json
 import re
 from dataclasses import replace
@@ -11,6 +13,8 @@ import pytest
 from plotly.offline import get_plotlyjs
 from report.small_evidence import evidence
 
+from awescli.artifacts.form_check import wrong_with
+from awescli.artifacts.forms import FORMS
 from awescli.flightlog.ranges import loop_ranges, part_ranges, ranges_check
 from awescli.report.html import SECTIONS, page
 from awescli.report.words import number, percent, times, with_std
@@ -97,6 +101,88 @@ def test_names_from_files_stay_text():
     # in figures, where plotly.js reads marks in texts
     shown = [t for d in reader.documents() if isinstance(d, dict) for t in texts(d, "meta")]
     assert not [t for t in shown if re.search(r"<(?!br>|extra>|/extra>)", t)]
+
+
+DOCUMENTS = {
+    "controller": ("fit-controller", "metrics.json"), "identify": ("identify", "metrics.json"), "params": ("identify", "params.json"),
+    "effects": ("trace-residual", "effects.json"), "hybrid": ("train-hybrid", "metrics.json"), "network": ("train-hybrid", "network.json"),
+    "flown": ("simulate", "metrics.json"), "provenance": ("", ""), "versions": ("", ""),
+}  # fmt: skip
+
+
+def places(obj, way=()):
+    """(way, "key" or "value") of every text in a document."""
+    for key, value in obj.items() if isinstance(obj, dict) else enumerate(obj) if isinstance(obj, list) else ():
+        if isinstance(obj, dict):
+            yield (*way, key), "key"
+        if isinstance(value, str) or value is None:
+            yield (*way, key), "value"
+        yield from places(value, (*way, key))
+
+
+def with_text(obj, way, kind, text):
+    """The same document with another text at one place."""
+    if not way:
+        return text
+    if isinstance(obj, list):
+        return [with_text(v, way[1:], kind, text) if i == way[0] else v for i, v in enumerate(obj)]
+    if len(way) == 1 and kind == "key":
+        return {text if k == way[0] else k: v for k, v in obj.items()}
+    return {k: with_text(v, way[1:], kind, text) if k == way[0] else v for k, v in obj.items()}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_no_text_of_any_artifact_becomes_a_part_of_the_page(document):
+    """Every name, unit, sentence and key, one after the other; what the artifact's form refuses never reaches the page. A kite file's
+    `unit` used to run a script."""
+    whole = evidence()
+    plain = Reader(own(usual()))
+    known = {(tag, *sorted(attrs)) for tag, attrs in plain.elements}
+    stage, name = DOCUMENTS[document]
+    content = getattr(whole, document)
+    tried = 0
+    for way, kind in places(content):
+        hostile = with_text(content, way, kind, EVIL)
+        if stage and wrong_with(stage, name, {"version": FORMS[name].version, **hostile}):
+            continue
+        tried += 1
+        text = own(page(replace(whole, **{document: hostile})))
+        reader = Reader(text)
+        assert {(tag, *sorted(attrs)) for tag, attrs in reader.elements} <= known | KINDS, (document, way, kind)
+        assert not [a for _, a in reader.elements if "onerror" in a or "src" in a], (document, way, kind)
+        shown = [t for d in reader.documents() if isinstance(d, dict) for t in texts(d, "meta")]
+        assert not [t for t in shown if re.search(r"<(?!br>|extra>|/extra>)", t)], (document, way, kind)
+    assert tried > 1
+
+
+KINDS = {("p", "class"), ("a", "href"), ("code",), ("h3",), ("details",), ("summary",), ("td", "class"), ("th", "class", "scope"), ("b",)}
+"""Elements that a page may have which says other things than usual."""
+
+
+def test_names_of_files_and_of_what_the_reader_says_stay_text():
+    """What `flightlog` hands on from the user's files: notes, units, clocks, checks."""
+    whole = evidence()
+    q = whole.quality
+    hostile = replace(
+        q, notes=(EVIL,), loops=EVIL, missing=(EVIL,), left_out={EVIL: 1.0}, phases={EVIL: 1.0},
+        channels=tuple(replace(c, name=EVIL, unit=EVIL, group=EVIL) for c in q.channels),
+        checks=tuple(replace(c, name=EVIL, unit=EVIL, sentence=EVIL, ok=False) for c in q.checks),
+    )  # fmt: skip
+    reader = Reader(own(page(replace(whole, quality=hostile, log=replace(whole.log, name=EVIL)))))
+    assert not [a for _, a in reader.elements if "onerror" in a or "src" in a]
+    assert {t for t, _ in reader.elements} <= {t for t, _ in Reader(own(usual())).elements}
+
+
+def test_only_the_two_scripts_of_the_page_may_run():
+    """The policy names them by their hashes: a script that came in nevertheless would not be run."""
+    text = usual()
+    reader = Reader(text)
+    policy = next(a["content"] for tag, a in reader.elements if tag == "meta" and a.get("http-equiv") == "Content-Security-Policy")
+    scripts = dict(part.strip().split(" ", 1) for part in policy.split(";"))["script-src"].split(" ")
+    running = [content for attrs, content in reader.scripts if attrs.get("type") != "application/json"]
+    hashes = [f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'" for content in running]
+    assert scripts == hashes and len(hashes) == 2 and "\r" not in text
+    assert not [a for _, a in reader.elements for name in a if name.startswith("on")]
 
 
 def texts(obj, *left_out):
