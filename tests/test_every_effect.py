@@ -6,7 +6,7 @@ import pytest
 from kites import DEVELOPMENT, PLAUSIBLE, POWERED, at_point, every_key, home, lively, sizes, truly, with_free
 
 from awescli.estimation.fit import fit
-from awescli.estimation.nuisance_wind import RecordError
+from awescli.estimation.misfit import Misfit
 from awescli.notation.quantities import MEASURED, OUTPUTS
 from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.base import PLACES, Effect
@@ -145,7 +145,7 @@ def test_what_was_flown_is_recovered(one, bare):
         if probe:
             start[name] = min(probe, key=lambda v: abs(np.log(v / sizes(effect.key)[name])))
     table = with_free(kite.parameters.with_values(start), names)
-    found = fit(simulator.holding(table), observed, table, names, gusts=RecordError(0.0), prior=False, tolerance=1e-9, iterations=40)
+    found = fit(Misfit(simulator.holding(table), observed, tuple(names)), table, prior=False, tolerance=1e-9, iterations=40)
     for name in names:
         scale = max(abs(sizes(effect.key)[name] - null(effect)[name]), 0.1 * abs(sizes(effect.key)[name]))
         assert found.parameters[name].value == pytest.approx(sizes(effect.key)[name], abs=1e-3 * scale), (name, found.solution.outcome)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, model_validator
 
 from awescli.artifacts.form_words import Channels, Checked, Horizon, Number, Numbers, Spread, Text, Word
-from awescli.artifacts.score_forms import Scores
+from awescli.artifacts.score_forms import Parts, Scores
 
 
 class Stamp(Checked):
@@ -43,11 +43,21 @@ class Metrics(Checked):
     outcome: Text | None = None
 
 
+class Level(Checked):
+    """How strong a process is."""
+
+    level: Number
+
+
 class Fit(Metrics):
     """metrics.json of identify."""
 
     chi2: Number | None = None
-    gust_m_s: Number | None = None
+    surfaces: Literal["recorded", "controller"]
+    horizon_s: Number
+    nrmse: Parts
+    processes: dict[str, Level]
+    noise_factors: Numbers
 
 
 class Chosen(Checked):
@@ -250,7 +260,6 @@ class BeforeAfter(Checked):
 
 class RollGusts(Checked):
     std_rad_s: Number
-    of_specification: Number
     lasts_s: Number
     split: Text
     channels: dict[str, BeforeAfter]

@@ -1,32 +1,27 @@
 """What the colour of the residual adds to the covariance of parameters.
 
-Gauss-Newton's covariance takes the noise for white. Residuals of a real flight are not: gusts, unmodelled effects and filters leave slow
-errors, of which neighbouring samples say the same thing again. After Morelli & Klein, "Determining the accuracy of maximum likelihood
-parameter estimates with colored residuals" (NASA CR 194893, 1994): with the residual's own autocorrelation R in place of the identity,
-cov = C (sum_ij s_i' R(i - j) s_j) C. Two differences, with reasons: the segments' own unknowns are projected out of the sensitivities s
-first, because they are fitted along; and the spectrum of R counts as at least that of white noise of the declared level, because slow
-errors that the own unknowns have taken up are missing in the residual, and a fit can be no surer than its sensors.
+Gauss-Newton's covariance takes the noise for white. Residuals of a real flight are not: filters, vibration and what no process follows leave
+errors of which neighbouring samples say the same thing again. After Morelli & Klein, "Determining the accuracy of maximum likelihood parameter
+estimates with colored residuals" (NASA CR 194893, 1994): with the residual's own autocorrelation R in place of the identity,
+cov = C (sum_ij s_i' R(i - j) s_j) C. Two differences, with reasons: nuisances are projected out of the sensitivities s first, because they
+are fitted along; and the spectrum of R counts as at least that of white noise of the estimated level, because slow errors that the nuisances
+have taken up are missing in the residual, and a fit can be no surer than its sensors.
 """
 
 import numpy as np
-from scipy.linalg import cho_solve
 
-from awescli.estimation.information import Information
-from awescli.estimation.simulation_error import SimulationError
+from awescli.estimation.fit import Fit
 
 LAGS = 0.25
 """Lags that count, as a share of a segment: longer ones are averages of too few samples (Morelli & Klein take a fifth)."""
 
 
-def coloured_information(problem: SimulationError, x: np.ndarray, information: Information, flies: np.ndarray) -> np.ndarray:
-    """(n, n) by how much the variance of the gradient J'r exceeds that of white noise; to be put between two covariances.
-
-    x: the fitted parameters; information: of `problem` there; flies: (K,) segments that count.
-    """
-    chain = problem.chain(x)
-    own = zip(chain.globals(), chain.own(), information.back, strict=True)
-    projected = np.stack([J - S @ cho_solve(factor, M) for J, S, (factor, M, _) in own])
-    return excess(projected[flies], chain.r[flies], chain.weight[flies] > 0)
+def coloured_information(fit: Fit) -> np.ndarray:
+    """(n, n) by how much the variance of the gradient J'r exceeds that of white noise; to be put between two covariances."""
+    if not len(fit.heard) or not fit.links.n:
+        return np.zeros((fit.links.n,) * 2)
+    columns = fit.misfit.changed(fit.links, fit.information.responses(), np.eye(fit.links.n))[fit.heard]
+    return excess(columns, fit.links.r[fit.heard], fit.links.weight[fit.heard] > 0)
 
 
 def excess(columns: np.ndarray, r: np.ndarray, counted: np.ndarray) -> np.ndarray:

@@ -1,14 +1,17 @@
 """Constrained Gauss-Newton SQP: damped steps from a quadratic program, an exact penalty as merit, Armijo. Knows residuals, not kites.
 
 The merit function is f + sigma |g| + tau max(0, -h) with sigma and tau above the multipliers (Nocedal & Wright, ch. 18), the Hessian J'J.
+A problem is two functions (`LeastSquares`); the state of the optimiser is a value, passed through `init`, `step` and `outcome_of`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 
 from awescli.estimation.quadratic_program import Limits, best_step
+from awescli.notation.errors import NumericalFailure
 
 SUFFICIENT = 0.1
 """Share of the decrease that the slope promises which a step must bring (Armijo's c)."""
@@ -18,6 +21,8 @@ FAR_SHORTER = 0.5
 """... and where a parabola through what is known has its minimum at less than this share of the trial."""
 SHORTEST = 0.1
 """Below this share of a step, damping helps more than a shorter step."""
+DAMPINGS = 5
+"""So often is a step that does not help tried again, ten times more damped each time."""
 STALLED = 3
 """So many steps that together gain less than what a fit need not gain are enough: at a kink, as a dead band has one, they never end."""
 FEASIBLE = 1e-9
@@ -25,9 +30,53 @@ FEASIBLE = 1e-9
 
 
 @dataclass(frozen=True)
+class Linearised:
+    """A problem at a point. cost there; b = -dcost/dx / 2 = J'r and H = J'J, inner unknowns eliminated; inner: the inner unknowns there;
+    inner_gain: what these alone would still gain; known: what the problem wants back in `trial`."""
+
+    cost: float
+    b: np.ndarray
+    H: np.ndarray
+    inner: Any
+    inner_gain: float
+    known: Any
+
+
+class LeastSquares(Protocol):
+    """A sum of squares over x and inner unknowns, which follow x."""
+
+    def linearise(self, x: np.ndarray, inner: Any, before: Linearised | None) -> Linearised:
+        """The problem at x and `inner`; before: at the point that the last step left."""
+
+    def trial(self, at: Linearised, x: np.ndarray, step: np.ndarray, share: float) -> tuple[float, Any]:
+        """(cost, inner unknowns) after a share of a step that leads to x, the inner unknowns moved along."""
+
+
+@dataclass(frozen=True)
+class State:
+    """x, at: where it stands; damping, multipliers (n + m,), sigma, tau: what the steps so far have taught; history: cost after every
+    iteration, gains: of every step; kkt, outcome: how it ended, "" while it goes on."""
+
+    # where it stands
+    x: np.ndarray
+    at: Linearised
+    # what the steps have taught
+    damping: float
+    multipliers: np.ndarray
+    sigma: float
+    tau: float
+    # how it went
+    history: tuple[float, ...]
+    gains: tuple[float, ...]
+    kkt: float
+    outcome: str
+
+
+@dataclass(frozen=True)
 class Solution:
-    """x: the minimiser; cost: the value there; H: Gauss-Newton Hessian there (prior included); outcome: "converged", "no_progress" or
-    "iteration_limit"; kkt: residual of the optimality conditions, see `minimise`; history: cost after every iteration.
+    """x: the minimiser; cost: the value there; H: Gauss-Newton Hessian there (prior included); inner: the inner unknowns there; at: the problem
+    there; outcome: "converged", "no_progress", "iteration_limit" or "quadratic_program"; kkt: residual of the optimality conditions, see
+    `step`; history: cost after every iteration.
 
     multipliers: (n + m,) of bounds and rows: how much the optimal cost falls per unit that an upper limit is raised (negative: that a
     lower one is raised), 0 where a limit is not active.
@@ -36,10 +85,15 @@ class Solution:
     x: np.ndarray
     cost: float
     H: np.ndarray
+    at: Linearised
     outcome: str
     kkt: float
     history: tuple[float, ...]
     multipliers: np.ndarray
+
+    @property
+    def inner(self) -> Any:
+        return self.at.inner
 
 
 def covariance(H: np.ndarray, scale: np.ndarray, equalities: np.ndarray | None = None) -> np.ndarray:
@@ -58,75 +112,83 @@ def covariance(H: np.ndarray, scale: np.ndarray, equalities: np.ndarray | None =
     return spread / np.maximum(values, floor) @ spread.T
 
 
+def init(problem: LeastSquares, x: np.ndarray, inner: Any, limits: Limits) -> State:
+    """Where a minimisation begins; x may start outside the rows of `limits`, not outside the bounds."""
+    at = problem.linearise(x, inner, None)
+    return State(x, at, 0.0, np.zeros(len(x) + len(limits.low)), 0.0, 0.0, (at.cost,), (), np.inf, "")
+
+
+def step(problem: LeastSquares, limits: Limits, state: State, tolerance: float) -> State:
+    """One step, or the outcome.
+
+    It has converged when the KKT residual at the multipliers of the quadratic program falls below `tolerance`, or below a millionth of the
+    cost. It is counted in units of the cost (chi-square for whitened residuals): the gradient of the Lagrangian in the norm of H^-1, plus
+    the complementarity products, plus what the inner unknowns would gain; and no row may be violated. It ends without progress where no
+    step helps, or the last STALLED ones together helped by less than `tolerance`.
+    """
+    x, at, damping, kkt = state.x, state.at, state.damping, state.kkt
+    violation = limits.violation(x)
+    for _ in range(DAMPINGS):
+        try:
+            d, found = best_step(at.H + damping * np.diag(np.diag(at.H)), at.b, limits, x)
+        except NumericalFailure as e:
+            return replace(state, kkt=kkt, outcome=e.outcome)
+        if damping == 0:
+            kkt = float(d @ at.H @ d + 2 * _complementarity(found, limits, x)) + at.inner_gain
+            if kkt < max(tolerance, 1e-6 * at.cost) and violation.max(initial=0.0) < FEASIBLE:
+                return replace(state, multipliers=found, kkt=kkt, outcome="converged")
+        if len(state.gains) >= STALLED and sum(state.gains[-STALLED:]) < tolerance:
+            break
+        state = _above_multipliers(state, limits, found[len(x) :])
+        share, gain, inner = _search(problem, limits, state, d, violation)
+        if share:
+            new = limits.clip(x + share * d)
+            linearised = problem.linearise(new, inner, at)
+            return replace(
+                state, x=new, at=linearised, damping=0.0 if damping < 1e-3 else damping / 10, kkt=kkt,
+                multipliers=state.multipliers + share * (found - state.multipliers),
+                history=(*state.history, linearised.cost), gains=(*state.gains, gain),
+            )  # fmt: skip
+        damping = max(10 * damping, 1e-3)
+    return replace(state, damping=damping, kkt=kkt, outcome="no_progress")
+
+
 def minimise(
-    linearise: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray, float]],
-    move: Callable[[np.ndarray, float], float],
-    accept: Callable[[], None],
+    problem: LeastSquares,
     x: np.ndarray,
+    inner: Any,
     limits: Limits,
     *,
     tolerance: float = 1e-3,
     iterations: int = 30,
     on_iteration: Callable[[int, float], None] = lambda i, c: None,
 ) -> Solution:
-    """Minimise a sum of squares over x in `limits`; x may start outside the rows of `limits`, not outside the bounds.
-
-    linearise(x) -> (cost, b, H, own_gain): cost at x, -dcost/dx / 2 = J'r, Gauss-Newton Hessian J'J (inner unknowns eliminated), and
-    what the inner unknowns alone would still gain; move(step, share) -> cost at x + share * step (inner unknowns moved along);
-    accept() makes the last move the new point.
-
-    Stops when the KKT residual at the multipliers of the quadratic program falls below `tolerance`, or below a millionth of the cost. It is
-    counted in units of the cost (chi-square for whitened residuals): the gradient of the Lagrangian in the norm of H^-1, plus the
-    complementarity products, plus own_gain; and no row may be violated. Ends without progress where no step helps, or the last STALLED ones
-    together helped by less than `tolerance`.
-    """
-    damping, history, gains, outcome, kkt = 0.0, [], [], "iteration_limit", np.inf
-    multipliers, weight = np.zeros(len(x) + len(limits.low)), _Weight(limits)
-    cost, b, H, own_gain = linearise(x)
+    """Minimise a sum of squares over x in `limits`, at most so many steps."""
+    state = init(problem, x, inner, limits)
     for iteration in range(iterations):
-        history.append(cost)
-        on_iteration(iteration, cost)
-        share = 0.0
-        for _ in range(5):
-            step, found = best_step(H + damping * np.diag(np.diag(H)), b, limits, x)
-            violation = limits.violation(x)
-            if damping == 0:
-                kkt = float(step @ H @ step + 2 * _complementarity(found, limits, x)) + own_gain
-                if kkt < max(tolerance, 1e-6 * cost) and violation.max(initial=0.0) < FEASIBLE:
-                    outcome, multipliers = "converged", found
-                    break
-            if len(gains) >= STALLED and sum(gains[-STALLED:]) < tolerance:
-                break
-            weight.raise_above(found[len(x) :])
-            slope = -2 * float(b @ step) - 2 * own_gain - weight.penalty(violation)
-            share, gain = _search(move, step, lambda s, x=x, d=step: weight.at(x + s * d), cost + weight.penalty(violation), slope)
-            if share:
-                break
-            damping = max(10 * damping, 1e-3)
-        if outcome == "converged":
+        on_iteration(iteration, state.at.cost)
+        state = step(problem, limits, state, tolerance)
+        if state.outcome:
             break
-        if not share:
-            outcome = "no_progress"
-            break
-        accept()
-        gains.append(gain)
-        x = limits.clip(x + share * step)
-        multipliers = multipliers + share * (found - multipliers)
-        damping = 0.0 if damping < 1e-3 else damping / 10
-        cost, b, H, own_gain = linearise(x)
-    return Solution(x, float(cost), H, outcome, kkt, tuple(history), 2 * multipliers)
+    s = state
+    return Solution(s.x, float(s.at.cost), s.at.H, s.at, s.outcome or "iteration_limit", s.kkt, s.history, 2 * s.multipliers)
 
 
-def _search(move, step, penalty: Callable[[float], float], merit: float, slope: float) -> tuple[float, float]:
-    """(the first share of a step at which the merit has fallen enough, by how much); 0 if there is none."""
+def _search(problem: LeastSquares, limits: Limits, state: State, d: np.ndarray, violation: np.ndarray) -> tuple[float, float, Any]:
+    """(the first share of a step at which the merit has fallen enough, by how much, the inner unknowns there); 0 if there is none."""
+    x, at = state.x, state.at
+    here = _penalty(state, limits, violation)
+    merit, slope = at.cost + here, -2 * float(at.b @ d) - 2 * at.inner_gain - here
     share = 1.0
     while share > SHORTEST:
-        rise = move(step, share) + penalty(share) - merit
+        there = x + share * d
+        cost, inner = problem.trial(at, limits.clip(there), d, share)
+        rise = cost + _penalty(state, limits, limits.violation(there)) - merit
         if np.isfinite(rise) and rise < SUFFICIENT * share * slope:
-            return share, -rise
+            return share, -rise, inner
         lowest = -slope * share / max(2 * (rise - slope * share), 1e-300)
         share *= SHORTER if lowest > FAR_SHORTER else FAR_SHORTER
-    return 0.0, 0.0
+    return 0.0, 0.0, None
 
 
 def _complementarity(multipliers: np.ndarray, limits: Limits, x: np.ndarray) -> float:
@@ -136,19 +198,11 @@ def _complementarity(multipliers: np.ndarray, limits: Limits, x: np.ndarray) -> 
     return float(np.abs(multipliers[multipliers != 0] * distance[multipliers != 0]).sum())
 
 
-class _Weight:
-    """sigma and tau of the merit function: they only grow, and stay above the multipliers of the cost."""
+def _above_multipliers(state: State, limits: Limits, multipliers: np.ndarray) -> State:
+    """sigma and tau only grow, and stay above the multipliers (m,) of the rows (of half the cost)."""
+    size, equal = 3 * np.abs(multipliers), limits.equal
+    return replace(state, sigma=max(state.sigma, size[equal].max(initial=0.0)), tau=max(state.tau, size[~equal].max(initial=0.0)))
 
-    def __init__(self, limits: Limits):
-        self.limits, self.sigma, self.tau = limits, 0.0, 0.0
 
-    def raise_above(self, multipliers: np.ndarray) -> None:
-        """multipliers (m,) of the rows, of half the cost."""
-        size, equal = 3 * np.abs(multipliers), self.limits.equal
-        self.sigma, self.tau = max(self.sigma, size[equal].max(initial=0.0)), max(self.tau, size[~equal].max(initial=0.0))
-
-    def penalty(self, violation: np.ndarray) -> float:
-        return float(np.where(self.limits.equal, self.sigma, self.tau) @ violation)
-
-    def at(self, x: np.ndarray) -> float:
-        return self.penalty(self.limits.violation(x))
+def _penalty(state: State, limits: Limits, violation: np.ndarray) -> float:
+    return float(np.where(limits.equal, state.sigma, state.tau) @ violation)

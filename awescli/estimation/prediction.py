@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.estimation.fit import fit
-from awescli.estimation.nuisance_wind import RecordError
+from awescli.estimation.misfit import Misfit
 from awescli.flightlog.split import segments as segment_starts
 from awescli.notation.errors import BadInput
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
@@ -91,12 +91,9 @@ def prediction_starts(log, ranges, horizon: float, warm_up: float = WARM_UP, eve
 
 def warmed_up(simulator: Simulator, observed: Observed, before: int, values=None):
     """Segments whose starts fit their first `before` samples."""
-    sigma = observed.sigma.copy()
-    sigma[:, before + 1 :] = np.inf
     table = simulator.kite.parameters.with_values(values or {})
-    how = {"gusts": RecordError(0.0), "prior": False, "iterations": 8, "tolerance": 1.0}
-    warm = fit(simulator.holding(table), observed.with_sigma(sigma), table, (), **how)
-    return observed.segments.starting_at(warm.starts)
+    warm = fit(Misfit(simulator.holding(table), observed.head(before), ()), table, prior=False, iterations=8, tolerance=1.0)
+    return observed.segments.starting_at(warm.own.starts)
 
 
 def compare(log, trajectories: Trajectories, first: np.ndarray, skip: int, ranges, noise: Noise) -> Prediction:

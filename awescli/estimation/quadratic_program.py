@@ -10,6 +10,8 @@ from awescli.notation.errors import NumericalFailure
 
 RIDGES = (1e-13, 1e-11, 1e-9, 1e-7)
 """Of a Hessian with unit diagonal, tried one after the other: the least that rounding asks for."""
+FIRMER = (1e-8, 1e-6, 1e-4, 1e-2)
+"""Further ridges for a program that is not solved: a step that is shorter than it might be is better than none."""
 _EQUALITY = 5
 """daqp's mark of a row whose two bounds are one."""
 
@@ -73,13 +75,14 @@ def best_step(H: np.ndarray, b: np.ndarray, limits: Limits, x: np.ndarray) -> tu
     rows = limits.A * scale
     length = np.r_[scale, np.maximum(np.linalg.norm(rows, axis=1), 1e-300)]
     sense = np.where(below == above, _EQUALITY, 0).astype(np.int32)
-    found, _, flag, info = daqp.solve(
-        firm, -b * scale, rows / length[n:, None], above / length, below / length, sense,
-        primal_tol=1e-12, zero_tol=1e-14, pivot_tol=1e-10, sing_tol=1e-16, eps_prox=0.0,
-    )  # fmt: skip
-    if flag < 1:
-        raise NumericalFailure("quadratic_program", f"the quadratic program of a step was not solved (daqp says {flag})")
-    return np.asarray(found) * scale, np.asarray(info["lam"]) / length
+    for ridge in (0.0, *FIRMER):
+        found, _, flag, info = daqp.solve(
+            firm + ridge * np.eye(n), -b * scale, rows / length[n:, None], above / length, below / length, sense,
+            primal_tol=max(1e-12, ridge), zero_tol=1e-14, pivot_tol=1e-10, sing_tol=1e-16, eps_prox=0.0,
+        )  # fmt: skip
+        if flag >= 1 and np.isfinite(found).all():
+            return np.asarray(found) * scale, np.asarray(info["lam"]) / length
+    raise NumericalFailure("quadratic_program", f"the quadratic program of a step was not solved (daqp says {flag})")
 
 
 def _firm(H: np.ndarray) -> np.ndarray:

@@ -1,4 +1,5 @@
-"""A whole identification: from short horizons to the whole one, of one or several flights, from one or several starts."""
+"""A whole identification: from short horizons to the whole one, levels of processes and noise estimated along; one or several flights, one or
+several starts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -7,16 +8,30 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from awescli.estimation.coloured import coloured_information
-from awescli.estimation.fit import Fit, JointFit, Share, fit_together, settled
-from awescli.estimation.question import GUSTY, GUSTY_TOLERANCE, Question, ask
-from awescli.estimation.record_error import mid_times, record_influence
-from awescli.estimation.simulation_error import SimulationError
-from awescli.flightlog.log import FlightLog
-from awescli.flightlog.split import Split
+from awescli.estimation.fit import Fit, JointFit, Share, fit_together
+from awescli.estimation.levels import noise_factors, opened, relevelled
+from awescli.estimation.misfit import Misfit, Own
+from awescli.estimation.problem import EstimationProblem
+from awescli.estimation.processes.base import Process
 from awescli.notation.parameters import ParameterTable
 
-SETTLINGS = 2
-"""How often gusts are settled: their nodes move together first, then the fit that knows them says how long gusts are."""
+MODEL_ERROR = "model_error"
+WIDE = 0.5
+"""Share of its prior's median at which model error is open at first: a poor guess of the parameters then follows the flight by its help."""
+COARSE = 0.1
+"""[s] between nodes while processes are only looked for."""
+SLIGHT = 0.05
+"""The same of whatever may be there, once the parameters are near."""
+OPEN = ("gusts", "drift")
+"""Processes that are looked for once model error has shown what they are not."""
+ROUNDS = 8
+"""Most often are levels and parameters fitted in turn."""
+LOOSE, TIGHT = 2.0, 0.1
+"""What a fit need not gain any more (chi-square) while levels still change, and in the end."""
+UNCHANGED = 2.0
+"""Deviance that new levels must gain to be worth another fit."""
+OFF = 0.03
+"""A noise whose factor is within 1 +- this is as declared."""
 SAME_OPTIMUM = 1.0
 """Difference in cost (chi-square) below which two starts have led to the same optimum."""
 
@@ -25,19 +40,11 @@ OnIteration = Callable[[float, int, float], None]
 
 
 @dataclass(frozen=True)
-class Flown:
+class Flight:
     """One flight of a fit. label: its own parameters are called `dl@label` in the fit; the first flight of a fit needs none."""
 
-    question: Question
-    log: FlightLog
-    split: Split
+    problem: EstimationProblem
     label: str = ""
-
-    @property
-    def length(self) -> float:
-        """[s] of a segment."""
-        segments = self.question.fitted.segments
-        return segments.steps * segments.dt
 
 
 @dataclass(frozen=True)
@@ -49,73 +56,175 @@ class Optimum:
     x: np.ndarray
 
 
-def own_names(question: Question, patterns: Sequence[str]) -> tuple[str, ...]:
+def own_names(problem: EstimationProblem, patterns: Sequence[str]) -> tuple[str, ...]:
     """Fitted parameters that belong to the flight and not to the kite: those that a pattern names, and the errors of its wind record."""
-    return tuple(n for n in question.names if n in question.kite.record or any(fnmatchcase(n, p) for p in patterns))
+    return tuple(n for n in problem.names if n in problem.kite.record or any(fnmatchcase(n, p) for p in patterns))
 
 
 def fit_flights(
-    flights: Sequence[Flown],
+    flights: Sequence[Flight],
     horizons: Sequence[float],
     *,
     per_flight: Sequence[str] = (),
     prior: bool = True,
     start: dict[str, float] | None = None,
     on_iteration: OnIteration = lambda h, i, c: None,
-) -> tuple[JointFit, tuple[Question, ...]]:
-    """Fit from short horizons to the whole one (a poor guess cannot follow five seconds), then settle the noise in gusty air.
+) -> tuple[JointFit, tuple[EstimationProblem, ...]]:
+    """Fit from short horizons to the whole one (a poor guess cannot follow five seconds), levels of processes and of noise along.
 
     per_flight: patterns of the parameters that every flight has for itself; start: name -> value to start from where that differs from
-    the declared one. Returns the fit and the questions with the noise as finally used.
+    the declared one. Returns the fit and the problems with processes and noise as finally used.
     """
-    questions = [f.question for f in flights]
+    problems = [f.problem for f in flights]
     if not prior:
         # without priors nothing keeps the wind record near what was recorded
-        questions = [replace(q, names=tuple(n for n in q.names if n not in q.kite.record)) for q in questions]
-    tables = [q.simulator.kite.parameters.with_values(start or {}) for q in questions]
-
-    def fitted(asked: Sequence[Question], length: float, tolerance: float, starts: Sequence[Fit | None]) -> JointFit:
-        shares = [
-            _share(flight, question, cut, table, per_flight, begin)
-            for flight, question, cut, table, begin in zip(flights, questions, asked, tables, starts, strict=True)
-        ]
-        return fit_together(shares, prior=prior, tolerance=tolerance, on_iteration=lambda i, c: on_iteration(length, i, c))
-
-    none = [None] * len(flights)
+        problems = [replace(p, names=tuple(n for n in p.names if n not in p.kite.record)) for p in problems]
+    labels = [f.label for f in flights]
+    tables = [p.simulator.kite.parameters.with_values(start or {}) for p in problems]
+    owns: list[Own | None] = [None] * len(problems)
     for horizon in horizons:
-        short = [_shorter(flight, table, horizon) for flight, table in zip(flights, tables, strict=True)]
-        tables = [f.parameters for f in fitted(short, horizon, 1.0, none).flights]
-    length, gusty = max(f.length for f in flights), any(q.gust > GUSTY for q in questions)
-    result = fitted(questions, length, 1.0 if gusty else 0.01, none)
-    for _ in range(SETTLINGS if gusty else 0):
-        tables, before = [f.parameters for f in result.flights], questions
-        questions = [_settled(q, f) for q, f in zip(questions, result.flights, strict=True)]
-        if all(q is b for q, b in zip(questions, before, strict=True)):
+        short = [
+            p.shorter(horizon, p.simulator.holding(t)).with_processes(opened(p.processes, (MODEL_ERROR,), WIDE))
+            for p, t in zip(problems, tables, strict=True)
+        ]
+        result, short = fit_levels(short, labels, tables, per_flight, prior, 2, LOOSE, on_iteration)
+        tables = [f.parameters for f in result.flights]
+        problems = [p.with_processes(s.processes) for p, s in zip(problems, short, strict=True)]
+        owns = [recut(f, p.misfit()) for f, p in zip(result.flights, problems, strict=True)]
+    problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
+    owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
+    result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    looked = [_looked_for(p, f) for p, f in zip(problems, result.flights, strict=True)]
+    if any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=True)):
+        tables, owns = [f.parameters for f in result.flights], [own for _, own in looked]
+        problems = [p for p, _ in looked]
+        result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    return widened(result), tuple(problems)
+
+
+def recut(fit: Fit, misfit: Misfit) -> Own:
+    """The nuisances of a fit in other segments of the same flight, those of `misfit`: starts where segments begin together, else those that the
+    observations hold; paths as they ran."""
+    dt, own, found = fit.misfit.observed.segments.dt, misfit.own(), fit.misfit.labels
+    theirs = {int(n): k for k, n in enumerate(fit.misfit.observed.segments.first) if fit.flies[k]}
+    for k, first in enumerate(misfit.observed.segments.first):
+        if int(first) in theirs:
+            own.starts[k] = fit.own.starts[theirs[int(first)]]
+    times, at = fit.misfit.begins[:, None] + fit.misfit.nodes * dt, misfit.begins[:, None] + misfit.nodes * dt
+    for w, label in enumerate(misfit.labels):
+        if label in found:
+            own.path[..., w] = np.interp(at, times.ravel(), fit.own.path[..., found.index(label)].ravel())
+    return own
+
+
+def widened(result: JointFit) -> JointFit:
+    """The fit with what coloured residuals add to its covariance."""
+    C = result.covariance
+    grown = C.copy()
+    for fit, place in zip(result.flights, result.places, strict=True):
+        grown += C[:, place] @ coloured_information(fit) @ C[place]
+    return result.with_covariance(grown)
+
+
+def levels_of(processes: Sequence[Process]) -> dict[str, float]:
+    """Name of a group that is there -> its level."""
+    return {g.name: g.level for p in processes for g in p.groups if g.level > 0}
+
+
+def _looked_for(problem: EstimationProblem, fit: Fit) -> tuple[EstimationProblem, Own]:
+    """The problem with what of OPEN the flight shows at a fit, at nodes as far apart as they are, and the nuisances to go on from."""
+    if not problem.processes or not len(fit.heard):
+        return problem, fit.own
+    wide = fit.misfit.with_processes([replace(p, spacing=max(p.spacing, COARSE)) for p in opened(problem.processes, OPEN, SLIGHT)])
+    own = wide.carried(fit.own, fit.misfit)
+    links, trajectories = wide.links(fit.parameters.vector(fit.names), own)
+    processes, _ = relevelled(wide, links.gram(), own, fit.heard)
+    new = problem.with_processes(tuple(replace(p, spacing=old.spacing) for p, old in zip(processes, problem.processes, strict=True)))
+    return new, new.misfit(fit.misfit.simulator).carried(own, wide)
+
+
+def fit_levels(
+    problems: Sequence[EstimationProblem],
+    labels: Sequence[str],
+    tables: Sequence[ParameterTable],
+    per_flight: Sequence[str],
+    prior: bool,
+    rounds: int,
+    tolerance: float,
+    on_iteration: OnIteration = lambda h, i, c: None,
+    owns: Sequence[Own | None] | None = None,
+) -> tuple[JointFit, list[EstimationProblem]]:
+    """Fit parameters and levels in turn until neither moves, at most `rounds` times; the last fit has the levels that are returned.
+
+    tables: parameters to start from; owns: nuisances to begin from; others as `fit_flights`.
+    """
+    owns = owns or [None] * len(problems)
+    result = _fitted(problems, labels, tables, owns, per_flight, prior, max(tolerance, LOOSE), on_iteration)
+    for _ in range(rounds - 1):
+        moved = [_relevelled(p, f) for p, f in zip(problems, result.flights, strict=True)]
+        if all(gain < UNCHANGED for _, _, gain in moved):
             break
-        same = all(q.gusts.window == b.gusts.window for q, b in zip(questions, before, strict=True))
-        result = fitted(questions, length, GUSTY_TOLERANCE, result.flights if same else none)
-    return _widened(result, flights, questions), tuple(questions)
+        problems, owns = ([m[i] for m in moved] for i in (0, 1))
+        tables = [f.parameters for f in result.flights]
+        result = _fitted(problems, labels, tables, owns, per_flight, prior, max(tolerance, LOOSE), on_iteration)
+    if tolerance < LOOSE:
+        tables, owns = [f.parameters for f in result.flights], [f.own for f in result.flights]
+        result = _fitted(problems, labels, tables, owns, per_flight, prior, tolerance, on_iteration)
+    return result, list(problems)
 
 
-def fit_in_stages(question: Question, log: FlightLog, split: Split, horizons: Sequence[float], **how) -> tuple[Fit, Question]:
+def _fitted(problems, labels, tables, owns, per_flight, prior: bool, tolerance: float, on_iteration: OnIteration) -> JointFit:
+    shares = [_share(*each, per_flight) for each in zip(problems, labels, tables, owns, strict=True)]
+    length = max(p.horizon for p in problems)
+    return fit_together(shares, prior=prior, tolerance=tolerance, on_iteration=lambda i, c: on_iteration(length, i, c))
+
+
+def _relevelled(problem: EstimationProblem, fit: Fit) -> tuple[EstimationProblem, Own, float]:
+    """The problem with the likeliest levels and noise at a fit, the nuisances to go on from, and the deviance that the levels gain (that of a noise
+    that is off is not counted, and enough)."""
+    if not len(fit.heard) or not problem.processes:
+        return problem, fit.own, 0.0
+    processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.heard)
+    factors = noise_factors(fit.misfit, fit.information, fit.links, fit.heard)
+    off = {n: f for n, f in factors.items() if abs(f - 1) > OFF}
+    problem = problem.with_processes(_hurried(problem.processes, processes))
+    new = problem.with_factors(off) if off else problem
+    return new, new.misfit(fit.misfit.simulator).carried(fit.own, fit.misfit), np.inf if off else gain
+
+
+def _hurried(before: Sequence[Process], after: Sequence[Process]) -> tuple[Process, ...]:
+    """Levels that fall fall twice as far (in logarithms): with the parameters held they would come down slowly, fit after fit, as the parameters
+    give up what they had left to the process."""
+    was = levels_of(before)
+    return tuple(p.at({g.name: g.level * min(g.level / was.get(g.name, g.level), 1.0) for g in p.groups if g.level > 0}) for p in after)
+
+
+def _share(problem: EstimationProblem, label: str, table: ParameterTable, own: Own | None, per_flight) -> Share:
+    """A flight's part of a fit."""
+    mine = own_names(problem, per_flight) if label else ()
+    unknowns = tuple(f"{n}@{label}" if n in mine else n for n in problem.names)
+    return Share(problem.misfit(problem.simulator.holding(table)), table, problem.prior, unknowns, own)
+
+
+def fit_in_stages(problem: EstimationProblem, horizons: Sequence[float], **how) -> tuple[Fit, EstimationProblem]:
     """`fit_flights` of one flight."""
-    result, questions = fit_flights([Flown(question, log, split)], horizons, **how)
-    return result.flights[0], questions[0]
+    result, problems = fit_flights([Flight(problem)], horizons, **how)
+    return result.flights[0], problems[0]
 
 
 def fit_from_starts(
-    flights: Sequence[Flown], horizons: Sequence[float], starts: int, seed: int, *, on_start: Callable[[int], None] = lambda i: None, **how
-) -> tuple[JointFit, tuple[Question, ...], list[Optimum]]:
+    flights: Sequence[Flight], horizons: Sequence[float], starts: int, seed: int, *, on_start: Callable[[int], None] = lambda i: None, **how
+) -> tuple[JointFit, tuple[EstimationProblem, ...], list[Optimum]]:
     """`fit_flights` from the declared values and from `starts` - 1 draws of the prior inside its bounds; the best of them, and all."""
     random = np.random.default_rng([seed, 3])
     best, optima = None, []
     for i in range(starts):
         on_start(i)
-        start = _drawn(flights[0].question, random) if i else None
-        result, questions = fit_flights(flights, horizons, start=start, **how)
+        start = _drawn(flights[0].problem, random) if i else None
+        result, problems = fit_flights(flights, horizons, start=start, **how)
         optima.append(Optimum(result.solution.cost, result.solution.outcome, result.solution.x))
         if best is None or result.solution.cost < best[0].solution.cost:
-            best = result, questions
+            best = result, problems
     return *best, optima
 
 
@@ -133,46 +242,7 @@ def spread_of(optima: Sequence[Optimum], best: JointFit) -> dict:
     }  # fmt: skip
 
 
-def _drawn(question: Question, random: np.random.Generator) -> dict[str, float]:
+def _drawn(problem: EstimationProblem, random: np.random.Generator) -> dict[str, float]:
     """Values of the kite's free parameters, drawn from their priors and moved inside their bounds."""
-    rows = [question.prior[n] for n in question.names if n not in question.kite.record]
+    rows = [problem.prior[n] for n in problem.names if n not in problem.kite.record]
     return {p.name: float(np.clip(random.normal(p.value, p.prior_std), p.lower, p.upper)) for p in rows}
-
-
-def _share(flight: Flown, question: Question, cut: Question, table: ParameterTable, per_flight, start: Fit | None) -> Share:
-    """A flight's part of a fit to the segments of `cut`."""
-    mine = own_names(question, per_flight) if flight.label else ()
-    unknowns = tuple(f"{n}@{flight.label}" if n in mine else n for n in question.names)
-    simulator = question.simulator.holding(table)
-    return Share(simulator, cut.fitted, question.gusts, question.names, table, question.prior, unknowns, start)
-
-
-def _shorter(flight: Flown, table: ParameterTable, horizon: float) -> Question:
-    """The question of a flight cut into shorter segments."""
-    q = flight.question
-    how = {"parts": ("train",), "seed_weights": q.seed_weights}
-    return ask(q.simulator.holding(table), flight.log, flight.split, horizon, q.fitted.outputs, **how)
-
-
-def _settled(question: Question, fit: Fit) -> Question:
-    """The question with the gusts and the noise that a fit tells, where the air is gusty."""
-    gusts, (fitted, choice) = settled(question.simulator, fit, question.gusts, question.fitted, question.choice)
-    if gusts is question.gusts:
-        return question
-    return replace(question, gusts=gusts, fitted=fitted, choice=choice)
-
-
-def _widened(result: JointFit, flights: Sequence[Flown], questions: Sequence[Question]) -> JointFit:
-    """The fit with what coloured residuals and the errors of the wind records add to its covariance."""
-    C = result.covariance
-    grown = C.copy()
-    for flight, question, fit, place in zip(flights, questions, result.flights, result.places, strict=True):
-        problem = SimulationError(question.simulator.holding(fit.parameters), question.fitted, fit.names, question.gusts)
-        problem.own = fit.own
-        flies = fit.alive > question.fitted.segments.steps
-        grown += C[:, place] @ coloured_information(problem, fit.parameters.vector(fit.names), fit.information, flies) @ C[place]
-        if flight.log.wind is not None:
-            times = mid_times(question.fitted.segments, flight.log)
-            influence = C[:, place] @ record_influence(fit, question.kite.record, flight.log.wind.time, times)
-            grown += influence @ influence.T
-    return result.with_covariance(grown)

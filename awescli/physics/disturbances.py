@@ -20,7 +20,7 @@ MOMENTS = ("moment_x", "moment_y", "moment_z")
 DISTURBANCES = (*GUSTS, ROLL_GUST, *FORCES, *MOMENTS)
 PHASE = "phase"
 
-_UNITS = dict.fromkeys(GUSTS, "m/s") | {ROLL_GUST: "rad/s"} | dict.fromkeys(FORCES, "m/s2") | dict.fromkeys(MOMENTS, "rad/s2")
+DISTURBANCE_UNITS = dict.fromkeys(GUSTS, "m/s") | {ROLL_GUST: "rad/s"} | dict.fromkeys(FORCES, "m/s2") | dict.fromkeys(MOMENTS, "rad/s2")
 
 
 def even(name: str) -> str:
@@ -41,7 +41,7 @@ def both(names: Iterable[str]) -> tuple[str, ...]:
 
 def parameters() -> list[Parameter]:
     """Both parameters of every disturbance, at null."""
-    return [Parameter(which(name), 0.0, _UNITS[name], source="nuisance") for which in (even, odd) for name in DISTURBANCES]
+    return [Parameter(which(name), 0.0, DISTURBANCE_UNITS[name], source="nuisance") for which in (even, odd) for name in DISTURBANCES]
 
 
 def disturbances(inputs: dict, values: dict) -> dict:

@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
+
 from awescli.notation.constraints import parse_constraint
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
 from awescli.notation.frames import add, cross, dot, rotate, rotate_back, rotation_body_to_ned, scale
@@ -171,6 +173,7 @@ class Kite:
         self.constraints = tuple(parse_constraint(text) for text in declaration.constraints)
         self.state_names = (*STATES, *(s for e in self.effects for s in e.state_names()))
         self.x_names = (*self.state_names, *SURFACES)
+        self.start_spread = np.array([s for e in self.effects for s in e.start_spread])
         wind = (f"wind_{kind}_{i}" for kind in ("speed", "direction", "down") for i in range(len(self.heights)))
         read = dict.fromkeys(name for e in self.effects for name in e.inputs)
         self.input_names = (*_SIGNALS, *read, *(f"{s}_rate" for s in SURFACES), *wind)

@@ -262,9 +262,8 @@ def roll_gusts(evidence: Evidence) -> Body:
         "yaxis": {"autorange": "reversed", "type": "category", "dtick": 1},
     }
     note = (
-        f"Gusts of {number(roll['std_rad_s'])} rad/s that roll the kite, {number(roll['of_specification'])} times what MIL-F-8785C "
-        f"expects of these gusts and this span, each lasting {number(roll['lasts_s'])} s. Both models are fitted alike, with gusts of the "
-        "same level; on the segments shown only starts and gusts are fitted."
+        f"Gusts of {number(roll['std_rad_s'])} rad/s that roll the kite, each lasting {number(roll['lasts_s'])} s. Both models are fitted "
+        "alike, with gusts of the same level; on the segments shown only starts and gusts are fitted."
     )
     return Figure("fig-roll", "What roll gusts explain", data, layout, split=roll["split"], note=note, height=110 + 20 * len(names))
 

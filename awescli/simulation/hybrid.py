@@ -20,7 +20,7 @@ from awescli.simulation.stepping import Stepping, longest_step
 class Prepared:
     """Segments laid out for the kernels, LANES abreast in G groups. count: (G,) real segments of each group, the rest repeats."""
 
-    starts: np.ndarray  # (G, 12, L)
+    starts: np.ndarray  # (G, n_s, L)
     setpoints: np.ndarray  # (G, K+1, 5, L)
     inputs: np.ndarray  # (G, K+1, n_u, L)
     parameters: np.ndarray  # (G, n_c, L)
@@ -119,9 +119,10 @@ class CorrectedSimulator:
         G = -(-len(segments) // LANES)
         count = np.minimum(LANES, len(segments) - LANES * np.arange(G))
         if self._longest is None:
-            self._longest = longest_step(self.kite, segments.starts, segments.setpoints[:, 0], segments.inputs[:, 0])
+            self._longest = longest_step(self.kite, segments.starts[:, :12], segments.setpoints[:, 0], segments.inputs[:, 0])
         stepping = Stepping.between(segments.dt, self._longest, self.kite.declaration.set_point_rate)
-        return Prepared(*(grouped(a) for a in (segments.starts, segments.setpoints, segments.inputs, c)), segments.dt, stepping, count)
+        arrays = (segments.starts_for(self.n_s), segments.setpoints, segments.inputs, c)
+        return Prepared(*(grouped(a) for a in arrays), segments.dt, stepping, count)
 
     def _storage(self, G: int, m: int):
         """Arrays for m steps of G groups that live from call to call: fresh pages of this size cost as much time as the rollout."""
@@ -162,7 +163,7 @@ class CorrectedSimulator:
         stages, kept = run.buffers
         Ybar = np.zeros_like(run.Y)
         np.moveaxis(Ybar, -1, 1)[np.arange(LANES)[None] < p.count[:, None]] = outputs_bar
-        X0bar, Wbar = np.zeros_like(p.starts), np.empty((len(p.count), self.n_weights))
+        X0bar, Wbar = np.zeros_like(p.starts[:, :12]), np.empty((len(p.count), self.n_weights))
         hybrid_kernels.gradient(
             self.f.adjoint, self.g.adjoint, self.initial.adjoint, self.law.adjoint if self.law else None, self.network, self.n_s,
             self.rows, run.constants, run.weights, p.setpoints, p.inputs, p.parameters, p.dt, p.stepping,

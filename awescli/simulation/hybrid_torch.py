@@ -78,7 +78,7 @@ class TorchHybrid:
     def _stepping(self, segments: Segments) -> Stepping:
         """As that of the first segments that were simulated."""
         if self._longest is None:
-            self._longest = longest_step(self.kite, segments.starts, segments.setpoints[:, 0], segments.inputs[:, 0])
+            self._longest = longest_step(self.kite, segments.starts[:, :12], segments.setpoints[:, 0], segments.inputs[:, 0])
         return Stepping.between(segments.dt, self._longest, self.kite.declaration.set_point_rate)
 
     def rollout(self, segments: Segments, weights: torch.Tensor, constants: np.ndarray) -> torch.Tensor:
@@ -110,11 +110,12 @@ class TorchHybrid:
             full[:, self.rows] = correction
             return step * (derivative + full)
 
-        x = torch.as_tensor(segments.starts)
+        x, offsets = torch.as_tensor(segments.starts_for(self.n_s)).split([12, self.n_s - 12], dim=1)
         if self.n_s > 12:
             own = [torch.zeros(len(segments), dtype=x.dtype)] * (self.n_s - 12)
             started = kite.initial([*x.unbind(-1), *own, *SP[:, 0].unbind(-1)], list(U[:, 0].unbind(-1)), c)
-            x = torch.cat([x, torch.stack([torch.as_tensor(s, dtype=x.dtype).expand(len(segments)) for s in started], -1)], -1)
+            started = torch.stack([torch.as_tensor(s, dtype=x.dtype).expand(len(segments)) for s in started], -1)
+            x = torch.cat([x, started + offsets], -1)
         times = torch.arange(N * n + 1, dtype=x.dtype)
         if self.solver in FIXED:
             # perturb: the last stage of a step is evaluated just before its end, where the old set-point still holds

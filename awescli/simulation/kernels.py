@@ -126,7 +126,11 @@ class Loop(Body):
         self.begin_sample(0)
         self._set_points("%inputs", 0)
         with self.when(self.line("icmp sgt i64 %n_s, 12")):
-            self.fill("initial", "%inputs", 12, self.whole("sub", "%n_s", 12))
+            further = self.whole("sub", "%n_s", 12)
+            self.fill("initial", "%inputs", 12, further)
+            self.begin()
+            here = self.row(self.x, 12)
+            self.call("@added", f"ptr {here}", f"ptr {here}", f"ptr {self.row('%x0', 12)}", f"i64 {further}")
         self.copy(self.start, self.x, self.n_x)
 
     def _set_points(self, u, k) -> None:
@@ -219,6 +223,7 @@ def compile_loop(text: str, arguments: Sequence[str]) -> Callable:
     """The function `loop` of an IR text that may call the small functions on rows which loops are made of."""
     text += _print_gone()
     text += print_rowwise("copy", lambda a: a, 1, 0, LANES)
+    text += print_rowwise("added", lambda a, b: a + b, 2, 0, LANES)
     text += print_rowwise("between", lambda a, b, share: a + share * (b - a), 2, 1, LANES)
     text += print_rowwise("moved", lambda x, k, scale: x + scale * k, 2, 1, LANES)
     text += print_rowwise("went_on", lambda x, total, k, scale: (x + scale * k, total + 2.0 * k), 3, 1, LANES)
@@ -230,7 +235,7 @@ def compile_loop(text: str, arguments: Sequence[str]) -> Callable:
 
 
 def rollout(f, g, initial, law, n_s, X0, SP, U, C, h, stepping: Stepping, X, Y) -> np.ndarray:
-    """Simulate K segments. X0 (K, 12); SP (K, N+1, n_sp); U (K, N+1, n_u); C (K, n_c); h [s] between samples.
+    """Simulate K segments. X0 (K, n_s): states, and behind them what the effects' own states differ from `initial`; SP (K, N+1, n_sp); U (K, N+1, n_u); C (K, n_c); h [s] between samples.
 
     f, g, initial, law: addresses of `value` functions; g: [derivative, outputs]; law = 0: recorded set-points. Fills X (K, N+1, n_x) and
     Y (K, N+1, n_y); returns (K,) the number of samples before divergence.

@@ -24,7 +24,8 @@ WINCH_SMOOTHING = 0.4
 class Segments:
     """Inputs and starts of K segments of equal length, ready to simulate.
 
-    first: (K,) index of the first sample in the log; starts: (K, 12) states at the start (`quantities.STATES`);
+    first: (K,) index of the first sample in the log; starts: (K, 12 or n_s) states at the start (`quantities.STATES`), and by how much those
+    of effects differ from what these say of them (`Effect.initial`);
     setpoints: (K, N+1, 5) recorded set-points (`quantities.SURFACES`); inputs: (K, N+1, n_u) exogenous inputs by `Kite.input_names`;
     dt: sample interval [s]; values: parameter name -> (K,) where a parameter differs from segment to segment.
     """
@@ -52,6 +53,11 @@ class Segments:
         """Some of the segments, by index or mask."""
         values = {n: v[which] for n, v in self.values.items()}
         return Segments(self.first[which], self.starts[which], self.setpoints[which], self.inputs[which], self.dt, values)
+
+    def starts_for(self, n_s: int) -> np.ndarray:
+        """(K, n_s) starts for a kite with so many states, its effects' own ones as they say where nothing else is known."""
+        known = self.starts[:, :n_s]
+        return np.hstack([known, np.zeros((len(self), n_s - known.shape[1]))])
 
     def starting_at(self, starts: np.ndarray) -> "Segments":
         """The same segments from other starts."""
@@ -144,7 +150,7 @@ class Simulator:
     def stepping(self, segments: Segments) -> Stepping:
         """The steps between two samples of segments; the poles are looked at once, at the starts of the first segments."""
         if self._longest is None:
-            self._longest = longest_step(self.kite, segments.starts, segments.setpoints[:, 0], segments.inputs[:, 0])
+            self._longest = longest_step(self.kite, segments.starts[:, :12], segments.setpoints[:, 0], segments.inputs[:, 0])
         return Stepping.between(segments.dt, self._longest, self.kite.declaration.set_point_rate)
 
     def _parameters(self, segments: Segments, values: Mapping[str, float] | None) -> np.ndarray:
@@ -161,7 +167,7 @@ class Simulator:
 
     def _inputs(self, segments: Segments, values) -> tuple:
         """(n_s, X0, SP, U, C, h, stepping) as the kernels take them."""
-        arrays = (segments.starts, segments.setpoints, segments.inputs, self._parameters(segments, values))
+        arrays = (segments.starts_for(self.n_s), segments.setpoints, segments.inputs, self._parameters(segments, values))
         return self.n_s, *(np.ascontiguousarray(a, dtype=float) for a in arrays), segments.dt, self.stepping(segments)
 
     def _room(self, segments: Segments) -> tuple[np.ndarray, np.ndarray]:

@@ -1,5 +1,6 @@
 """Cut a log into re-initialised segments: inputs, set-points, starts, measured outputs and their weights."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,12 +33,22 @@ class Observed:
     def pick(self, which) -> "Observed":
         return replace(self, segments=self.segments.pick(which), measured=self.measured[which], sigma=self.sigma[which])
 
+    def head(self, steps: int) -> "Observed":
+        """The first `steps` steps of every segment."""
+        s = self.segments
+        cut = replace(s, setpoints=s.setpoints[:, : steps + 1], inputs=s.inputs[:, : steps + 1])
+        return replace(self, segments=cut, measured=self.measured[:, : steps + 1], sigma=self.sigma[:, : steps + 1])
+
     def starting_at(self, starts: np.ndarray) -> "Observed":
         return replace(self, segments=self.segments.starting_at(starts))
 
     def with_sigma(self, sigma: np.ndarray) -> "Observed":
         """The same observations with other noise standard deviations."""
         return replace(self, sigma=sigma, added=0.0)
+
+    def scaled(self, factors: Mapping[str, float]) -> "Observed":
+        """The same observations with the noise of some channels larger or smaller by a factor."""
+        return replace(self, sigma=self.sigma * np.array([factors.get(n, 1.0) for n in self.outputs]), added=0.0)
 
     def with_noise(self, variance: np.ndarray) -> "Observed":
         """The same observations with noise of `variance` (n_out,) beside that of the sensors, in the place of what was added before."""

@@ -41,7 +41,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 def sized(size: Mapping[str, Any]) -> str:
     """A value with its 95 % interval: `0.201 s [0.195, 0.207]`, to the digit that the interval shows."""
-    from awescli.estimation.answer import interval
+    from awescli.estimation.identifiability import interval
 
     value, std, unit = size["value"], size["std"], size.get("unit", "-")
     places = max(0, min(8, 1 - floor(log10(2 * std)))) if std > 0 and isfinite(std) else 4

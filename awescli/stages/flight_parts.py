@@ -48,14 +48,21 @@ def driven_upstream(context: Context, declaration, log):
     return driven, loop(fitted, Kite(driven, log.wind.height), wind_direction(log))
 
 
-def score_parts(simulator, log, parts, horizon: float) -> dict:
-    """metrics.json's `nrmse` of one model: split -> channel -> NRMSE, and how many predictions diverged."""
+def predicted(simulator, log, parts, horizon: float) -> dict:
+    """Part -> the one prediction of a model on it, from which all its numbers and pictures are made."""
     from awescli.estimation.prediction import predict
 
-    nrmse, diverged = {}, {}
-    for part in ("train", "validation", "test"):
-        prediction = predict(simulator, log, getattr(parts, part), horizon)
-        nrmse[part] = prediction.nrmse()
-        diverged[part] = prediction.diverged
-    # of the last part, which is test
-    return {"horizon_s": horizon, "nrmse": nrmse, "diverged_predictions": diverged, "noise_floor": prediction.noise_floor()}
+    return {part: predict(simulator, log, getattr(parts, part), horizon) for part in ("train", "validation", "test")}
+
+
+def scores_of(predictions, horizon: float) -> dict:
+    """metrics.json's `nrmse` of one model: split -> channel -> NRMSE, and how many predictions diverged."""
+    return {
+        "horizon_s": horizon, "nrmse": {part: p.nrmse() for part, p in predictions.items()},
+        "diverged_predictions": {part: p.diverged for part, p in predictions.items()}, "noise_floor": predictions["test"].noise_floor(),
+    }  # fmt: skip
+
+
+def score_parts(simulator, log, parts, horizon: float) -> dict:
+    """`scores_of` a model's predictions."""
+    return scores_of(predicted(simulator, log, parts, horizon), horizon)

@@ -23,23 +23,12 @@ def with_sources(declaration, params: Mapping[str, Any], flights: str):
     return declaration.model_copy(update={"parameters": rows})
 
 
-def traced_params(finding, log, effects: Mapping[str, Any]) -> dict:
+def traced_params(model, effects: Mapping[str, Any]) -> dict:
     """params.json of the model that tracing ended with, in the form of identify's, strengths and shapes of accepted effects included, with
     the intervals of effects.json. effects: effects.json."""
-    from dataclasses import replace
+    from awescli.estimation.identifiability import describe, interval
 
-    import numpy as np
-
-    from awescli.estimation.answer import describe_one, interval
-    from awescli.estimation.record_error import mid_times, with_record_errors
-
-    model, kite = finding.model, finding.simulator.kite
-    fit = model.fit
-    if log.wind is not None:
-        fit = with_record_errors(fit, kite.record, log.wind.time, mid_times(finding.fitted.segments, log))
-    # what the model leaves beside noise makes its answer less certain, as it does that of the effects
-    fit = replace(fit, covariance=fit.covariance * np.maximum(fit.chi2, 1.0))
-    params = describe_one(fit, model.prior, kite.constraints, kite.record)
+    params = describe(model.fit, set(model.problems[0].kite.record))
     keys = {key.partition(":")[::2]: key for key in model.keys}
     for effect in effects["effects"]:
         key = keys.get((effect["name"], effect["acts_on"]), effect["name"])

@@ -73,7 +73,7 @@ class Identify(Stage):
 
     def run(self, context, config):
         from awescli.artifacts import write_json, write_text
-        from awescli.estimation.answer import describe
+        from awescli.estimation.identifiability import describe
         from awescli.estimation.staged_fit import fit_from_starts, spread_of
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.simulation.closed_loop import without_setpoint_dynamics
@@ -88,23 +88,23 @@ class Identify(Stage):
             nonlocal words
             words = f"start {i + 1} of {config.starts}, " if config.starts > 1 else ""
 
-        fitted, questions, optima = fit_from_starts(
+        fitted, problems, optima = fit_from_starts(
             flights, [h for h in config.curriculum if h < config.horizon], config.starts, context.seed, on_start=on_start,
             per_flight=config.per_flight, prior=config.prior,
             on_iteration=lambda h, i, cost: (task.advance(), task.update(f"{words}{h:g} s, iteration {i}: cost {cost:.6g}")),
         )  # fmt: skip
         flight_of, record = owners(flights, config.per_flight)
         answer = describe(fitted, record, flight_of)
-        scored = [scores(*each, config.horizon) for each in zip(flights, fitted.flights, questions, strict=True)]
+        scored = [scores(*each, config.horizon) for each in zip(problems, fitted.flights, strict=True)]
         metrics = {
             "outcome": fitted.solution.outcome, "chi2": fitted.chi2, "kkt_residual": fitted.solution.kkt,
             "cost_history": list(fitted.solution.history), "surfaces": config.surfaces, **scored[0],
         }  # fmt: skip
         if len(flights) > 1:
-            metrics["flights"] = {f.label or f.log.name: s for f, s in zip(flights, scored, strict=True)}
+            metrics["flights"] = {f.label or f.problem.log.name: s for f, s in zip(flights, scored, strict=True)}
         if config.starts > 1:
             metrics["starts"] = spread_of(optima, fitted)
-        identified = held(flights[0], fitted.flights[0])
+        identified = held(problems[0], fitted.flights[0])
         write_json(context.folder / "params.json", answer)
         kite = with_sources(without_setpoint_dynamics(identified.kite.declare(()), declared), answer, names_of(flights))
         write_text(context.folder / KITE_FILE, kite_text(kite))
@@ -134,7 +134,7 @@ def unknown_own(declared, config):
 
 def names_of(flights) -> str:
     """The flights of a fit, for people."""
-    return " and ".join(dict.fromkeys(f.label or f.log.name for f in flights))
+    return " and ".join(dict.fromkeys(f.label or f.problem.log.name for f in flights))
 
 
 def shown(row: dict) -> dict:
@@ -164,9 +164,9 @@ def told(answer: dict, metrics: dict, kite_file) -> list[str]:
 
 
 def flown(context, config, declared) -> list:
-    """The flights of the fit: the plan's, then those of `also`, each with its own simulator (wind record, control law) and question."""
-    from awescli.estimation.question import ask, simulator_of
-    from awescli.estimation.staged_fit import Flown
+    """The flights of the fit: the plan's, then those of `also`, each with its own simulator (wind record, control law)."""
+    from awescli.estimation.problem import build, simulator_of
+    from awescli.estimation.staged_fit import Flight
     from awescli.stages.flight_parts import driven_upstream, flight_parts
 
     flights, labels = [], []
@@ -177,10 +177,10 @@ def flown(context, config, declared) -> list:
             kite, law = driven_upstream(context, kite, log)
             told_apart(declared, kite)
         simulator = simulator_of(kite, log, law=law)
-        question = ask(simulator, log, parts, config.horizon, outputs_of(log, config), seed_weights=config.weights == "seed")
+        problem = build(simulator, log, parts, config.horizon, outputs_of(log, config), by_range=config.weights == "seed")
         label = f"{log.name}-{labels.count(log.name) + 1}" if log.name in labels else log.name
         labels.append(log.name)
-        flights.append(Flown(question, log, parts, label if i else ""))
+        flights.append(Flight(problem, label if i else ""))
     return flights
 
 
@@ -216,29 +216,29 @@ def owners(flights, per_flight) -> tuple[dict[str, str], set[str]]:
 
     flight_of, record = {}, set()
     for flight in flights:
-        for name in own_names(flight.question, per_flight):
+        for name in own_names(flight.problem, per_flight):
             unknown = f"{name}@{flight.label}" if flight.label else name
-            flight_of[unknown] = flight.label or flight.log.name
-            if name in flight.question.kite.record:
+            flight_of[unknown] = flight.label or flight.problem.log.name
+            if name in flight.problem.kite.record:
                 record.add(unknown)
     return (flight_of if len(flights) > 1 else {}), record
 
 
-def held(flight, fit):
+def held(problem, fit):
     """A flight's simulator with its fitted values, the wind record's error taken out."""
-    from awescli.estimation.question import without_record
+    from awescli.estimation.problem import without_record
 
-    simulator = flight.question.simulator
-    return simulator.holding(without_record(simulator.kite, fit.parameters))
+    return problem.simulator.holding(without_record(problem.kite, fit.parameters))
 
 
-def scores(flight, fit, question, horizon: float) -> dict:
-    """Errors of one flight before and after, and how gusty it was."""
+def scores(problem, fit, horizon: float) -> dict:
+    """Errors of one flight before and after, and what it says of processes and noise."""
+    from awescli.estimation.problem import levels_found
     from awescli.stages.flight_parts import score_parts
 
-    before = score_parts(flight.question.simulator, flight.log, flight.split, horizon)
-    after = score_parts(held(flight, fit), flight.log, flight.split, horizon)
-    return {"gust_m_s": question.gust, "initial": before, **after}
+    before = score_parts(problem.simulator, problem.log, problem.split, horizon)
+    after = score_parts(held(problem, fit), problem.log, problem.split, horizon)
+    return {"processes": levels_found(problem), "noise_factors": dict(problem.factors), "initial": before, **after}
 
 
 def tell(progress, answer: dict, metrics: dict) -> None:

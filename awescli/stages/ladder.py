@@ -10,7 +10,7 @@ MADE_BY = {"identified": "identify", "with_effects": "trace-residual", "hybrid":
 
 def ladder(context: Context, log) -> dict:
     """name -> Simulator of every model that exists, in the order in which they were made."""
-    from awescli.estimation.question import simulator_of
+    from awescli.estimation.problem import simulator_of
     from awescli.learning.correction import hybrid_from_artifact
     from awescli.physics.declaration import read_kite
 

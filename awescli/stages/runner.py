@@ -29,8 +29,8 @@ from awescli.artifacts import (
     versions,
     write_json,
 )
-from awescli.notation.errors import BadInput, did_you_mean
-from awescli.stages.base import Context, Inputs, Progress, Silent, Stage, StageConfig
+from awescli.notation.errors import BadInput, NumericalFailure, did_you_mean
+from awescli.stages.base import FAILURE, Context, Inputs, Progress, Silent, Stage, StageConfig
 from awescli.stages.blas import blas, one_blas_thread
 from awescli.stages.changes import changes, flat
 from awescli.stages.checking import raise_all, refused
@@ -144,7 +144,7 @@ class _Run:
         reason = self._why(name, stamp)
         if not reason:
             kept = self._provenance(name) or {}
-            return self._done(Result(name, "unchanged", "unchanged", summary=kept.get("summary", {})))
+            return self._stood(Result(name, "unchanged", "unchanged", summary=kept.get("summary", {})))
         self.report(name, reason)
         began = time.monotonic()
         try:
@@ -156,7 +156,14 @@ class _Run:
         self.ran.append(name)
         if self.forced is not None:
             self.forced.finished(name, _digest(stamp))
-        return self._done(Result(name, "ran", reason, time.monotonic() - began, summary))
+        return self._stood(Result(name, "ran", reason, time.monotonic() - began, summary))
+
+    def _stood(self, result: Result) -> Result:
+        """A result whose artifacts stand. Raises NumericalFailure where they say that there is none."""
+        self._done(result)
+        if failure := result.summary.get(FAILURE):
+            raise NumericalFailure(failure["outcome"], failure["what"], str(self._folder(result.stage)), failure["do"])
+        return result
 
     def _done(self, result: Result) -> Result:
         self.report(result.stage, result)

@@ -5,7 +5,7 @@ from textwrap import shorten
 from pydantic import Field
 
 from awescli.stages.answers import ANSWER, change, fitting, named, number, sized
-from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage, StageConfig
+from awescli.stages.base import FAILURE, KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 
 
 class TraceResidualConfig(StageConfig):
@@ -43,10 +43,10 @@ class TraceResidual(Stage):
         yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
 
     def run(self, context, config):
-        from awescli.artifacts import write_arrays, write_json, write_text
+        from awescli.artifacts import read_json, write_arrays, write_json, write_text
         from awescli.flightlog.loops import find_loops
         from awescli.physics.declaration import kite_text, read_kite
-        from awescli.stages.flight_parts import flight_parts, score_parts
+        from awescli.stages.flight_parts import flight_parts, predicted, scores_of
         from awescli.stages.handed_on import traced_params, with_sources
         from awescli.tracing.account import account, residual_arrays
         from awescli.tracing.flight import trace_flight
@@ -61,25 +61,50 @@ class TraceResidual(Stage):
             task.update(text)
 
         # the prior is what the user declared; the search starts from what identify found
-        started = {n: p.value for n, p in identified.table().items()}
-        finding, before = trace_flight(declared, log, parts, start=started, progress=progress, **config.model_dump())
+        handed_on = read_json(context.upstream("identify") / "metrics.json")
+        began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon)}
+        finding = trace_flight(declared, log, parts, progress=progress, **began, **config.model_dump())
         progress("scoring on unseen loops")
-        after = finding.after()
-        scores = {"before": score_parts(before, log, parts, config.horizon), "after": score_parts(after, log, parts, config.horizon)}
-        effects = account(finding, log, parts, config.horizon, before, after)
-        effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), before, after, config.horizon)
-        params = traced_params(finding, log, effects)
+        models = {"before": finding.before(), "after": finding.after()}
+        predictions = {which: predicted(simulator, log, parts, config.horizon) for which, simulator in models.items()}
+        effects = account(finding, log, config.horizon, *(p["test"] for p in predictions.values()))
+        effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), models, predictions, config.horizon)
+        scores = {which: scores_of(p, config.horizon) for which, p in predictions.items()}
+        params = traced_params(finding.model, effects)
+        testable = finding.verdict != "not_testable"
+        kite = with_sources(finding.declaration(), params, log.name) if testable else identified
         write_json(context.folder / "effects.json", effects)
         write_json(context.folder / "params.json", params)
-        write_text(context.folder / KITE_FILE, kite_text(with_sources(finding.declaration(), params, log.name)))
+        write_text(context.folder / KITE_FILE, kite_text(kite))
         write_arrays(context.folder / "residuals.npz", arrays)
         write_json(context.folder / "metrics.json", {"outcome": finding.verdict, "before": scores["before"], **scores["after"]})
         error = effects["error"]
         return {
             "verdict": effects["verdict"], "effect": ", ".join(named(e) for e in effects["effects"]) or "-",
-            "test NRMSE before": error["before"]["mean"], "after": error["after"]["mean"], "noise floor": error["noise_floor"]["mean"],
-            **detectable(effects), ANSWER: told(effects, context.out / self.name / KITE_FILE),
+            "test NRMSE before": error.get("before", {}).get("mean"), "after": error["after"]["mean"], "noise floor": error["noise_floor"]["mean"],
+            **detectable(effects), ANSWER: told(effects, context.out / self.name / KITE_FILE), **failure(finding),
         }  # fmt: skip
+
+
+def begun(identified: dict, horizon: float) -> dict:
+    """Where identify ended: levels of processes and noise, and the error that the declared model must reach again. identified: its metrics.json;
+    levels are missing where it weighed channels by their range, the error where it predicted another horizon."""
+    from awescli.tracing.models import Levels
+
+    found, processes = {}, identified.get("processes")
+    if processes and identified["surfaces"] == "recorded":
+        found["levels"] = Levels({name: p["level"] for name, p in processes.items()}, identified["noise_factors"])
+    if identified["horizon_s"] == horizon:
+        found["identified_error"] = identified["nrmse"]["validation"]["mean"]
+    return found
+
+
+def failure(finding) -> dict:
+    """What the runner reports as a numerical failure, where the flight is not testable."""
+    if finding.verdict != "not_testable":
+        return {}
+    do = "See identify's metrics.json; free fewer parameters, or begin with shorter horizons (identify.curriculum)."
+    return {FAILURE: {"outcome": "not_testable", "what": f"there is no model to trace: {finding.reason}", "do": do}}
 
 
 def detectable(effects: dict) -> dict:
@@ -93,7 +118,7 @@ def detectable(effects: dict) -> dict:
 def told(effects: dict, kite_file) -> list[str]:
     """The answer of the stage, in a few lines: all sizes where they fit, else the first of each effect, else the effects' names."""
     error, left, verdict = effects["error"], effects["left"], effects["verdict"]
-    before, after = (m["mean"] for m in (error["before"], error["after"]))
+    before, after = error.get("before", {}).get("mean"), error["after"]["mean"]
     share = f", {100 * left['share']:.0f} % of what was missing" if left["share"] > 0 else ""
     rest = effects["unexplained"]
     empirical = [shorten(f"empirical: {rest['expression']}", 120, placeholder=" ...")] if rest and rest["expression"] else []
@@ -102,6 +127,8 @@ def told(effects: dict, kite_file) -> list[str]:
         f"left: chi-square {number(left['chi2'])} (1: noise alone){share}",
         f"kite file: {kite_file}; report: awes evaluate --report",
     ]
+    if verdict == "not_testable":
+        return fitting(TraceResidual.name, [[f"{verdict}: {effects['reason']}", *end[-1:]]])
     if not effects["effects"]:
         return fitting(TraceResidual.name, ([f"{verdict}: {SAYS[verdict]}", *empirical, *e] for e in (end, end[::2])))
     found = [[_said(e, most) for e in effects["effects"]] for most in (9, 1, 0)]
@@ -121,8 +148,8 @@ def _said(effect: dict, most: int) -> str:
 SAYS = {
     "none": "nothing is missing that this flight could show at its noise",
     "cannot_tell": "several explanations do equally well on this flight",
-    "unexplained": "something repeats that no effect of the library explains",
-    "not_deterministic": "the residual does not repeat from loop to loop, and no effect helps",
+    "unexplained": "something is left that no effect of the library explains",
+    "not_deterministic": "what is left does not repeat from loop to loop, and no effect helps",
     "found": "an effect explains what the model lacks",
 }
 """The verdicts in words."""

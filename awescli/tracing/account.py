@@ -1,188 +1,242 @@
 """The account of a trace: effects.json and the arrays behind its pictures."""
 
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from math import log as ln
 
 import numpy as np
 
-from awescli.estimation.prediction import predict
-from awescli.estimation.question import ask, without_record
-from awescli.estimation.record_error import mid_times, with_record_errors
+from awescli.estimation.prediction import Prediction
+from awescli.notation.quantities import UNITS
+from awescli.physics.disturbances import DISTURBANCE_UNITS
+from awescli.physics.effects.base import Effect
+from awescli.physics.kite import make_effect
 from awescli.simulation.rollout import Simulator
-from awescli.tracing.race import FLOOR_ERROR, Runner
+from awescli.tracing.investigate import Finding
+from awescli.tracing.models import FittedModel
 from awescli.tracing.residuals import residual_study
-from awescli.tracing.verdict import Finding
+from awescli.tracing.search import Tried
 
-SPOKEN = 0.05
-"""A rest of the excess that is worth a sentence."""
+SLIP = 0.08
+"""Relative distance from the size that a mistake of a unit leaves up to which it is asked for."""
 SENTENCES = {
     "none": "Nothing is missing that this flight could show at its noise; `detectable` says what would have been seen.",
-    "found": "An effect of the library explains what the declared model lacks, on loops it was not fitted to.",
+    "found": "An effect of the library explains what the declared model lacks, on loops it was not fitted to; what it leaves is noise.",
     "cannot_tell": "Several explanations do equally well on this flight; `separate` says what would tell them apart.",
-    "unexplained": "Something repeats that no effect of the library explains; the terms are empirical, not physics.",
-    "not_deterministic": "The residual does not repeat from loop to loop: the air was gusty, and no effect helps on unseen loops.",
+    "unexplained": "Something is left that no effect of the library explains; the terms are empirical, not physics.",
+    "not_deterministic": "What is left does not repeat from loop to loop: it is the air, or noise, and no effect takes it away.",
+    "not_testable": "There is no fitted model in whose residual anything could be sought.",
 }
 
 
-def account(finding: Finding, log, parts, horizon: float, before: Simulator, after: Simulator) -> dict:
-    """effects.json: verdict, effects with sizes and intervals, ranking, what is unexplained, error on test loops, parameter shifts."""
-    null, model = finding.library.null, finding.model
-    if log.wind is not None:
-        times = mid_times(finding.fitted.segments, log)
-        model = replace(model, fit=with_record_errors(model.fit, finding.simulator.kite.record, log.wind.time, times))
-    error_before, error_after = (predict(s, log, parts.test, horizon) for s in (before, after))
-    effects = [_effect(finding, key, model, log) for key in model.keys if not finding.effect(key).empirical]
-    roll = _roll_gusts(finding, log, parts)
-    effects += [_suspect(key, bound, trial, log) for key, bound, trial in finding.suspects[:1]]
+def account(finding: Finding, log, horizon: float, before: Prediction, after: Prediction) -> dict:
+    """effects.json: verdict and its criteria, effects with sizes, intervals and what they cannot be told from, ranking, what is unexplained, error on
+    test loops, parameter shifts. before, after: of the test loops."""
+    null, model, evidence = finding.null, finding.model, finding.evidence
+    named = evidence.model if finding.verdict in ("found", "cannot_tell") else None
+    effects = [_effect(finding, key, named, log) for key in named.keys] if named else []
+    if finding.verdict == "cannot_tell":
+        effects += [_suspect(finding, s, log) for s in evidence.suspects[:1]]
+    testable = finding.verdict != "not_testable"
+    error = {
+        "horizon_s": horizon, **({"before": before.nrmse()} if testable else {}), "after": after.nrmse(), "noise_floor": before.noise_floor(),
+        "diverged_before": before.diverged, "diverged_after": after.diverged, "split": "test",
+    }  # fmt: skip
+    slip = _slip(finding)
     return {
         "verdict": finding.verdict,
-        "sentence": SENTENCES[finding.verdict] + _rest(null, model) + _rolled(roll),
+        "sentence": " ".join(s for s in (SENTENCES[finding.verdict], finding.reason, slip) if s),
+        "reason": finding.reason or None,
         "effects": effects,
         "ranking": _ranking(finding),
         "unexplained": _unexplained(finding) if finding.verdict == "unexplained" else None,
-        "error": {
-            "horizon_s": horizon, "before": error_before.nrmse(), "after": error_after.nrmse(), "noise_floor": error_before.noise_floor(),
-            "diverged_before": error_before.diverged, "diverged_after": error_after.diverged, "split": "test",
+        "error": error,
+        "criteria": [
+            {"name": c.name, "value": c.value, "threshold": c.threshold, "pass": c.passed, "says": c.says, "source": c.source} for c in finding.table
+        ],
+        "probability": dict(finding.probability),
+        "chi2": {
+            "train_before": evidence.bare.fit.chi2, "train_after": _alone(finding).fit.chi2,
+            "validation_before": evidence.bare.chi2, "validation_after": _alone(finding).chi2,
         },
-        "chi2": {"train_before": null.fit.chi2, "train_after": model.fit.chi2,
-                 "validation_before": null.choice_chi2, "validation_after": model.choice_chi2},
-        "left": _left(null, model),
-        "gust_m_s": finding.gust,
-        "roll_gusts": roll,
-        "detectable": finding.library.detectable,
-        "detectable_units": {
-            key: {"parameter": name.rpartition(".")[2], "unit": finding.simulator.kite.parameters[name].unit}
-            for key, name in finding.library.sizes_of.items() if name in finding.simulator.kite.parameters
-        },
-        "not_testable": list(finding.library.rounds[0].untestable) if finding.library.rounds else [],
-        "parameter_shifts": _shifts(finding, null, model),
-        "dropped": [r.dropped for r in finding.library.rounds if r.dropped],
+        "left": _left(finding),
+        "gust_m_s": max(evidence.gusts.values(), default=0.0),
+        "processes": _processes(model), "noise_factors": dict(model.problems[0].factors),
+        "roll_gusts": _roll_gusts(finding),
+        "detectable": {key: size for key, (_, size) in evidence.search.detectable.items()},
+        "detectable_units": {key: _unit(finding, key, name) for key, (name, _) in evidence.search.detectable.items()},
+        "not_testable": list(evidence.search.rounds[0].untestable) if evidence.search.rounds else [],
+        "parameter_shifts": _shifts(null, model),
         "separate": _separate(effects),
-        "null_run": _null_run(finding),
     }  # fmt: skip
 
 
-def _rest(null: Runner, model: Runner) -> str:
-    """The sentence that keeps an answer from promising too much."""
-    left = _left(null, model)["share"]
-    return f" It is not the whole of it: {left:.0%} of the excess is left on unseen loops." if model.keys and left > SPOKEN else ""
+def _alone(finding: Finding) -> FittedModel:
+    """What is handed on, without the help of model error."""
+    return finding.model if finding.model is not finding.null else finding.evidence.bare
 
 
-def _roll_gusts(finding: Finding, log, parts) -> dict | None:
-    """What roll gusts are worth on test segments, and what the parameters are with them: without, feedback against them hides in these."""
-    roll, segments = finding.roll_gusts, finding.fitted.segments
-    if roll is None:
-        return None
-    simulator, horizon = finding.simulator, segments.steps * segments.dt
-    test = ask(simulator, log, parts, horizon, finding.fitted.outputs, ("test",)).fitted
-    models = {"before": roll.before, "after": roll.after}
-    clean = {which: simulator.holding(without_record(simulator.kite, r.table)) for which, r in models.items()}
+def _left(finding: Finding) -> dict:
+    """What the final model still leaves on validation loops: chi-square per degree of freedom (1: noise), the share of what was there, and the
+    largest of a channel."""
+    rest, before = finding.evidence.rest, max(finding.evidence.bare.chi2 - 1, 0.0)
+    share = float(min(max(rest.chi2 - 1, 0.0) / before, 1.0)) if before > 0.02 else 0.0
+    again = rest.repetition
     return {
-        "std_rad_s": roll.level, "of_specification": roll.gusts.roll, "lasts_s": roll.memory, "split": "test",
-        **roll.on(simulator, test), "nrmse": {which: predict(s, log, parts.test, horizon).nrmse()["mean"] for which, s in clean.items()},
-        "parameter_shifts": _shifts(finding, roll.before, roll.after),
+        "chi2": rest.chi2, "share": share, "channels": rest.channels, "worth": rest.worth, "levels": rest.levels,
+        "repeats": None if again is None else {"share": again.share, "p": again.p, "loops": again.loops},
     }  # fmt: skip
 
 
-def _rolled(roll: dict | None) -> str:
-    """The sentence on roll gusts, where there are any."""
+def _unit(finding: Finding, key: str, name: str) -> dict:
+    row = next(p for p in make_effect(key, finding.frame.declared).rows() if p.name == name)
+    return {"parameter": name.rpartition(".")[2], "unit": row.unit}
+
+
+def _processes(model: FittedModel) -> dict:
+    return {
+        g.name: {"level": g.level, "unit": UNITS.get(g.axes[0]) or DISTURBANCE_UNITS[g.axes[0]], "memory_s": g.memory, "process": p.name}
+        for p in model.problems[0].processes
+        for g in p.groups
+        if g.level > 0
+    }
+
+
+def _roll_gusts(finding: Finding) -> dict | None:
+    """What gusts that roll the kite are worth on validation loops, and what the parameters are with them: without, feedback hides in these."""
+    roll = finding.roll_gusts
     if roll is None:
-        return ""
-    before, after = roll["chi2"]["before"], roll["chi2"]["after"]
-    return (
-        f" Roll gusts of {roll['std_rad_s']:.2g} rad/s, {roll['of_specification']:.1f} times MIL-F-8785C's, take chi-square per degree of "
-        f"freedom on unseen segments from {before:.3g} to {after:.3g}; `roll_gusts` says what the derivatives are with them."
-    )
-
-
-def _left(null: Runner, model: Runner) -> dict:
-    """What the final model still leaves on unseen loops: chi-square per degree of freedom (1: noise), and the share of what was there."""
-    before, after = (max(r.choice_chi2 - 1, 0.0) for r in (null, model))
-    return {"chi2": model.choice_chi2, "share": float(min(after / before, 1.0)) if before > FLOOR_ERROR else 0.0}
-
-
-def _null_run(finding: Finding) -> dict | None:
-    """The same search on the model with what was accepted: it must find nothing more. None where nothing was accepted."""
-    rounds = (finding.bank if finding.verdict == "unexplained" else finding.library).rounds
-    if not any(r.accepted for r in rounds):
         return None
-    last = rounds[-1]
-    return {"verdict": "found" if last.accepted or last.dropped else "none", "screened": len(last.entries), "chi2": last.chi2_after}
+    before, after = finding.null, roll.model
+    channels = {n: {"before": roll.channels_before[n], "after": roll.channels_after[n]} for n in roll.channels_before}
+    return {
+        "std_rad_s": roll.level, "lasts_s": roll.memory, "split": "validation", "chi2": {"before": before.chi2, "after": after.chi2},
+        "worth": roll.worth, "channels": channels, "parameter_shifts": _shifts(before, after),
+    }  # fmt: skip
 
 
-def _sizes(key: str, model: Runner, log) -> dict:
+def sizes(key: str, model: FittedModel, log) -> dict:
     """parameter -> value, std, unit. A time is known to no better than where in a sample things happen, dt / (2 sqrt 3)."""
-    std = dict(zip(model.names, np.sqrt(np.diag(model.fit.covariance)) * np.sqrt(max(model.fit.chi2, 1.0)), strict=True))
-    sizes = {}
-    for name in model.names:
-        if name.startswith(f"{key}."):
-            p = model.table[name]
-            timing = log.dt / (2 * np.sqrt(3)) if p.unit == "s" else 0.0
-            sizes[name.removeprefix(f"{key}.")] = {"value": p.value, "std": float(np.hypot(std[name], timing)), "unit": p.unit}
-    return sizes
+    std = dict(zip(model.fit.names, np.sqrt(np.diag(model.fit.covariance)), strict=True))
+    found = {}
+    for name in (n for n in model.strengths if n.startswith(f"{key}.")):
+        p = model.table[name]
+        timing = log.dt / (2 * np.sqrt(3)) if p.unit == "s" else 0.0
+        found[name.removeprefix(f"{key}.")] = {"value": p.value, "std": float(np.hypot(std[name], timing)), "unit": p.unit}
+    return found
 
 
-def _effect(finding: Finding, key: str, model: Runner, log) -> dict:
-    effect = finding.effect(key)
-    rivals = [finding.effect(k) for k in finding.rivals.get(key, ())]
+def _named(effect: Effect) -> dict:
+    return {"name": effect.name, "acts_on": effect.acts_on}
+
+
+def _effect(finding: Finding, key: str, model: FittedModel, log) -> dict:
+    effect = make_effect(key, finding.frame.declared)
+    rivals = finding.evidence.rivals.get(key, ())
+    others = [(make_effect(r.key, finding.frame.declared), r) for r in rivals]
+    mine = sizes(key, model, log)
     return {
-        "name": effect.name, "acts_on": effect.acts_on, "doc": effect.doc,
-        "rivals": [{"name": r.name, "acts_on": r.acts_on} for r in rivals], "parameters": _sizes(key, model, log),
+        **_named(effect), "doc": effect.doc, "rivals": [_named(o) for o, _ in others], "parameters": mine,
+        "class": [{**_named(effect), "parameters": mine, "lag": 0.0}]
+        + [{**_named(o), "parameters": sizes(r.key, r.model, log), "lag": r.lag} for o, r in others],
     }  # fmt: skip
 
 
-def _suspect(key: str, bound: str, trial: Runner, log) -> dict:
-    name, _, target = key.partition(":")
+def _suspect(finding: Finding, suspect, log) -> dict:
+    effect = make_effect(suspect.key, finding.frame.declared)
+    mine = sizes(suspect.key, suspect.model, log)
+    bound = finding.null.table[suspect.parameter]
     return {
-        "name": name, "acts_on": target, "rivals": [{"name": bound, "acts_on": "parameter"}], "parameters": _sizes(key, trial, log),
-        "doc": f"'{bound}' was driven to its bound; with this effect it returns",
+        **_named(effect), "rivals": [{"name": bound.name, "acts_on": "parameter"}], "parameters": mine,
+        "doc": f"'{bound.name}' was driven to its bound; with this effect it returns",
+        "class": [
+            {**_named(effect), "parameters": mine, "lag": 0.0},
+            {"name": bound.name, "acts_on": "parameter", "parameters": {"value": {"value": bound.value, "unit": bound.unit}}, "lag": suspect.gain},
+        ],
     }  # fmt: skip
 
 
 def _ranking(finding: Finding) -> list[dict]:
-    """The first round's record of every candidate, those that raced first by their gain on unseen loops."""
-    entries = finding.library.rounds[0].entries if finding.library.rounds else ()
-    ordered = sorted(entries, key=lambda e: (e.outcome == "not raced", -e.gain, -e.score))
+    """The first round's record of every candidate, those that were fitted first by their gain."""
+    rounds, null = finding.evidence.search.rounds, finding.null
+    if not rounds:
+        return []
+    excess = finding.evidence.bare.deviance - finding.evidence.model.deviance
+    ordered = sorted(rounds[0].tried, key=lambda t: (t.model is None, -t.gain, -t.score.drop))
     return [
         {
-            "name": e.key.partition(":")[0], "acts_on": e.key.partition(":")[2], "score": e.score, "p_value": e.p_value,
-            "explained_share": e.explained_share, "plausible_size": e.plausible, "test_gain": e.gain, "outcome": e.outcome,
+            **_named(make_effect(t.key, finding.frame.declared)), "score": t.score.drop, "p_value": t.score.p_value,
+            "explained_share": _share(finding, t, excess), "plausible_size": t.plausible, "test_gain": _gain(null, t),
+            "outcome": t.outcome, "significant": t.significant, "deviance_gain": t.gain,
         }
-        for e in ordered
+        for t in ordered
     ]  # fmt: skip
 
 
+def _share(finding: Finding, t: Tried, excess: float) -> float:
+    """Of what the answer explains of the declared model's deviance, without model error on either side; 0 where that is nothing."""
+    if t.model is None or excess < 1.0:
+        return 0.0
+    return float(np.clip((finding.evidence.bare.deviance - (finding.null.deviance - t.gain)) / excess, -1.0, 1.0))
+
+
+def _gain(null: FittedModel, t: Tried) -> float:
+    """Share of the cost of the validation loops that a candidate takes away."""
+    if t.model is None:
+        return 0.0
+    cost = sum(float(f.information.cost.sum()) for f in null.judged)
+    return float((null.unseen - t.model.unseen) / max(cost, 1.0))
+
+
 def _unexplained(finding: Finding) -> dict:
-    """Channel, share and a sparse expression for what repeats and has no name in the library."""
-    model = finding.model
-    terms = [k for k in model.keys if finding.effect(k).empirical]
-    null = finding.library.null
-    share = 1 - (model.choice_chi2 - 1) / max(null.choice_chi2 - 1, 1e-9)
+    """Channel, share and a sparse expression for what has no name in the library."""
+    bank = finding.evidence.bank
+    terms = bank.final.keys if bank is not None else ()
     if not terms:
-        best = max(finding.bank.rounds[0].entries, key=lambda e: e.score) if finding.bank and finding.bank.rounds else None
-        channel = best.key.partition(":")[2].partition("*")[0] if best else ""
-        return {"channel": channel, "share": 0.0, "expression": None, "terms": []}
-    values = {k: model.table[f"{k}.k"].value for k in terms}
+        levels = finding.evidence.rest.levels
+        channel = max(levels, key=levels.get, default=finding.evidence.rest.largest)
+        return {"channel": _short(channel), "share": 0.0, "expression": None, "terms": []}
+    excess = max(finding.evidence.bare.chi2 - 1, 1e-9)
+    values = {k: bank.final.table[f"{k}.k"].value for k in terms}
     pieces = [f"{v:+.4g}*{k.partition(':')[2].partition('*')[2]}" for k, v in values.items()]
     channels = [k.partition(":")[2].partition("*")[0] for k in terms]
     expression = "; ".join(f"{c} += qbar*S*({p})" for c, p in zip(channels, pieces, strict=True))
-    return {"channel": channels[0], "share": float(np.clip(share, 0, 1)), "expression": expression,
-            "terms": [{"term": k.partition(":")[2], "k": v} for k, v in values.items()]}  # fmt: skip
+    share = float(np.clip(1 - (bank.final.chi2 - 1) / excess, 0, 1))
+    return {"channel": channels[0], "share": share, "expression": expression, "terms": [{"term": k.partition(":")[2], "k": v} for k, v in values.items()]}
 
 
-def _shifts(finding: Finding, null: Runner, model: Runner) -> dict:
+def _short(axis: str) -> str:
+    """force_x -> f_x"""
+    return axis.replace("force_", "f_").replace("moment_", "m_")
+
+
+def _shifts(null: FittedModel, model: FittedModel) -> dict:
     """What the parameters had swallowed: value and distance from the prior, in prior standard deviations, before and after."""
-    shifts = {}
-    for name in (n for n in null.names if n not in finding.simulator.kite.record):
-        p, prior = null.table[name], null.prior[name]
+    shifts, prior, record = {}, null.problems[0].prior, null.problems[0].kite.record
+    for name in (n for n in null.problems[0].names if n not in record):
+        p, weighed = null.table[name], prior[name]
         after = model.table[name].value if name in model.table else p.value
-        shifts[name] = {
-            "prior": prior.value, "before": p.value, "after": after,
-            "before_in_prior_std": (p.value - prior.value) / prior.prior_std, "after_in_prior_std": (after - prior.value) / prior.prior_std,
-        }  # fmt: skip
+        away, then = ((v - weighed.value) / weighed.prior_std for v in (p.value, after))
+        shifts[name] = {"prior": weighed.value, "before": p.value, "after": after, "before_in_prior_std": away, "after_in_prior_std": then}
     return shifts
 
 
-def _separate(effects: list[dict]) -> list[str]:
+def _slip(finding: Finding) -> str:
+    """What an effect that leads by a size which nothing has looks like: mostly a mistake of a unit."""
+    for t, model in finding.implausible:
+        effect = make_effect(t.key, finding.frame.declared)
+        for name in t.score.moving:
+            size, row = model.table[name].value, model.table[name]
+            short = name.rpartition(".")[2]
+            said = f"{effect.doc.capitalize()} ({effect.key}, {short} = {size:.3g} {row.unit}) would explain most of it, which is no plausible size"
+            known = effect.slips.get(short, {})
+            near = min(known, key=lambda s: abs(ln(abs(size) / s)), default=None) if size > 0 else None
+            if near is not None and abs(ln(size / near)) < SLIP:
+                return f"{said}: {known[near]}"
+            return f"{said}."
+    return ""
+
+
+def _separate(effects: Sequence[Mapping]) -> list[str]:
     """For every pair of rivals: what would tell them apart."""
     return [
         f"{e['name']} and {r['name']}: fly so that what they act on differs: {_what(e)} against {_what(r)}."
@@ -191,7 +245,7 @@ def _separate(effects: list[dict]) -> list[str]:
     ]
 
 
-def _what(entry: dict) -> str:
+def _what(entry: Mapping) -> str:
     advice = {
         "parameter": "move the surface whose derivative this is",
         "airflow": "other heights and directions of flight, or a wind profile measured at height",
@@ -204,16 +258,18 @@ def _what(entry: dict) -> str:
     return advice.get(entry["acts_on"], "steps of that surface, sharp enough to see phase and amplitude")
 
 
-def residual_arrays(log, parts, loops, before: Simulator, after: Simulator, horizon: float) -> tuple[dict, dict[str, np.ndarray]]:
-    """(summaries before and after, arrays of residuals.npz).
+def residual_arrays(
+    log, parts, loops, models: Mapping[str, Simulator], predictions: Mapping[str, Mapping[str, Prediction]], horizon: float
+) -> tuple[dict, dict[str, np.ndarray]]:
+    """(summaries before and after, arrays of residuals.npz). models, predictions: "before" and "after" -> simulator, part -> prediction.
 
     Arrays: <part>_<which>_<channel> (K, N+1) prediction errors, <part>_first (K,); study_<which>_<series> of `residuals.residual_study`.
     """
     arrays: dict[str, np.ndarray] = {}
     summary = {}
-    for which, simulator in (("before", before), ("after", after)):
+    for which, simulator in models.items():
         for part in ("validation", "test"):
-            prediction = predict(simulator, log, getattr(parts, part), horizon)
+            prediction = predictions[which][part]
             arrays[f"{part}_first"], arrays["time"] = prediction.first, prediction.time
             for name in prediction.simulated:
                 arrays[f"{part}_{which}_{name}"] = prediction.errors(name)

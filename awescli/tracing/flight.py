@@ -1,13 +1,12 @@
-"""Trace one flight from its declaration to a finding: what the stage, the campaign and the tests all call."""
+"""Trace a flight from its declaration to a finding: what the stage, the campaigns and the tests all call."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from awescli.estimation.question import ask, simulator_of, without_record
-from awescli.estimation.staged_fit import fit_in_stages
+from awescli.estimation.prediction import predict
 from awescli.physics.declaration import KiteDeclaration
-from awescli.simulation.rollout import Simulator
-from awescli.tracing.race import contest_of, run
-from awescli.tracing.verdict import Finding, investigate, library_keys
+from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.investigate import Finding, investigate, library_keys
+from awescli.tracing.models import Frame, Levels, TracedFlight, fit_null
 
 CURRICULUM = (1.0, 2.5)
 """[s] horizons fitted before the whole one: a guess that is 30 % off cannot follow the flight for five seconds."""
@@ -20,23 +19,25 @@ def trace_flight(
     *,
     horizon: float = 5.0,
     curriculum: Sequence[float] = CURRICULUM,
-    start: dict[str, float] | None = None,
+    start: Mapping[str, float] | None = None,
+    levels: Levels | None = None,
+    identified_error: float | None = None,
     candidates: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
-    rounds: int = 3,
+    rounds: int = CRITERIA.effects,
     progress: Callable[[str], None] = lambda text: None,
-) -> tuple[Finding, Simulator]:
-    """(finding, simulator of the null model at its fit) of a flight cut into `parts` (train, validation, test; test is not touched).
+) -> Finding:
+    """The finding on a flight cut into `parts` (train, validation, test; test is not touched).
 
-    declared gives the prior; start: name -> value to start the fit from; candidates: keys of effects (default: the whole library that
-    the flight could show).
+    declared gives the prior; start: name -> value to start the fit from; levels: of processes and noise, as an identification left them: the fit
+    begins where that one ended; identified_error: its mean NRMSE on validation loops, `horizon` ahead; candidates: keys of effects (default: the
+    whole library that the flight could show).
     """
     keys = library_keys(declared, log, candidates)
-    progress(f"compiling the model with {len(keys)} candidates")
-    simulator = simulator_of(declared, log, keys)
-    question = ask(simulator, log, parts, horizon, outputs or tuple(log.measured))
+    frame = Frame((TracedFlight(log, parts, declared),), horizon, tuple(outputs or log.measured))
     progress("fitting the model as it is declared")
-    fitted, question = fit_in_stages(question, log, parts, [h for h in curriculum if h < horizon], start=start)
-    null = run(contest_of(question), fitted.parameters, (), question.names, start=fitted)
-    finding = investigate(question, null, keys, log, parts, horizon, rounds=rounds, progress=progress)
-    return finding, simulator.holding(without_record(simulator.kite, null.table))
+    null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None else (levels,))
+    error = predict(null.simulator, log, parts.validation, horizon).nrmse()["mean"]
+    return investigate(
+        frame, null, keys, rounds=rounds, null_error=error, identified_error=identified_error, progress=progress
+    )  # fmt: skip

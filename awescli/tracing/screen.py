@@ -1,30 +1,39 @@
-"""Screen all candidates at once: score tests from exact sensitivities, orthogonal to what re-fitting can absorb."""
+"""Screen all candidates at once: score tests from exact sensitivities, orthogonal to what re-fitting can absorb, in the likelihood of the present
+model with its processes.
+
+Over a second a model stays near the flight, its model error at work, and what a candidate would do is nearly linear; over five seconds it is not
+where the effect is large.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
 
-from awescli.estimation.information import Information
-from awescli.estimation.simulation_error import SimulationError
-from awescli.physics.kite import Kite
+from awescli.estimation.fit import relaxed
+from awescli.estimation.misfit import Misfit, Own
+from awescli.estimation.problem import EstimationProblem, build, simulator_of
+from awescli.notation.parameters import Parameter
+from awescli.notation.quantities import OUTPUTS
+from awescli.physics.kite import make_effect
 from awescli.simulation.rollout import Columns
 from awescli.simulation.scores import error
-from awescli.tracing.candidates import Variant, outputs_at, variants
+from awescli.tracing.candidates import Variant, variants
+from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.models import FittedModel, Frame
 
-DETECTABLE = 3.5
-"""A strength is detectable from this many standard deviations on; one that is not detectable inside its range is not testable."""
+SHORT = 1.0
+"""[s] of the segments that are screened."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """What the null model's residual says about one candidate.
+    """What the residual says about one candidate.
 
-    variant: the shape and probe that did best; moving: the strengths that are not absorbed; drop: predicted fall of the cost;
-    size: one-step estimate of `moving`; p_value: of the likelihood ratio; agreement: p-value of a t-test on what the segments contribute;
-    std: of `size`;
-    inflation: least variance inflation of its columns; direction: whitened column space, for the angle between candidates.
+    variant: the shape and probe that did best; moving: the strengths that are not absorbed; drop: predicted fall of the deviance; size, std:
+    one-step estimate of `moving` (in probes for a secant); p_value: of the likelihood ratio; inflation: least variance inflation of its
+    columns; place: of its columns in `Screening.joint`.
     """
 
     variant: Variant
@@ -33,147 +42,178 @@ class Score:
     size: np.ndarray
     std: np.ndarray
     p_value: float
-    agreement: float
     inflation: float
-    gradient: np.ndarray
-    information: np.ndarray
     place: tuple[int, ...]
 
     @property
     def key(self) -> str:
         return self.variant.key
 
+    def start(self, rows, share: float = 1.0) -> tuple[dict[str, float], dict[str, float]]:
+        """(strengths, shapes): full name -> value to begin a fit from, inside the bounds of the parameters `rows`; share: of the one-step
+        estimate."""
+        strengths = {}
+        for name, size in zip(self.moving, self.size, strict=True):
+            p = rows[name]
+            # a secant knows how much of its probe, not beyond three of them
+            step = self.variant.at[name] * np.clip(size, 0.3, 3.0) if self.variant.secant else size
+            strengths[name] = float(np.clip(p.value + share * step, p.lower, p.upper))
+        return strengths, {n: v for n, v in self.variant.at.items() if n not in strengths}
+
 
 @dataclass(frozen=True)
 class Screening:
     """All scores, best first; untestable: effects that the free parameters absorb; joint: information of all columns after projection;
-    absorbed: (n_free, n) what the free parameters do of each column; information: of the free parameters and all columns."""
+    rows: of all candidates' parameters."""
 
     scores: tuple[Score, ...]
     untestable: tuple[str, ...]
     joint: np.ndarray
-    absorbed: np.ndarray
-    information: Information
+    rows: dict[str, Parameter]
 
-    def step(self, score: Score, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Changes of the free parameters (n_free,) and the own unknowns (K, n_own) that go with a candidate at `size`, to first order."""
-        place, n_free = list(score.place), len(self.absorbed)
-        change = np.zeros(n_free + len(self.joint))
-        change[:n_free] = -self.absorbed[:, place] @ size
-        change[n_free + np.array(place)] = size
-        return change[:n_free], np.stack([self.information.own(k, change) for k in range(len(self.information.back))])
+    @property
+    def detectable(self) -> float:
+        return CRITERIA.detectable
 
     def cosine(self, a: Score, b: Score) -> float:
         """Largest canonical correlation between two candidates: 1 means that the flight cannot tell them apart."""
         A, B = self.joint[np.ix_(a.place, a.place)], self.joint[np.ix_(b.place, b.place)]
         C = self.joint[np.ix_(a.place, b.place)]
-        La, Lb = np.linalg.cholesky(_safe(A)), np.linalg.cholesky(_safe(B))
+        La, Lb = np.linalg.cholesky(firm(A)), np.linalg.cholesky(firm(B))
         middle = np.linalg.solve(La, np.linalg.solve(Lb, C.T).T)
         return float(min(np.linalg.svd(middle, compute_uv=False)[0], 1.0))
 
 
-def _reach(problem, variant: Variant, name: str) -> float:
-    """How far a strength may plausibly go from null (in probes for a secant)."""
-    p = problem.simulator.kite.parameters[name]
-    reach = max(p.upper - p.value, p.value - p.lower)
-    return reach / abs(variant.at[name]) if variant.secant else reach
-
-
-def _safe(A: np.ndarray) -> np.ndarray:
+def firm(A: np.ndarray) -> np.ndarray:
+    """A matrix (n, n) with as much on its diagonal as rounding asks for."""
     return A + 1e-9 * np.diag(np.diag(A)) + 1e-300 * np.eye(len(A))
 
 
-def screen(
-    problem: SimulationError, x: np.ndarray, precision: np.ndarray, centre: np.ndarray, kite: Kite, keys: Sequence[str]
-) -> Screening:
-    """Score every candidate effect of `keys` at the null fit (parameters x, own unknowns in `problem`).
+def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
+    """Score every candidate effect of `keys` at a fitted model: over the whole horizon where it follows the flight by itself."""
+    horizon = SHORT if model.rest else frame.horizon
+    every = [v for key in keys for v in variants(make_effect(key, frame.declared))]
+    columns, n_free = CandidateColumns(every), len(model.fit.names)
+    whole, gradient = informed(frame, model, keys, columns, horizon)
+    # a parameter at its bound absorbs nothing any more
+    held = model.at_bound
+    free = np.array([i for i, name in enumerate(model.fit.names) if name not in held], int)
+    absorbed = np.linalg.solve(whole[np.ix_(free, free)], whole[free, n_free:])
+    joint = whole[n_free:, n_free:] - whole[n_free:, free] @ absorbed
+    left = gradient[n_free:] - absorbed.T @ gradient[free]
+    rows = model.problems[0].simulator.kite.parameters
+    return _scored(every, columns, joint, left, np.diag(whole)[n_free:], {**{p.name: p for k in keys for p in _rows(frame, k)}, **rows})
 
-    precision, centre: prior of the free parameters. The columns of a candidate are projected on the complement of the free
-    parameters, so that what a re-fit would absorb does not count.
-    """
-    every = [v for e in kite.effects if e.key in keys for v in variants(e)]
-    names, secants, further = _columns(problem, x, every)
-    info, _ = problem.information(x, parameters=(*problem.names, *names), extra=further, integrate=True)
-    n_free = len(problem.names)
-    place = {name: n_free + i for i, name in enumerate(names)}
-    place.update({label: n_free + len(names) + i for i, label in enumerate(secants)})
-    per_segment = info.b + np.nan_to_num(info.tilt)
-    H, b = info.H.sum(0), per_segment.sum(0)
-    H[:n_free, :n_free] += np.diag(precision)
-    b = b.copy()
-    b[:n_free] += precision * (centre - x)
-    absorbed = np.linalg.solve(H[:n_free, :n_free], H[:n_free, n_free:])
-    joint = H[n_free:, n_free:] - H[n_free:, :n_free] @ absorbed
-    gradient = b[n_free:] - absorbed.T @ b[:n_free]
-    per_segment = per_segment[:, n_free:] - per_segment[:, :n_free] @ absorbed
-    scale = max(1.0, float(info.cost.sum() / max(info.dof.sum() - n_free, 1)))
-    whole = np.diag(H)[n_free:]
+
+def informed(frame: Frame, model: FittedModel, keys: Sequence[str], columns: "CandidateColumns", horizon: float) -> tuple[np.ndarray, np.ndarray]:
+    """(H, b) of all free parameters of a model, prior included, and behind them of the columns of candidates `keys`, from all flights in
+    segments of `horizon` seconds."""
+    names, n_free, n = model.fit.names, len(model.fit.names), len(columns)
+    precision = np.array([1 / model.fit.prior[name].prior_std ** 2 for name in names])
+    pull = precision * (model.fit.prior.vector(names) - model.fit.solution.x)
+    whole, gradient = np.diag(np.r_[precision, np.zeros(n)]), np.r_[pull, np.zeros(n)]
+    for flight, problem, fitted, place in zip(frame.flights, model.problems, model.fit.flights, model.fit.places, strict=True):
+        H, b = _says(flight, problem, fitted.parameters, model.keys, keys, columns, horizon)
+        at = np.r_[place, n_free + np.arange(len(H) - len(place))]
+        whole[np.ix_(at, at)] += H
+        gradient[at] += b
+    return whole, gradient
+
+
+def _rows(frame: Frame, key: str):
+    return make_effect(key, frame.declared).rows()
+
+
+def _says(
+    flight, problem: EstimationProblem, table, added, keys, columns: "CandidateColumns", horizon: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """(H, b) of the model's parameters and all candidates' columns, from one flight in segments of `horizon` seconds."""
+    simulator = simulator_of(flight.declared, flight.log, (*added, *keys))
+    rows = simulator.kite.parameters
+    simulator = simulator.holding(rows.with_values({n: table[n].value for n in rows if n in table}))
+    short = build(simulator, problem.log, problem.split, min(horizon, problem.horizon), problem.outputs, by_range=problem.by_range)
+    short = replace(short.with_factors(problem.factors), processes=problem.processes, names=problem.names)
+    misfit, x = short.misfit(), table.vector(problem.names)
+    own = relaxed(misfit, x, misfit.own())
+    links, trajectories = misfit.links(x, own, (*misfit.names, *columns.names), lambda own: columns.further(misfit, x, own))
+    heard = np.flatnonzero(trajectories.alive > misfit.observed.segments.steps)
+    info = misfit.eliminated(links.gram(), own, heard)
+    return info.H, info.b
+
+
+class CandidateColumns:
+    """The columns of all variants. names: of plain tangents at null; labels: of the further columns, in their order."""
+
+    def __init__(self, every: Sequence[Variant]):
+        self.names = tuple(dict.fromkeys(m for v in every if not v.at for m in v.moving))
+        # tangents at shape values: variants that only set shapes can share a pass, for at null strength a shape changes nothing
+        self.passes: list[list[Variant]] = []
+        for v in (v for v in every if v.at and not v.secant):
+            group = next((g for g in self.passes if all(o.key != v.key for o in g)), None)
+            self.passes.append([v]) if group is None else group.append(v)
+        self.secants = [v for v in every if v.secant]
+        self.labels = (*((v.label, m) for group in self.passes for v in group for m in v.moving), *((v.label, v.moving[0]) for v in self.secants))
+        self._place = {name: i for i, name in enumerate((*self.names, *self.labels))}
+
+    def __len__(self) -> int:
+        return len(self.names) + len(self.labels)
+
+    def place(self, variant: Variant) -> list[int]:
+        """Of a variant's columns among all."""
+        if variant.secant:
+            return [self._place[(variant.label, variant.moving[0])]]
+        return [self._place[(variant.label, m) if variant.at else m] for m in variant.moving]
+
+    def further(self, misfit: Misfit, x: np.ndarray, own: Own) -> np.ndarray:
+        """(K, N+1, n_out, n) the columns behind the plain tangents."""
+        segments, outputs, found = misfit.segments(own), misfit.observed.outputs, []
+        for group in self.passes:
+            values = {**misfit.values(x), **{k: value for v in group for k, value in v.at.items()}}
+            moving = tuple(m for v in group for m in v.moving)
+            found.append(misfit.simulator.sensitivities(segments, Columns((), moving), outputs, values)[1])
+        index = [OUTPUTS.index(n) for n in outputs]
+        base = misfit.simulator.rollout(segments, misfit.values(x))
+        for v in self.secants:
+            there = misfit.simulator.rollout(segments, {**misfit.values(x), **v.at})
+            reached = np.arange(segments.steps + 1)[None] < np.minimum(base.alive, there.alive)[:, None]
+            moved = (error(there.outputs[:, :, i], base.outputs[:, :, i], n) for i, n in zip(index, outputs, strict=True))
+            # in units of the probe: a one-step size of 1 means the probe itself
+            found.append(np.where(reached[:, :, None], np.stack(list(moved), axis=-1), 0.0)[..., None])
+        return np.concatenate(found, axis=-1) if found else np.zeros((*misfit.observed.measured.shape, 0))
+
+
+def _scored(every, columns: CandidateColumns, joint, gradient, whole, rows) -> Screening:
     found: dict[str, list[Score]] = {}
     untestable = []
     for variant in every:
-        columns = [place[(variant.label, m)] if variant.secant or variant.at else place[m] for m in variant.moving]
-        local = [c - n_free for c in columns]
-        inflation = whole[local] / np.maximum(np.diag(joint)[local], 1e-300)
-        least = DETECTABLE * np.sqrt(scale / np.maximum(np.diag(joint)[local], 1e-300))
-        reach = [_reach(problem, variant, m) for m in variant.moving]
-        kept = [i for i in range(len(local)) if least[i] < reach[i] and whole[local[i]] > 1e-12]
+        local = columns.place(variant)
+        diagonal = np.maximum(np.diag(joint)[local], 1e-300)
+        reach = [_reach(rows[m], variant, m) for m in variant.moving][: len(local)]
+        kept = [i for i in range(len(local)) if CRITERIA.detectable / np.sqrt(diagonal[i]) < reach[i] and whole[local[i]] > 1e-12]
         if not kept:
             untestable.append(variant.key)
             continue
         where = [local[i] for i in kept]
-        A, s = _safe(joint[np.ix_(where, where)]), gradient[where]
+        A, s = firm(joint[np.ix_(where, where)]), gradient[where]
         size = np.linalg.solve(A, s)
-        drop = float(s @ size)
-        p, agreement = _p_values(drop, len(where), scale, per_segment[:, where] @ size)
-        std = np.sqrt(np.diag(np.linalg.inv(A)) * scale)
+        drop, std = float(s @ size), np.sqrt(np.diag(np.linalg.inv(A)))
         moving = tuple(variant.moving[i] for i in kept)
-        score = Score(variant, moving, drop, size, std, p, agreement, float(inflation[kept].min()), s, A, tuple(where))
+        p_value = float(stats.chi2.sf(drop, len(where)))
+        score = Score(variant, moving, drop, size, std, p_value, float((whole[local] / diagonal)[kept].min()), tuple(where))
         if not variant.secant or size[0] > 0:
             found.setdefault(variant.key, []).append(score)
     best = [max(group, key=lambda s: s.drop) for group in found.values()]
     untestable = [k for k in dict.fromkeys(untestable) if k not in found]
-    return Screening(tuple(sorted(best, key=lambda s: -s.drop)), tuple(untestable), joint, absorbed, info)
+    return Screening(tuple(sorted(best, key=lambda s: -s.drop)), tuple(untestable), joint, rows)
 
 
-def _columns(problem, x, every: Sequence[Variant]):
-    """(names of plain tangents at null, labels of the further columns, own unknowns -> further columns (K, N+1, n_out, n))."""
-    names = list(dict.fromkeys(m for v in every if not v.at for m in v.moving))
-    # tangents at shape values: variants that only set shapes can share a pass, for at null strength a shape changes nothing
-    passes: list[list[Variant]] = []
-    for v in (v for v in every if v.at and not v.secant):
-        group = next((g for g in passes if all(o.key != v.key for o in g)), None)
-        passes.append([v]) if group is None else group.append(v)
-    secants = [v for v in every if v.secant]
-    labels = [*((v.label, m) for group in passes for v in group for m in v.moving), *((v.label, v.moving[0]) for v in secants)]
-
-    def further(own: np.ndarray) -> np.ndarray:
-        segments, columns = problem.segments(own), []
-        for group in passes:
-            values = {**problem.values(x), **{k: value for v in group for k, value in v.at.items()}}
-            moving = tuple(m for v in group for m in v.moving)
-            columns.append(problem.simulator.sensitivities(segments, Columns((), moving), problem.observed.outputs, values)[1])
-        base, alive = outputs_at(problem, segments, x, {})
-        for v in secants:
-            there, there_alive = outputs_at(problem, segments, x, v.at)
-            reached = np.arange(base.shape[1])[None] < np.minimum(alive, there_alive)[:, None]
-            difference = np.stack([error(there[:, :, i], base[:, :, i], n) for i, n in enumerate(problem.observed.outputs)], axis=-1)
-            # in units of the probe: a one-step size of 1 means the probe itself
-            columns.append(np.where(reached[:, :, None], difference, 0.0)[..., None])
-        return np.concatenate(columns, axis=-1)
-
-    return names, labels, further if labels else None
+def _reach(p, variant: Variant, name: str) -> float:
+    """How far a strength may plausibly go from null (in probes for a secant)."""
+    reach = max(p.upper - p.value, p.value - p.lower)
+    return reach / abs(variant.at[name]) if variant.secant else reach
 
 
-def _p_values(drop: float, count: int, scale: float, contributions: np.ndarray) -> tuple[float, float]:
-    """Likelihood ratio with the residual's own level, and a t-test on the segments' contributions."""
-    ratio = float(stats.chi2.sf(drop / scale, count))
-    K = len(contributions)
-    spread = contributions.std(ddof=1) / np.sqrt(K) if K > 2 else np.inf
-    t = contributions.mean() / spread if spread > 0 else 0.0
-    return ratio, float(stats.t.sf(t, K - 1))
-
-
-def holm(p_values: Sequence[float], level: float = 0.01) -> np.ndarray:
+def holm(p_values: Sequence[float], level: float) -> np.ndarray:
     """Which hypotheses are rejected when all are tested together (Holm 1979)."""
     p = np.asarray(p_values)
     order = np.argsort(p)

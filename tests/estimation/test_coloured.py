@@ -8,8 +8,7 @@ from scipy.signal import lfilter
 
 from awescli.estimation.coloured import LAGS, coloured_information, excess, spectrum
 from awescli.estimation.fit import fit
-from awescli.estimation.nuisance_wind import RecordError
-from awescli.estimation.simulation_error import SimulationError
+from awescli.estimation.misfit import Misfit
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
 
@@ -62,10 +61,8 @@ def test_intervals_hold_under_coloured_noise(kite, calm):
     for seed in range(12):
         noise = observed.sigma * autoregressive(np.random.default_rng(seed), observed.measured.shape, 0.9)
         noisy = Observed(observed.segments, observed.outputs, observed.measured + noise, observed.sigma)
-        found = fit(simulator, noisy, table, names, gusts=RecordError(0.0), prior=False)
-        problem = SimulationError(simulator.holding(found.parameters), noisy, names, RecordError(0.0))
-        problem.own = found.own
-        added = coloured_information(problem, found.parameters.vector(names), found.information, np.ones(16, bool))
+        found = fit(Misfit(simulator, noisy, names), table, prior=False)
+        added = coloured_information(found)
         e = found.parameters.vector(names) - table.vector(names)
         C = found.covariance
         plain.append(e**2 / np.diag(C))

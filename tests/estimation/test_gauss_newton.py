@@ -7,8 +7,10 @@ import pytest
 from oracles import kkt_violation
 from scipy.optimize import LinearConstraint, lsq_linear, minimize
 
-from awescli.estimation.gauss_newton import covariance, minimise
+from awescli.estimation import gauss_newton
+from awescli.estimation.gauss_newton import Linearised, covariance, minimise
 from awescli.estimation.quadratic_program import Limits, best_step
+from awescli.notation.errors import NumericalFailure
 
 
 def bounded_step(H, b, lower, upper):
@@ -105,26 +107,21 @@ class Curve:
     def __init__(self, truth=(2.0, 0.7, 0.3), noise=0.0):
         self.t = np.linspace(0, 5, 40)
         self.y = self.model(np.array(truth)) + noise * np.random.default_rng(0).standard_normal(40)
-        self.accepted = 0
 
     def model(self, x):
         return x[0] * np.exp(-np.clip(x[1] * self.t, -50, 50)) + x[2]
 
-    def linearise(self, x):
-        self.x = x
+    def linearise(self, x, inner, before):
         e = np.exp(-x[1] * self.t)
         J = np.column_stack([e, -x[0] * self.t * e, np.ones(40)])
         r = self.y - self.model(x)
-        return float(r @ r), J.T @ r, J.T @ J, 0.0
+        return Linearised(float(r @ r), J.T @ r, J.T @ J, inner, 0.0, None)
 
-    def move(self, step, share):
-        return float(((self.y - self.model(self.x + share * step)) ** 2).sum())
-
-    def accept(self):
-        self.accepted += 1
+    def trial(self, at, x, step, share):
+        return float(((self.y - self.model(x)) ** 2).sum()), at.inner + 1
 
     def solve(self, start, lower=(-9, -9, -9), upper=(9, 9, 9), **how):
-        return minimise(self.linearise, self.move, self.accept, np.array(start, float), Limits.box(lower, upper), **how)
+        return minimise(self, np.array(start, float), 0, Limits.box(lower, upper), **how)
 
 
 def test_it_finds_a_known_minimum_from_afar():
@@ -133,7 +130,7 @@ def test_it_finds_a_known_minimum_from_afar():
     curve = Curve()
     found = curve.solve((0.5, 3.0, -1.0), lower=(-9, 0, -9), tolerance=1e-20, iterations=60)
     assert found.outcome == "converged" and found.x == pytest.approx((2.0, 0.7, 0.3), rel=1e-8)
-    assert list(found.history) == sorted(found.history, reverse=True) and curve.accepted == len(found.history) - 1
+    assert list(found.history) == sorted(found.history, reverse=True) and found.inner == len(found.history) - 1
 
 
 def test_it_stops_at_a_bound_with_the_others_at_their_best():
@@ -148,27 +145,54 @@ def test_outcomes_have_names():
     """Guards the three endings: converged, no_progress, iteration_limit."""
     assert Curve(noise=0.1).solve((2.0, 0.7, 0.3)).outcome == "converged"
     assert Curve().solve((0.5, 3.0, -1.0), tolerance=1e-14, iterations=1).outcome == "iteration_limit"
-    stuck = Curve()
-    stuck.move = lambda step, share: np.nan  # whatever is tried diverges
-    assert stuck.solve((0.5, 3.0, -1.0)).outcome == "no_progress" and stuck.accepted == 0
+
+    class Stuck(Curve):
+        def trial(self, at, x, step, share):
+            return np.nan, at.inner + 1  # whatever is tried diverges
+
+    found = Stuck().solve((0.5, 3.0, -1.0))
+    assert found.outcome == "no_progress" and found.inner == 0
+
+
+def test_a_quadratic_program_that_fails_is_an_outcome(monkeypatch):
+    """Guards a fit against an abort: what the solver of a step cannot do is named, and the fit ends where it stands."""
+
+    def fails(*_):
+        raise NumericalFailure("quadratic_program", "not solved")
+
+    monkeypatch.setattr(gauss_newton, "best_step", fails)
+    found = Curve().solve((0.5, 3.0, -1.0))
+    assert found.outcome == "quadratic_program" and found.x == pytest.approx((0.5, 3.0, -1.0))
+
+
+def test_a_state_goes_through_the_steps_unchanged_by_them():
+    """Guards the optimiser as a value: a step from a state is the same step again, and a run may go on from any state."""
+    curve, limits = Curve(), Limits.box((-9, 0, -9), (9, 9, 9))
+    states = [gauss_newton.init(curve, np.array([0.5, 3.0, -1.0]), 0, limits)]
+    while not states[-1].outcome:
+        states.append(gauss_newton.step(curve, limits, states[-1], 1e-16))
+    again = gauss_newton.step(curve, limits, states[3], 1e-16)
+    assert np.array_equal(again.x, states[4].x) and again.history == states[4].history and len(states[3].history) == 4
+    assert states[-1].outcome == "converged"
 
 
 def test_steps_that_promise_more_than_they_bring_come_to_an_end():
     """Guards a fit at a kink: every step promises as much as the one before and brings an eighth of it."""
-    cost = [10.0]
 
-    def move(step, share):
-        cost.append(cost[0] - 0.25 * share)
-        return cost[-1]
 
-    def accept():
-        cost[:] = cost[-1:]
+    class Kink:
+        """inner: the cost."""
 
-    how = {"x": np.zeros(1), "limits": Limits.box([-99.0], [99.0]), "iterations": 20}
-    linearise = lambda x: (cost[0], np.ones(1), np.eye(1), 0.0)  # noqa: E731
-    found = minimise(linearise, move, accept, tolerance=0.9, **how)
+        def linearise(self, x, inner, before):
+            return Linearised(inner, np.ones(1), np.eye(1), inner, 0.0, None)
+
+        def trial(self, at, x, step, share):
+            return at.inner - 0.25 * share, at.inner - 0.25 * share
+
+    how = {"x": np.zeros(1), "inner": 10.0, "limits": Limits.box([-99.0], [99.0]), "iterations": 20}
+    found = minimise(Kink(), tolerance=0.9, **how)
     assert found.outcome == "no_progress" and len(found.history) == 4 and found.kkt == pytest.approx(1.0)
-    assert minimise(linearise, move, accept, tolerance=0.7, **how).outcome == "iteration_limit"
+    assert minimise(Kink(), tolerance=0.7, **how).outcome == "iteration_limit"
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -203,7 +227,7 @@ def constrained(start, A, low, high, **how):
     """The curve fitted under rows, b >= 0."""
     limits = Limits(np.array([-9.0, 0, -9]), np.full(3, 9.0), np.atleast_2d(A), np.atleast_1d(low), np.atleast_1d(high))
     curve = Curve()
-    return curve, minimise(curve.linearise, curve.move, curve.accept, np.array(start), limits, tolerance=1e-13, iterations=100, **how)
+    return curve, minimise(curve, np.array(start), 0, limits, tolerance=1e-13, iterations=100, **how)
 
 
 CASES = {

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, lively, truly
 
-from awescli.estimation.answer import describe
 from awescli.estimation.fit import Share, fit_together
+from awescli.estimation.identifiability import describe
 from awescli.estimation.limits import limits_of, scaling
-from awescli.estimation.nuisance_wind import RecordError
+from awescli.estimation.misfit import Misfit
 from awescli.notation.constraints import parse_constraint
 from awescli.notation.errors import BadInput
 from awescli.physics.declaration import kite_text, read_kite
@@ -63,7 +63,7 @@ def observed(kite, calm):
 
 
 def joint(kite, observed, start, names):
-    share = Share(Simulator(kite).holding(start), observed, RecordError(0.0), names, start, start, names)
+    share = Share(Misfit(Simulator(kite).holding(start), observed, names), start, start, names)
     return fit_together([share], prior=False, tolerance=1e-9, iterations=60)
 
 

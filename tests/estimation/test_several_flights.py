@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, declared, flight, lively, truly
 
-from awescli.estimation.answer import describe
 from awescli.estimation.fit import Share, fit, fit_together
-from awescli.estimation.nuisance_wind import RecordError
+from awescli.estimation.identifiability import describe
+from awescli.estimation.misfit import Misfit
 from awescli.estimation.staged_fit import Optimum, spread_of
 from awescli.notation.constraints import parse_constraint
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 
-CALM = RecordError(0.0)
 SHARED, OWN = ("CLa", "CD0", "CYb", "Clp", "Cnb"), ("dl", "Cm0")
 TRIMS = ({"dl": 0.78, "Cm0": 0.106}, {"dl": 0.83, "Cm0": 0.117})
 
@@ -33,7 +32,7 @@ def share(simulator, observed, label=""):
     table = simulator.kite.parameters
     start = table.with_values({n: 1.05 * table[n].value for n in SHARED})
     unknowns = tuple(f"{n}@{label}" if label and n in OWN else n for n in (*SHARED, *OWN))
-    return Share(simulator.holding(start), observed, CALM, (*SHARED, *OWN), start, start, unknowns)
+    return Share(Misfit(simulator.holding(start), observed, (*SHARED, *OWN)), start, start, unknowns)
 
 
 def test_common_parameters_and_own_trims_are_recovered_and_intervals_shrink(flown):
@@ -68,12 +67,12 @@ def test_flights_that_share_nothing_are_as_good_as_apart(flown):
     """Guards the bookkeeping: without shared parameters a joint fit is two fits."""
     names = ("CLa", "CD0")
     shares = [
-        Share(simulator, observed, CALM, names, simulator.kite.parameters, simulator.kite.parameters, tuple(f"{n}{i}" for n in names))
+        Share(Misfit(simulator, observed, names), simulator.kite.parameters, simulator.kite.parameters, tuple(f"{n}{i}" for n in names))
         for i, (simulator, observed) in enumerate(flown)
     ]
     together = fit_together(shares, tolerance=1e-8)
     for (simulator, observed), found in zip(flown, together.flights, strict=True):
-        alone = fit(simulator, observed, simulator.kite.parameters, names, gusts=CALM, tolerance=1e-8)
+        alone = fit(Misfit(simulator, observed, names), simulator.kite.parameters, tolerance=1e-8)
         assert [found.parameters[n].value for n in names] == pytest.approx([alone.parameters[n].value for n in names], rel=1e-5)
         assert found.covariance == pytest.approx(alone.covariance, rel=1e-5) and found.chi2 == pytest.approx(alone.chi2, rel=1e-6)
     assert np.abs(together.covariance[:2, 2:]).max() < 1e-12 * np.abs(together.covariance).max()

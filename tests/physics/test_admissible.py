@@ -235,7 +235,7 @@ def test_contradictions_are_those_of_a_search(data):
 
 def test_a_parameter_without_freedom_has_no_correlation():
     """Equalities between several parameters can leave them none: 0/0 used to end a fit with "correlation is nan"."""
-    from awescli.estimation.answer import _correlation
+    from awescli.estimation.identifiability import _correlation
 
     found = _correlation(np.array([[4.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0]]))
     assert np.array_equal(found, [[1, 0, 0.5], [0, 1, 0], [0.5, 0, 1]]) and math.isfinite(found.sum())

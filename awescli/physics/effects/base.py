@@ -15,9 +15,11 @@ class Effect:
 
     name: its row in the table; parameters: with null as `value`, plausible range as bounds; targets: where it may act
     (surfaces, axes, clock groups), empty if there is only one such place; always: part of every kite, not a candidate;
+    slips: parameter name -> {size: the mistake that leaves it}: sizes that no sensor has, and a unit does;
     empirical: a term fitted to a residual, not physics; probes: parameter name -> sizes at which an effect that is flat at null (a lag,
     a threshold) is tried; abrupt: its presence changes the start of a rollout so much that only a re-fit from the probe can judge it;
     shapes: parameters that only give form to another one; refinements: shape -> values tried only once the effect is accepted;
+    start_spread: of its states, standard deviations about `initial`: what is not known of the flight before a rollout;
     last: its load answers the sum of all others, so that it stands behind them; reads: measured signals that it takes from the log, so
     that it cannot be flown without one; requires: rows of the kite file's own table that it reads; inputs: exogenous inputs that it reads
     (`Kite.input_names` has them then); logged: channels that a log must have for a kite with it; gives_line: it puts a line on the kite;
@@ -33,6 +35,8 @@ class Effect:
     parameters: tuple[Parameter, ...] = ()
     targets: tuple[str, ...] = ()
     states: tuple[str, ...] = ()
+    start_spread: tuple[float, ...] = ()
+    slips: dict[str, dict[float, str]] = {}
     probes: dict[str, tuple[float, ...]] = {}
     shapes: tuple[str, ...] = ()
     refinements: dict[str, tuple[float, ...]] = {}

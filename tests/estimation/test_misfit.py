@@ -1,4 +1,4 @@
-"""Simulation error: truth is recovered, gradients are gradients, intervals hold, diverging segments do no harm."""
+"""The misfit and its fit: truth is recovered, gradients are gradients, intervals hold, diverging segments do no harm."""
 
 from dataclasses import replace
 
@@ -7,16 +7,17 @@ import pytest
 from kites import DEVELOPMENT, lively, truly
 from scipy import stats
 
-from awescli.estimation.answer import describe
-from awescli.estimation.fit import JointFit, fit
-from awescli.estimation.nuisance_wind import RecordError
-from awescli.estimation.simulation_error import DIVERGED_COST, SimulationError
+from awescli.estimation.fit import JointFit, fit, relaxed
+from awescli.estimation.identifiability import describe
+from awescli.estimation.misfit import DIVERGED_COST, Misfit
+from awescli.estimation.processes.base import Group
+from awescli.estimation.processes.wind_record import WindRecord
+from awescli.physics.disturbances import GUSTS
 from awescli.simulation.campaign_flights import perturbed
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
 from awescli.stages.identify import shown
 
-CALM = RecordError(0.0)
 FREE = DEVELOPMENT.table().free
 
 
@@ -49,11 +50,11 @@ def from_afar(simulator, observed, names, seed, share):
     """A fit from a guess that is off by `share`, short horizons first; rows off the list stay at the truth."""
     guess = perturbed(DEVELOPMENT, seed, (share, share)).table()
     table = declared = simulator.kite.parameters.with_rows(guess[n] for n in names)
-    start = None
+    own = None
     for seconds, tolerance in ((0.5, 1.0), (1.0, 1.0), (2.5, 1e-12)):
-        found = fit(simulator.holding(table), upto(observed, seconds), table, names, gusts=CALM, prior=False, tolerance=tolerance,
-                    iterations=60, start=start)  # fmt: skip
-        table, start = found.parameters, found
+        misfit = Misfit(simulator.holding(table), upto(observed, seconds), names)
+        found = fit(misfit, table, prior=False, tolerance=tolerance, iterations=60, own=own)
+        table, own = found.parameters, found.own
     return found, declared
 
 
@@ -70,7 +71,7 @@ def test_truth_is_recovered_from_a_guess_that_is_30_percent_off(simulator, obser
     truth = simulator.kite.parameters
     for name in names:
         assert found.parameters[name].value == pytest.approx(truth[name].value, rel=1e-6, abs=1e-6 * truth[name].prior_std), name
-    assert np.abs(found.starts - observed.segments.starts).max() < 1e-6
+    assert np.abs(found.own.starts - observed.segments.starts).max() < 1e-6
 
 
 def test_the_factor_that_no_flight_can_tell_is_reported_as_unseen(simulator, observed):
@@ -92,48 +93,53 @@ def test_the_factor_that_no_flight_can_tell_is_reported_as_unseen(simulator, obs
         assert found.parameters[name].value == pytest.approx(truth[name].value, rel=1e-6), name
 
 
+def wind(level: float, memory: float, spacing: float) -> WindRecord:
+    """A process on the air whose level is known."""
+    return WindRecord((Group.known("wind", GUSTS, level, memory),), spacing)
+
+
 def test_the_gradient_is_that_of_the_cost(simulator, observed):
-    """Guards b: minus half the derivative of the cost in every parameter, own unknowns held, by central differences."""
+    """Guards b: minus half the derivative of the cost in every parameter, nuisances at their best, by central differences."""
     names = ("CLa", "Cmq", "rtz", "dl")
-    problem = SimulationError(simulator, truly(observed, simulator, noise_seed=3), names, RecordError(0.5, 0.5))
-    x = np.array([simulator.kite.parameters[n].value for n in names]) * 1.02
-    problem.own[:, 12:] = 0.3
-    info, _ = problem.information(x)
-    # with own unknowns at their optimum the envelope theorem makes b the full gradient: move them there first
+    misfit = Misfit(simulator, truly(observed, simulator, noise_seed=3), names, (wind(0.5, 3.0, 0.5),))
+    x, every = np.array([simulator.kite.parameters[n].value for n in names]) * 1.02, np.arange(16)
+    # with nuisances at their best the envelope theorem makes b the full gradient
+    own = misfit.own()
     for _ in range(6):
-        problem.own += np.array([info.own(k, np.zeros(len(names))) for k in range(len(problem.own))])
-        info, _ = problem.information(x)
+        own = own.moved(misfit.eliminated(misfit.links(x, own)[0].gram(), own).nuisances())
+    b = misfit.eliminated(misfit.links(x, own)[0].gram(), own).b
+
+    def cost(x):
+        return misfit.costs(x, own)[0].sum() + misfit.prior_cost(own, every)
+
     for i, name in enumerate(names):
-        h = 1e-5 * abs(x[i])
-        e = np.eye(len(names))[i] * h
-        slope = (problem.costs(x + e, problem.own)[0].sum() - problem.costs(x - e, problem.own)[0].sum()) / (2 * h)
-        assert info.b.sum(0)[i] == pytest.approx(-slope / 2, rel=1e-4, abs=1e-5 * np.abs(info.b.sum(0)).max()), name
-
-
-def test_nodes_of_wind_share_every_sample():
-    """Guards the nuisance wind: hats sum to one up to the last sample and are felt from the node before to the node behind; its prior is a
-    covariance."""
-    gusts = RecordError(0.8, 0.5, 3.0)
-    nodes, hats = gusts.nodes(120, 0.02), gusts.hats(120, 0.02)
-    assert hats.shape == (121, 6) and nodes[[0, -1]].tolist() == [0, 120] and np.allclose(hats.sum(axis=1), 1.0, atol=1e-14)
-    for before, hat, behind in zip([-1, *nodes], hats.T, [*nodes[1:], 121], strict=False):
-        assert np.flatnonzero(hat)[[0, -1]].tolist() == [before + 1, behind - 1]
-    P = np.linalg.inv(gusts.precision(120, 0.02))
-    assert np.diag(P) == pytest.approx(0.64)
-    assert P[0, 3] == pytest.approx(0.64 * np.exp(-24 * 0.02 / 3.0)) and P[0, 1] == pytest.approx(0, abs=1e-12)
-    assert RecordError(0.0).nodes(120, 0.02).tolist() == [] and RecordError(0.1).nodes(120, 0.02).tolist() == [0]
+        e = np.eye(len(names))[i] * 1e-5 * abs(x[i])
+        slope = (cost(x + e) - cost(x - e)) / (2 * e[i])
+        assert b[i] == pytest.approx(-slope / 2, rel=1e-4, abs=1e-5 * np.abs(b).max()), name
 
 
 def test_a_gust_in_the_truth_is_found_at_its_nodes(simulator, observed, kite):
-    """Guards own unknowns beyond the start: wind that the record does not know comes back, node by node, from noise-free data."""
-    gusts = RecordError(20.0, 1.0, 0.01)
-    first, steps, dt = kite.input_names.index("gust_n"), observed.segments.steps, observed.segments.dt
-    nodes = np.random.default_rng(3).uniform(-0.6, 0.6, (len(observed.segments), len(gusts.nodes(steps, dt)), 3))
-    wind = np.einsum("tj,kja->kta", gusts.hats(steps, dt), nodes)
-    flown = truly(replace(observed, segments=observed.segments.with_inputs(slice(first, first + 3), wind)), simulator)
+    """Guards nuisances beyond the start: wind that the record does not know comes back, node by node, from noise-free data."""
+    loose = Misfit(simulator, observed, (), (wind(20.0, 0.01, 1.0),))
+    own = loose.own()
+    path = np.random.default_rng(3).uniform(-0.6, 0.6, own.path.shape)
+    own = replace(own, path=path)
+    flown = truly(replace(observed, segments=loose.segments(own)), simulator)
     asked = Observed(observed.segments, flown.outputs, flown.measured, flown.sigma)
-    found = fit(simulator, asked, kite.parameters, (), gusts=gusts, prior=False, tolerance=1e-9)
-    assert np.abs(found.own[:, 12:].reshape(nodes.shape) - nodes).max() < 1e-3
+    found = fit(Misfit(simulator, asked, (), loose.processes), kite.parameters, prior=False, tolerance=1e-9)
+    assert np.abs(found.own.path - path).max() < 1e-3
+
+
+def test_nuisances_follow_a_step_of_the_parameters(simulator, observed):
+    """Guards the narrow valley: after a step of a well known parameter the nuisances are brought to their best, where nothing is left to
+    gain, and they never get worse."""
+    misfit = Misfit(simulator, truly(observed, simulator, noise_seed=4), ("CLa",), (wind(0.5, 3.0, 0.25),))
+    x, every = np.array([simulator.kite.parameters["CLa"].value * 1.05]), np.arange(16)
+    before = misfit.own()
+    own = relaxed(misfit, x, before)
+    cost = lambda own: misfit.costs(x, own)[0].sum() + misfit.prior_cost(own, every)  # noqa: E731
+    assert cost(own) < cost(before)
+    assert cost(own) - misfit.eliminated(misfit.links(x, own)[0].gram(), own).cost.sum() < 0.5 * 16
 
 
 def test_standard_deviations_are_those_of_the_estimates(simulator, observed):
@@ -144,7 +150,7 @@ def test_standard_deviations_are_those_of_the_estimates(simulator, observed):
     names = ("CLa", "CL0", "CD0", "CYb", "Clb", "Clp", "Cma", "Cmq", "Cnb", "Cndr", "CtD", "rtz", "dl")
     table, errors, chi2 = simulator.kite.parameters, [], []
     for seed in range(14):
-        found = fit(simulator, truly(observed, simulator, noise_seed=100 + seed), table, names, gusts=CALM, prior=False, tolerance=1e-2)
+        found = fit(Misfit(simulator, truly(observed, simulator, noise_seed=100 + seed), names), table, prior=False, tolerance=1e-2)
         e = np.array([found.parameters[n].value - table[n].value for n in names])
         errors.append(np.linalg.solve(np.linalg.cholesky(found.covariance), e))
         chi2.append(found.chi2)
@@ -162,11 +168,11 @@ def test_the_prior_pulls_where_the_flight_is_silent(simulator, observed):
     silent = replace(observed, sigma=np.where(np.isin(np.array(observed.outputs), ("p_n", "p_e", "p_d")), observed.sigma, np.inf))
     guess = truth.with_values({n: truth[n].value * 1.1 for n in names})
     short = upto(silent, 0.2)
-    found = fit(simulator.holding(guess), short, guess, names, gusts=CALM, tolerance=1e-6)
+    found = fit(Misfit(simulator.holding(guess), short, names), guess, tolerance=1e-6)
     for name in ("Jx", "Jz"):
         assert found.parameters[name].value == pytest.approx(guess[name].value, rel=0.02)
     guess = truth.with_values({"CLa": 1.1 * truth["CLa"].value})
-    seen = fit(simulator.holding(guess), observed, guess, ("CLa",), gusts=CALM, tolerance=1e-6)
+    seen = fit(Misfit(simulator.holding(guess), observed, ("CLa",)), guess, tolerance=1e-6)
     assert seen.parameters["CLa"].value == pytest.approx(truth["CLa"].value, rel=1e-3)
     assert np.sqrt(seen.covariance[0, 0]) < 0.1 * truth["CLa"].prior_std
 
@@ -175,7 +181,7 @@ def test_a_bound_is_kept_and_reported(simulator, observed):
     """Guards bounds through the whole estimator, and that the answer says which parameter sits at one."""
     truth = simulator.kite.parameters
     cramped = truth.with_rows([replace(truth["CLa"], value=5.0, lower=4.0, upper=5.4), truth["CD0"]])
-    found = fit(simulator.holding(cramped), observed, cramped, ("CLa", "CD0"), gusts=CALM, tolerance=1e-6)
+    found = fit(Misfit(simulator.holding(cramped), observed, ("CLa", "CD0")), cramped, tolerance=1e-6)
     answer = told(found, cramped)["parameters"]
     assert found.parameters["CLa"].value == pytest.approx(5.4, abs=1e-6) and answer["CLa"]["at_bound"] and not answer["CD0"]["at_bound"]
     assert "bound" in answer["CLa"]["advice"]
@@ -186,7 +192,7 @@ def test_words_of_a_parameter_say_what_its_numbers_say(simulator, observed):
     parameter is near its prior, or it moved, and a well seen one is neither."""
     truth = simulator.kite.parameters
     names = ("CLa", "CD0", "CtD")
-    found = fit(simulator.holding(truth), observed, truth, names, gusts=CALM, tolerance=1e-6)
+    found = fit(Misfit(simulator.holding(truth), observed, names), truth, tolerance=1e-6)
     width = np.array([truth[n].prior_std for n in names])
     declared = truth.with_rows(replace(truth[n], value=truth[n].value - shift * truth[n].prior_std, lower=-np.inf, upper=np.inf,
                                        std=truth[n].prior_std) for n, shift in zip(names, (2.36, 0.3, 2.0), strict=True))  # fmt: skip
@@ -212,11 +218,11 @@ def test_a_diverging_segment_does_not_end_the_fit(simulator, observed):
     starts = observed.segments.starts.copy()
     starts[5, 3:6] = (400.0, -300.0, 900.0)
     lost = observed.starting_at(starts)
-    problem = SimulationError(simulator, lost, ("CLa",), CALM)
-    cost, whole = problem.costs(np.array([truth["CLa"].value]), problem.own)
+    misfit = Misfit(simulator, lost, ("CLa",))
+    cost, whole = misfit.costs(np.array([truth["CLa"].value]), misfit.own())
     assert whole.tolist() == [k != 5 for k in range(16)] and cost[5] == pytest.approx(DIVERGED_COST * observed.measured[0].size)
     guess = truth.with_values({"CLa": 6.2})
-    found = fit(simulator.holding(guess), lost, guess, ("CLa",), gusts=CALM, prior=False, tolerance=1e-6)
+    found = fit(Misfit(simulator.holding(guess), lost, ("CLa",)), guess, prior=False, tolerance=1e-6)
     assert found.solution.outcome == "converged" and found.solution.cost == pytest.approx(cost[5], rel=1e-4)
     # the search stops at a millionth of the whole cost, the lost segment's price included
     assert found.parameters["CLa"].value == pytest.approx(truth["CLa"].value, rel=1e-4)

@@ -1,0 +1,436 @@
+"""Integrate the nuisances of segments out: starts of which nothing is known, and processes that last from segment to segment.
+
+The nuisances of a flight are the start z0 of every segment and the values w of processes at the nodes. From node to node
+
+    s+ = E [s, g, g+],      dy = L [s, w, w+],      w+ = F w + e,   e ~ N(0, Q),   F = exp(-dt / memory),   Q = level^2 (1 - F^2),
+
+with s the deviation of the state, g the part of w that acts on it. All before the last node of a segment is eliminated from its end to its
+start, node by node (an information filter that runs backward; Fraser & Potter 1969), all segments abreast; what is left of each, a Gram
+matrix of [w at its first node, w at its last node, globals, residual], is joined along the flight. The cost is linear in nodes, and nothing
+is approximated: H, b, cost and determinant are those of generalised least squares with the dense covariance that the nuisances cause
+(tests/estimation/test_information_filter.py).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from awescli.estimation.links import Gram
+
+RIDGE = 1e-12
+"""Of the diagonal: what rounding asks for where an unknown is hardly seen."""
+
+
+@dataclass(frozen=True)
+class Axes:
+    """The W axes of all processes of a fit, independent Ornstein-Uhlenbeck processes.
+
+    acts: (W,) the disturbance, by its place among those of the links, that an axis adds to, or -1; drifts: (W,) the drifting channel of the
+    links that it adds to, or -1; level, memory: (W,) standard deviation and correlation time [s].
+    """
+
+    acts: np.ndarray
+    drifts: np.ndarray
+    level: np.ndarray
+    memory: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.level)
+
+    def decay(self, dt) -> np.ndarray:
+        """(..., W) F over time differences dt (...) [s]."""
+        return np.exp(-np.asarray(dt)[..., None] / self.memory)
+
+    def variance(self, dt) -> np.ndarray:
+        """(..., W) Q over time differences dt (...) [s]."""
+        return -(self.level**2) * np.expm1(-2 * np.asarray(dt)[..., None] / self.memory)
+
+    def summed(self, path: np.ndarray, onto: np.ndarray, count: int) -> np.ndarray:
+        """(..., count, c) of `path` (..., W, c): what the axes add up to on `count` places, onto (W,) naming the place of each or -1."""
+        S = np.zeros((count, len(self)))
+        used = np.flatnonzero(onto >= 0)
+        S[onto[used], used] = 1.0
+        return np.matmul(S, path)
+
+
+def gap_between(last, first):
+    """[s] from the last node of a segment to the first one of the next: 0 where they are one node. Segments that overlap, as they do where
+    somebody cuts them so, share no process: the gap is endless."""
+    gap = np.asarray(first) - np.asarray(last)
+    return np.where(gap < -1e-9, np.inf, np.where(gap < 1e-9, 0.0, gap))
+
+
+@dataclass(frozen=True)
+class _Eliminated:
+    """Unknowns v (K, a) eliminated from Gram matrices of [v, x, y]: v = M^-1 (r - X x - Y p), M = C C'. C: (K, a, a); X: (K, a, x) and Y:
+    (K, a, n + 1) with y = [p, r], both divided by C."""
+
+    C: np.ndarray
+    X: np.ndarray
+    Y: np.ndarray
+
+    def solve(self, x: np.ndarray, change: np.ndarray, mean: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """(K, a, c) v for c cases: x (K, x, c), change of the globals (n, c), mean (c,) 1 where the residual counts, noise (K, a, c)."""
+        inside = noise + self.Y[..., -1:] * mean - np.matmul(self.Y[..., :-1], change) - np.matmul(self.X, x[..., : self.X.shape[-1], :])
+        return np.linalg.solve(self.C.swapaxes(-1, -2), inside)
+
+    @property
+    def log_det(self) -> np.ndarray:
+        """(K,) log det M"""
+        return 2 * np.log(np.diagonal(self.C, axis1=-2, axis2=-1)).sum(axis=-1)
+
+
+def _eliminate(M: np.ndarray, cross: np.ndarray, rest: np.ndarray, n_x: int) -> tuple[_Eliminated, np.ndarray]:
+    """(what gives v back, Gram matrices of the rest without v) for Gram matrices M (K, a, a) of v, cross (K, a, b) and rest (K, b, b); of
+    the rest, the first n_x are x and the others y."""
+    C = _cholesky(M)
+    # dividing by C with one factorisation for all: C is small, and well scaled by its ridge
+    Y = np.matmul(np.linalg.inv(C), cross) if C.shape[-1] else cross
+    return _Eliminated(C, Y[..., :n_x], Y[..., n_x:]), rest - np.matmul(Y.swapaxes(-1, -2), Y)
+
+
+def _cholesky(M: np.ndarray) -> np.ndarray:
+    """Factors C C' of M (K, a, a) with the least ridge on the diagonal that makes them exist."""
+    if not M.shape[-1]:
+        return M
+    diagonal = np.einsum("...ii->...i", M)
+    ridge = RIDGE * (1 + diagonal)
+    for _ in range(6):
+        try:
+            firm = M + ridge[..., None] * np.eye(M.shape[-1])
+            return np.linalg.cholesky(firm)
+        except np.linalg.LinAlgError:
+            ridge = 100 * ridge
+    return np.linalg.cholesky(np.where(np.eye(M.shape[-1]) > 0, np.abs(M) + 1.0, 0.0))
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """What the axes do from node to node, in units of their own noise, summed over a flight; all (W,). mean: squares of the best values;
+    spread: variances about them; steps: how many, the first value included."""
+
+    mean: np.ndarray
+    spread: np.ndarray
+    steps: int
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """Changes of nuisances, c cases. states: (K, L, n_s, c) of the state at the beginning of each link; path: (K, L + 1, W, c) of the
+    processes at the nodes."""
+
+    states: np.ndarray
+    path: np.ndarray
+
+    def starts(self, n_start: int) -> np.ndarray:
+        """(K, n_start, c)"""
+        return self.states[:, 0, :n_start]
+
+
+@dataclass(frozen=True)
+class Information:
+    """What segments say of the globals, their nuisances integrated out.
+
+    H: (n, n) information and b: (n,) gradient J'r of all; cost: (K,) squared whitened residual with the nuisances at their best, and
+    log_det: (K,) log of the determinants that integrating them out adds (the prior's normalisation included), both as increments from the
+    segments behind alone to a flight that has this one too; dof: (K,) samples less free start values.
+    """
+
+    H: np.ndarray
+    b: np.ndarray
+    cost: np.ndarray
+    log_det: np.ndarray
+    dof: np.ndarray
+    _back: "_Back"
+
+    @property
+    def deviance(self) -> np.ndarray:
+        """(K,) -2 log likelihood but for the constant of the white noise (`Misfit.log_noise`)."""
+        return self.cost + self.log_det
+
+    def innovations(self) -> Innovations:
+        """Of the processes, globals held: what their levels are estimated from."""
+        return self._back.innovations(self.nuisances().path[..., 0])
+
+    def nuisances(self, change: np.ndarray | None = None) -> "Nuisances":
+        """By how much the nuisances change, at best, with a change (n,) of the globals."""
+        n = len(self.b)
+        change = np.zeros(n) if change is None else change
+        return self._back.nuisances(change[:, None], np.ones(1), None)
+
+    def responses(self) -> "Nuisances":
+        """What the nuisances do at best as each of the globals grows by one: n cases."""
+        n = len(self.b)
+        return self._back.nuisances(np.eye(n), np.zeros(n), None)
+
+    def samples(self, count: int, seed: int) -> "Nuisances":
+        """`count` draws of the nuisances about their best, globals held."""
+        random = np.random.default_rng(seed)
+        return self._back.nuisances(np.zeros((len(self.b), count)), np.zeros(count), random)
+
+
+@dataclass(frozen=True)
+class _Back:
+    """What was eliminated, in the order in which it comes back. times: (K, L + 1) of the nodes [s]; start: of the segments; inner: from the
+    first inner node on; joined: (along the flight: w at the first node where it is not that at the last one before, w at the last node)."""
+
+    gram: Gram
+    axes: Axes
+    path: np.ndarray
+    times: np.ndarray
+    E: np.ndarray
+    start: _Eliminated
+    inner: tuple[_Eliminated, ...]
+    joined: tuple[tuple[_Eliminated | None, _Eliminated], ...]
+    which: np.ndarray
+
+    def nuisances(self, change: np.ndarray, mean: np.ndarray, random: np.random.Generator | None) -> Nuisances:
+        gram, W, c = self.gram, len(self.axes), change.shape[1]
+        K, L, n_s, n_start = len(gram), len(gram.bounds) - 1, gram.n_s, gram.n_start
+
+        def noise(*shape):
+            return random.standard_normal((*shape, c)) if random is not None else np.zeros((*shape, c))
+
+        path, states = np.zeros((K, L + 1, W, c)), np.zeros((K, L, n_s, c))
+        before = np.zeros((W, c))
+        for k, (first, last) in zip(self.which, self.joined, strict=True):
+            a = before if first is None else first.solve(before, change, mean, noise(W))
+            before = last.solve(a, change, mean, noise(W))
+            path[k, 0], path[k, L] = a, before
+        ends = np.concatenate([path[:, 0], path[:, L]], axis=1)
+        states[:, 0, :n_start] = self.start.solve(ends, change, mean, noise(K, n_start))
+        for m, inner in enumerate(self.inner):
+            x = np.concatenate([states[:, m], path[:, m], path[:, L]], axis=1)
+            path[:, m + 1] = inner.solve(x, change, mean, noise(K, W))
+            states[:, m + 1] = np.matmul(self.E[:, m], np.concatenate([states[:, m], path[:, m], path[:, m + 1]], axis=1))
+        return Nuisances(states, path)
+
+    def innovations(self, change: np.ndarray) -> Innovations:
+        """For the best change (K, L + 1, W) of the path."""
+        L, which, axes = len(self.gram.bounds) - 1, self.which, self.axes
+        path, spans = (self.path + change)[which], np.diff(self.times[0])
+        F, Q = axes.decay(spans), axes.variance(spans)
+        steps = path[:, 1:] - F * path[:, :-1]
+        mean, count = (steps**2 / Q).sum(axis=(0, 1)), len(which) * L
+        ends, spread, further, gaps = self._along(path)
+        inside = self._within(ends, F)
+        return Innovations(mean + further, (inside / Q).sum(axis=0) + spread, count + gaps)
+
+    def _along(self, path: np.ndarray):
+        """((K, 2 W, 2 W) covariance of w at both ends of the segments; variances and squares of the steps between segments, in units of
+        their noise, and how many these are, the first value of all included)."""
+        W, axes, which = len(self.axes), self.axes, self.which
+        ends, spread, square, count = np.zeros((len(which), 2 * W, 2 * W)), np.zeros(W), np.zeros(W), 0
+        before = np.zeros((W, W))
+        for i, (first, last) in enumerate(self.joined):
+            if first is None:
+                A = before
+            else:
+                inverse = np.linalg.inv(first.C).T
+                gain = -inverse @ first.X if first.X.shape[-1] else np.zeros((W, W))
+                own = inverse @ inverse.T
+                A = gain @ before @ gain.T + own
+                # before the first segment lies an endless gap
+                gap = gap_between(self.times[which[i - 1], -1], self.times[which[i], 0]) if i else np.inf
+                f, q = axes.decay(gap), axes.variance(gap)
+                e = path[i, 0] - (f * path[i - 1, -1] if i else 0.0)
+                moved = gain - np.diag(f)
+                spread += np.diag(moved @ before @ moved.T + own) / q
+                square += e * e / q
+                count += 1
+            inverse = np.linalg.inv(last.C).T
+            gain = -inverse @ last.X
+            B = gain @ A @ gain.T + inverse @ inverse.T
+            ends[i] = np.block([[A, A @ gain.T], [gain @ A, B]])
+            before = B
+        return ends, spread, square, count
+
+    def _within(self, ends: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """(L, W) variances of the steps from node to node, summed over segments."""
+        W, n_s, n_start, which = len(self.axes), self.gram.n_s, self.gram.n_start, self.which
+        n, found = n_s + 2 * W, np.zeros((len(self.gram.bounds) - 1, W))
+        s, w, b = slice(0, n_s), slice(n_s, n_s + W), slice(n_s + W, n)
+        # covariance S of [s, w at the node, w at the last node]
+        inverse = np.linalg.inv(self.start.C[which]).swapaxes(1, 2)
+        gain = np.zeros((len(which), n, 2 * W))
+        gain[:, :n_start] = -np.matmul(inverse, self.start.X[which])
+        gain[:, w, :W] = gain[:, b, W:] = np.eye(W)
+        S = np.matmul(np.matmul(gain, ends), gain.swapaxes(1, 2))
+        S[:, :n_start, :n_start] += np.matmul(inverse, inverse.swapaxes(1, 2))
+        for m, inner in enumerate(self.inner):
+            inverse = np.linalg.inv(inner.C[which]).swapaxes(1, 2)
+            own = np.matmul(inverse, inverse.swapaxes(1, 2))
+            gain = -np.matmul(inverse, inner.X[which])
+            moved = gain.copy()
+            moved[:, :, w] -= np.diag(F[m])
+            found[m] = ((np.matmul(moved, S) * moved).sum(axis=2) + np.einsum("kii->ki", own)).sum(axis=0)
+            E = self.E[which, m]
+            A, B = np.zeros((len(which), n, n)), np.zeros((len(which), n, W))
+            A[:, w], A[:, b, b], B[:, w] = gain, np.eye(W), np.eye(W)
+            A[:, s, : n_s + W] = E[:, :, : n_s + W]
+            A[:, s] += np.matmul(E[:, :, n_s + W :], gain)
+            B[:, s] = E[:, :, n_s + W :]
+            S = np.matmul(np.matmul(A, S), A.swapaxes(1, 2)) + np.matmul(np.matmul(B, own), B.swapaxes(1, 2))
+        moved = np.zeros((W, n))
+        moved[:, b], moved[:, w] = np.eye(W), -np.diag(F[-1])
+        found[-1] = (np.matmul(moved, S) * moved).sum(axis=2).sum(axis=0)
+        return found
+
+
+def eliminate(
+    gram: Gram, axes: Axes, path: np.ndarray, starts: np.ndarray, dt: float, which: np.ndarray | None = None
+) -> Information:
+    """Integrate the nuisances of segments out.
+
+    path: (K, L + 1, W) present values of the processes at the nodes, about which the segments are linearised; starts: (K,) times of the
+    first samples of segments [s], ascending; dt: of a sample [s]; which: segments that count, in that order (default: all).
+    """
+    which = np.arange(len(gram)) if which is None else np.asarray(which)
+    times = gram.bounds * dt
+    x, xy, E = _with_axes(gram, axes)
+    inner, start, of_ends, log_det = _segments(gram, axes, path, x, xy, E, np.diff(times))
+    return _joined(gram, axes, path, starts[:, None] + times, which, of_ends, log_det, E, start, inner)
+
+
+def _with_axes(gram: Gram, axes: Axes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gram matrices of [state, w, w+] (K, L, n_s + 2 W, n_s + 2 W), these with [globals, residual] (K, L, n_s + 2 W, n + 1), and
+    (K, L - 1, n_s, n_s + 2 W) sensitivities of the state at the next node to [state, w, w+]."""
+    n_s, W, A = gram.n_s, len(axes), gram.disturbances
+    width = n_s + 2 * A
+    D = (gram.x.shape[-1] - width) // 2
+    nodes = (np.where(axes.acts >= 0, n_s + node * A + axes.acts, width + node * D + axes.drifts) for node in (0, 1))
+    place = np.concatenate([np.arange(n_s), *nodes]).astype(int)
+    E, acting = np.zeros((*gram.E.shape[:3], n_s + 2 * W)), np.flatnonzero(axes.acts >= 0)
+    E[..., :n_s] = gram.E[..., :n_s]
+    for node in (0, 1):
+        E[..., n_s + node * W + acting] = gram.E[..., n_s + node * A + axes.acts[acting]]
+    if len(place) == gram.x.shape[-1] and (place == np.arange(len(place))).all():
+        return gram.x, gram.xy, E
+    return np.ascontiguousarray(gram.x[:, :, place[:, None], place]), np.ascontiguousarray(gram.xy[:, :, place]), E
+
+
+def _segments(gram: Gram, axes: Axes, path, x, xy, E, spans):
+    """(eliminated inner nodes, first one first; eliminated starts; Gram matrices (K, 2 W + n + 1, ...) of [w at the first node, w at the
+    last one, globals, residual]; (K,) log det of all this)."""
+    n_s, n_start, W, L = gram.n_s, gram.n_start, len(axes), len(spans)
+    s, w0, w1 = slice(0, n_s), slice(n_s, n_s + W), slice(n_s + W, n_s + 2 * W)
+    F, Q = axes.decay(spans), axes.variance(spans)
+    step = path[:, 1:] - F * path[:, :-1]  # what the present values ask of the noise
+    here = np.arange(W)
+    log_det = np.zeros(len(gram))
+
+    def with_prior(m: int, M: np.ndarray, U: np.ndarray, rest: np.ndarray) -> None:
+        """Add the link's step of the processes to Gram matrices of [s, w, w+] x itself and x y, and of y."""
+        f, q, e = F[m], Q[m], step[:, m]
+        M[:, n_s + here, n_s + here] += f * f / q
+        M[:, n_s + W + here, n_s + W + here] += 1 / q
+        M[:, n_s + here, n_s + W + here] -= f / q
+        M[:, n_s + W + here, n_s + here] -= f / q
+        U[:, w0, -1] += f * e / q
+        U[:, w1, -1] -= e / q
+        rest[:, -1, -1] += (e * e / q).sum(axis=1)
+
+    G = gram.y.copy()
+    # the last link: w at its second node stays, with globals and residual
+    M, U = x[:, L - 1].copy(), xy[:, L - 1].copy()
+    with_prior(L - 1, M, U, G)
+    V = M[:, : n_s + W, : n_s + W]
+    cross = np.concatenate([M[:, : n_s + W, w1], U[:, : n_s + W]], axis=2)
+    rest = np.concatenate([np.concatenate([M[:, w1, w1], U[:, w1]], axis=2), np.concatenate([U[:, w1].swapaxes(1, 2), G], axis=2)], axis=1)
+    inner: list[_Eliminated] = []
+    for m in range(L - 2, -1, -1):
+        M, U = x[:, m].copy(), np.concatenate([np.zeros((len(gram), n_s + 2 * W, W)), xy[:, m]], axis=2)
+        with_prior(m, M, U, rest)
+        e = E[:, m]
+        back = e.swapaxes(1, 2)
+        M += np.matmul(back, np.matmul(V[:, s, s], e))
+        mixed = np.matmul(back, V[:, s, w0])
+        M[:, :, w1] += mixed
+        M[:, w1, :] += mixed.swapaxes(1, 2)
+        M[:, w1, w1] += V[:, w0, w0]
+        U += np.matmul(back, cross[:, s])
+        U[:, w1] += cross[:, w0]
+        kept = slice(0, n_s + W)
+        C = _cholesky(M[:, w1, w1])
+        inverse = np.linalg.inv(C)
+        Yx, Yu = np.matmul(inverse, M[:, w1, kept]), np.matmul(inverse, U[:, w1])
+        inner.append(_Eliminated(C, np.concatenate([Yx, Yu[..., :W]], axis=2), Yu[..., W:]))
+        log_det += inner[-1].log_det
+        V = M[:, kept, kept] - np.matmul(Yx.swapaxes(1, 2), Yx)
+        cross = U[:, kept] - np.matmul(Yx.swapaxes(1, 2), Yu)
+        rest = rest - np.matmul(Yu.swapaxes(1, 2), Yu)
+    free = slice(0, n_start)
+    to_rest = np.concatenate([V[:, free, w0], cross[:, free]], axis=2)
+    around = np.concatenate(
+        [np.concatenate([V[:, w0, w0], cross[:, w0]], axis=2), np.concatenate([cross[:, w0].swapaxes(1, 2), rest], axis=2)], axis=1
+    )
+    start, of_ends = _eliminate(V[:, free, free], to_rest, around, 2 * W)
+    log_det += start.log_det + np.log(Q).sum() + gram.log_prior
+    return tuple(reversed(inner)), start, of_ends, log_det
+
+
+def _joined(gram: Gram, axes: Axes, path, times, which, of_ends, log_det, E, start, inner) -> Information:
+    """The segments `which` along the flight, from the last to the first."""
+    W, L, k = len(axes), len(gram.bounds) - 1, gram.n + 1
+    here, a, b, y = np.arange(W), slice(0, W), slice(W, 2 * W), slice(2 * W, 2 * W + k)
+    cost, added = np.zeros(len(gram)), np.zeros(len(gram))
+    # Gram matrix of [w at the first node of the segment behind, globals, residual], and log det, of all behind
+    behind, behind_det, so_far = np.zeros((W + k, W + k)), 0.0, (0.0, 0.0)
+    joined: list[tuple[_Eliminated | None, _Eliminated]] = []
+    for place in range(len(which) - 1, -1, -1):
+        seg = which[place]
+        M, det = of_ends[seg].copy(), log_det[seg] + behind_det
+        first = None
+        if place < len(which) - 1:
+            nxt = which[place + 1]
+            gap = gap_between(times[seg, -1], times[nxt, 0])
+            if gap > 0:
+                # w at the first node behind is a step of the gap away from w at the last node here
+                f, q = axes.decay(gap), axes.variance(gap)
+                e = path[nxt, 0] - f * path[seg, L]
+                behind[here, here] += 1 / q
+                behind[here, -1] -= e / q
+                behind[-1, here] -= e / q
+                to_rest = np.concatenate([np.diag(-f / q), behind[a, W:]], axis=1)
+                around = np.zeros((W + k, W + k))
+                around[here, here] = f * f / q
+                around[here, -1] = around[-1, here] = f * e / q
+                around[W:, W:] = behind[W:, W:]
+                around[-1, -1] += (e * e / q).sum()
+                first, behind = _eliminate(behind[a, a], to_rest, around, W)
+                det += float(first.log_det) + np.log(q).sum()
+            M[W:, W:] += behind
+        joined_last, whole = _eliminate(M[b, b], np.concatenate([M[b, a], M[b, y]], axis=1), _without(M, W), W)
+        det += float(joined_last.log_det)
+        joined.append((first, joined_last))
+        behind, behind_det = whole, det
+        total = _begun(axes, path[seg, 0], behind, det)
+        cost[seg], added[seg] = total[0][-1, -1] - so_far[0], total[1] - so_far[1]
+        so_far = float(total[0][-1, -1]), total[1]
+    n = k - 1
+    if not len(which):
+        return Information(np.zeros((n, n)), np.zeros(n), cost, added, gram.dof, None)
+    (whole, _, first), joined = total, joined[::-1]
+    # joined[i] holds w at the first node of the segment BEHIND i; move each to its own segment
+    firsts = [first, *(f for f, _ in joined[:-1])]
+    joined = [(f, last) for f, (_, last) in zip(firsts, joined, strict=True)]
+    back = _Back(gram, axes, path, times, E, start, inner, tuple(joined), which)
+    return Information(whole[:n, :n], whole[:n, -1], cost, added, gram.dof, back)
+
+
+def _without(M: np.ndarray, W: int) -> np.ndarray:
+    """Rows and columns of a Gram matrix of [w first, w last, y] without w last."""
+    kept = np.r_[:W, 2 * W : len(M)]
+    return M[np.ix_(kept, kept)]
+
+
+def _begun(axes: Axes, value: np.ndarray, behind: np.ndarray, det: float) -> tuple[np.ndarray, float, _Eliminated]:
+    """(Gram matrix of y, log det, w at the first node) of a flight that begins here, its processes stationary."""
+    W, here = len(axes), np.arange(len(axes))
+    M, p = behind.copy(), axes.level**2
+    M[here, here] += 1 / p
+    M[here, -1] -= value / p
+    M[-1, here] -= value / p
+    M[-1, -1] += (value * value / p).sum()
+    first, whole = _eliminate(M[:W, :W], M[:W, W:], M[W:, W:], 0)
+    return whole, det + float(first.log_det) + np.log(p).sum(), first

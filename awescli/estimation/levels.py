@@ -1,0 +1,126 @@
+"""Levels of processes and of white noise, from the likelihood in which everything else is integrated out.
+
+With M the squared steps of an axis at their best and V their variances, both in units of the axis' noise, n of them, the slope of the
+deviance is
+
+    d(-2 log L) / d log level = 2 (n - V) - 2 M,
+
+so level^2 is multiplied by M / (n - V) until it stays (MacKay, Neural Computation 4, 1992: n - V is the number of steps that the flight
+determines). From a level that is too small the first factor says whether there is anything at all: below 1 the likelihood is largest at zero.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from awescli.estimation.information_filter import Information
+from awescli.estimation.links import Gram, Links
+from awescli.estimation.misfit import Misfit, Own
+from awescli.estimation.processes.base import Process, labels_of
+
+FACTOR = 5.0
+"""A level changes at most by so much at once."""
+ENTERS = 0.05
+"""Share of its prior's median with which a level that is zero is tried."""
+NOTHING = 1e-5
+"""Share of its prior's median that is as good as no level."""
+MOST = 4.0
+"""Spreads of its prior by which a level may exceed the median: more is a fit that has lost its way."""
+WORTH = 4.0
+"""Deviance that a group must be worth to stay: chance reaches it with one level in 2 % of flights (half a chi-square of one degree)."""
+SETTLED = 0.5
+"""Deviance below which a round has changed nothing."""
+ROUNDS = 8
+
+
+def relevelled(misfit: Misfit, gram: Gram, own: Own, which: np.ndarray, rounds: int = ROUNDS) -> tuple[tuple[Process, ...], float]:
+    """(processes at their likeliest levels, deviance that this gains) at a fixed linearisation, without the groups that are worth nothing.
+
+    gram: of `misfit` about `own`; which: segments that count.
+    """
+
+    def at(processes: Sequence[Process]) -> tuple[Information, float]:
+        info = misfit.eliminated(gram, own, which, processes)
+        return info, float(info.deviance.sum()) + prior_deviance(processes)
+
+    processes = misfit.processes
+    info, deviance = at(processes)
+    before = deviance
+    for _ in range(rounds):
+        trial = _stepped(processes, misfit, info)
+        trial_info, trial_deviance = at(trial)
+        if not trial_deviance < deviance:
+            break
+        gain, processes, info, deviance = deviance - trial_deviance, trial, trial_info, trial_deviance
+        if gain < SETTLED:
+            break
+    found, deviance = _pruned(misfit.processes, processes, deviance, lambda p: at(p)[1])
+    return found, before - deviance
+
+
+def prior_deviance(processes: Sequence[Process]) -> float:
+    """-2 log of the priors of all levels that are there."""
+    return sum(g.of_level.deviance(g.level) + g.of_memory.deviance(g.memory) for p in processes for g in p.groups if g.level > 0)
+
+
+def _stepped(processes: Sequence[Process], misfit: Misfit, info: Information) -> tuple[Process, ...]:
+    """The processes after one step of the fixed point."""
+    seen, labels = info.innovations(), [name for name, _ in labels_of(processes, misfit.disturbances, misfit.drifts)]
+    found = []
+    for process in processes:
+        levels = {}
+        for g in process.groups:
+            rows = [i for i, name in enumerate(labels) if name == g.name]
+            if not rows or not g.of_level.spread:
+                continue
+            determined, square = seen.steps * len(rows) - seen.spread[rows].sum(), seen.mean[rows].sum()
+            pull = np.log(g.level / g.of_level.median) / g.of_level.spread**2
+            ratio = (square + max(-pull, 0.0)) / max(determined + max(pull, 0.0), 1e-3)
+            most = g.of_level.median * np.exp(MOST * g.of_level.spread)
+            levels[g.name] = float(min(g.level * np.clip(np.sqrt(ratio), 1 / FACTOR, FACTOR), most))
+        found.append(process.at({**process.levels, **levels}))
+    return tuple(found)
+
+
+def _pruned(
+    began: Sequence[Process], processes: Sequence[Process], deviance: float, at: Callable[[Sequence[Process]], float]
+) -> tuple[tuple[Process, ...], float]:
+    """Without the groups that are worth less than WORTH: first all at once whose level has only fallen since it `began`, then one by one. One
+    that goes is tried at a level of next to nothing: its present values, about which the model is linearised, must come to zero too."""
+    groups = {g.name: g for p in processes if not p.certain for g in p.groups if g.level > 0 and g.of_level.spread}
+    fallen = {g.name for p in began for g in p.groups if g.name in groups and groups[g.name].level < g.level}
+
+    def without(gone: set[str]) -> float:
+        tried = tuple(p.at({g.name: NOTHING * g.of_level.median if g.name in gone else g.level for g in p.groups}) for p in processes)
+        return at(tried) - sum(groups[n].of_level.deviance(NOTHING * groups[n].of_level.median) for n in gone)
+
+    gone: set[str] = set()
+    for trial in ([fallen] if len(fallen) > 1 else []) + [{n} for n in groups]:
+        if trial <= gone:
+            continue
+        there = without(gone | trial)
+        if there < deviance + WORTH:
+            gone, deviance = gone | trial, there
+    return tuple(p.at({g.name: 0.0 if g.name in gone else g.level for g in p.groups}) for p in processes), deviance
+
+
+def opened(processes: Sequence[Process], kinds: Sequence[str], share: float = ENTERS) -> tuple[Process, ...]:
+    """The processes with all groups of some kinds (names of processes) that are zero at a share of their prior's median."""
+    return tuple(
+        p.at({g.name: g.level or share * g.of_level.median for g in p.groups if g.of_level.spread}) if p.name in kinds else p
+        for p in processes
+    )
+
+
+def noise_factors(
+    misfit: Misfit, info: Information, links: Links, which: np.ndarray, draws: int = 4, change: np.ndarray | None = None
+) -> dict[str, float]:
+    """Compared channel -> factor on the standard deviation of its noise, by one step of expectation-maximisation: the root of the mean
+    square of the whitened residual, what the nuisances' own uncertainty adds included. change: (n,) of the globals before that."""
+    of_globals = None if change is None else change[:, None]
+    r = links.r - misfit.changed(links, info.nuisances(change), of_globals)[..., 0]
+    around = misfit.changed(links, info.samples(draws, seed=0))
+    counted = (links.weight > 0)[which]
+    square = np.where(counted, r[which] ** 2 + (around[which] ** 2).mean(axis=-1), 0.0).sum(axis=(0, 1))
+    count = counted.sum(axis=(0, 1))
+    return {n: float(np.sqrt(square[i] / count[i])) for i, n in enumerate(misfit.observed.outputs) if count[i] > 0}

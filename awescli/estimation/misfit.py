@@ -1,0 +1,202 @@
+"""The misfit of a simulator to observed segments (Rositani eq. 11a): of parameters, of segment starts, and of processes between."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from awescli.estimation.information_filter import Axes, Information, Nuisances, eliminate, gap_between
+from awescli.estimation.links import Gram, Links
+from awescli.estimation.processes.base import Process, axes_of, disturbances_of, drifts_of, labels_of, spacing
+from awescli.notation.quantities import STATES
+from awescli.physics.disturbances import PHASE, both
+from awescli.simulation.rollout import Simulator, Trajectories
+from awescli.simulation.segments import Observed
+
+DIVERGED_COST = 25.0
+"""Cost of a sample that a diverged rollout never reached: a five-sigma error. Keeps the line search away without infinities."""
+
+
+@dataclass(frozen=True)
+class Own:
+    """Nuisances of K segments: starts (K, 12 + n_e) states there and offsets of the effects' own ones (`Segments.starts`), path (K, L + 1, W) values of the processes' axes at the nodes."""
+
+    starts: np.ndarray
+    path: np.ndarray
+
+    def moved(self, change: Nuisances, share: float = 1.0, which: np.ndarray | None = None, case: int = 0) -> "Own":
+        """The nuisances after a share of a change, in the segments of a mask (default: all)."""
+        which = np.ones(len(self.starts), bool) if which is None else which
+        starts, path = self.starts.copy(), self.path.copy()
+        starts[which] += share * change.starts(starts.shape[1])[which, :, case]
+        path[which] += share * change.path[which, ..., case]
+        return Own(starts, path)
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """One flight's segments, what is simulated of them, and the processes that are integrated out. names: of the globals."""
+
+    simulator: Simulator
+    observed: Observed
+    names: tuple[str, ...]
+    processes: tuple[Process, ...] = ()
+    axes: Axes = field(init=False)
+    nodes: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        object.__setattr__(self, "axes", axes_of(self.processes, self.disturbances, self.drifts))
+        object.__setattr__(self, "nodes", nodes_of(self.observed.segments, spacing(self.processes)))
+
+    def own(self) -> Own:
+        """Where a fit begins: the starts that the observations hold, processes at rest."""
+        K = len(self.observed.segments)
+        starts = self.observed.segments.starts[:, : len(STATES)]
+        return Own(np.hstack([starts, np.zeros((K, len(self.spread)))]), np.zeros((K, len(self.nodes), len(self.axes))))
+
+    @property
+    def spread(self) -> np.ndarray:
+        """(n_e,) what is not known of the states of effects at the start of a segment."""
+        return self.simulator.kite.start_spread
+
+    @property
+    def disturbances(self) -> tuple[str, ...]:
+        return disturbances_of(self.processes)
+
+    @property
+    def drifts(self) -> tuple[str, ...]:
+        return drifts_of(self.processes, self.observed.outputs)
+
+    @property
+    def labels(self) -> list[tuple[str, str]]:
+        """(group, axis) of every axis of the processes."""
+        return labels_of(self.processes, self.disturbances, self.drifts)
+
+    @property
+    def begins(self) -> np.ndarray:
+        """(K,) times of the first samples [s], on the log's own count."""
+        return self.observed.segments.first * self.observed.segments.dt
+
+    def values(self, x) -> dict[str, float]:
+        return dict(zip(self.names, x, strict=True))
+
+    def segments(self, own: Own):
+        """The segments from their own starts, in their own disturbances."""
+        segments = self.observed.segments.starting_at(own.starts)
+        if not self.disturbances:
+            return segments
+        acting = self.axes.summed(own.path[..., None], self.axes.acts, len(self.disturbances))[..., 0]
+        signals = np.matmul(self._hats, acting)
+        phase = np.broadcast_to(self._hats[:, 1::2].sum(axis=1)[:, None], (*signals.shape[:2], 1))
+        columns = [self.simulator.kite.input_names.index(n) for n in (*self.disturbances, PHASE)]
+        return segments.with_inputs(columns, np.concatenate([signals, phase], axis=2))
+
+    def residual(self, trajectories: Trajectories, own: Own) -> np.ndarray:
+        """(K, N+1, n_out) whitened residual, drifts taken off."""
+        r = self.observed.residual(trajectories)
+        if self.drifts:
+            drifting = np.matmul(self._hats, self.axes.summed(own.path[..., None], self.axes.drifts, len(self.drifts))[..., 0])
+            place = [self.observed.outputs.index(n) for n in self.drifts]
+            r[..., place] -= np.where(r[..., place] != 0, drifting / self.observed.sigma[..., place], 0.0)
+        return r
+
+    def reached(self, trajectories: Trajectories) -> np.ndarray:
+        """(K, N+1) which samples came before a divergence."""
+        return np.arange(self.observed.measured.shape[1])[None] < trajectories.alive[:, None]
+
+    def links(
+        self, x, own: Own, parameters: Sequence[str] | None = None, extra: Callable[[Own], np.ndarray] | None = None,
+        values: dict[str, float] | None = None,
+    ) -> tuple[Links, Trajectories]:  # fmt: skip
+        """What the segments say about nuisances and `parameters` (default: the globals), linearised at parameter values x and nuisances.
+
+        extra: own -> (K, N+1, n_out, n) further columns behind those of the parameters; values: further parameter values.
+        """
+        names = self.names if parameters is None else tuple(parameters)
+        values = {**self.values(x), **(values or {})}
+        outputs = self.observed.outputs
+        trajectories, J, ends = self.simulator.links(self.segments(own), self.nodes[:-1], both(self.disturbances), names, outputs, values)
+        if extra is not None:
+            J = np.concatenate([J, extra(own)], axis=-1)
+        weight = np.where(self.reached(trajectories)[:, :, None], 1 / self.observed.sigma, 0.0)
+        drifts = tuple(outputs.index(n) for n in self.drifts)
+        r, offsets = self.residual(trajectories, own), own.starts[:, len(STATES) :]
+        return Links(J, ends, r, weight, self.nodes[:-1], drifts, offsets, self.spread), trajectories
+
+    def eliminated(self, gram: Gram, own: Own, which: np.ndarray | None = None, processes: Sequence[Process] | None = None) -> Information:
+        """What the segments `which` say of the globals, their nuisances integrated out; processes: with which levels (default: own), of
+        which some may have gone."""
+        axes, path = self.axes, own.path
+        if processes is not None:
+            axes = axes_of(processes, self.disturbances, self.drifts)
+            kept = labels_of(processes, self.disturbances, self.drifts)
+            path = path[..., [self.labels.index(label) for label in kept]]
+        return eliminate(gram, axes, path, self.begins, self.observed.segments.dt, which)
+
+    def changed(self, links: Links, change: Nuisances, of_globals: np.ndarray | None = None) -> np.ndarray:
+        """(K, N+1, n_out, c) whitened changes of the outputs for c changes of the nuisances and of the globals (n, c), default none."""
+        acting = self.axes.summed(change.path, self.axes.acts, len(self.disturbances))
+        drifting = self.axes.summed(change.path, self.axes.drifts, len(self.drifts))
+        of_globals = np.zeros((links.n, change.path.shape[-1])) if of_globals is None else of_globals
+        return links.changed(change.states, acting, drifting, of_globals)
+
+    def costs(self, x, own: Own) -> tuple[np.ndarray, np.ndarray]:
+        """(cost, whole), each (K,): squared residual of every segment; whole: it did not diverge. One that did is charged DIVERGED_COST per
+        sample that it missed, and at most that for the others."""
+        trajectories = self.simulator.rollout(self.segments(own), self.values(x))
+        r = self.residual(trajectories, own)
+        reached = self.reached(trajectories)
+        whole = reached.all(axis=1)
+        squares, limit = (r * r).sum(axis=2), DIVERGED_COST * len(self.observed.outputs)
+        squares[~whole] = np.where(reached[~whole], np.minimum(squares[~whole], limit), limit)
+        return squares.sum(axis=1), whole
+
+    def prior_cost(self, own: Own, which: np.ndarray) -> float:
+        """Squared innovations of the processes along the segments `which`, and offsets of the effects' states at their starts, in their
+        units."""
+        starts = float(((own.starts[which, len(STATES) :] / self.spread) ** 2).sum())
+        if not len(self.axes) or not len(which):
+            return starts
+        times = (self.begins[which][:, None] + self.nodes * self.observed.segments.dt).ravel()
+        path, gaps = own.path[which].reshape(-1, len(self.axes)), gap_between(times[:-1], times[1:])
+        new = gaps > 0
+        steps = path[1:][new] - self.axes.decay(gaps[new]) * path[:-1][new]
+        return starts + float((path[0] ** 2 / self.axes.level**2).sum() + (steps**2 / self.axes.variance(gaps[new])).sum())
+
+    @property
+    def log_noise(self) -> np.ndarray:
+        """(K,) the white noise's part of -2 log likelihood."""
+        sigma = self.observed.sigma
+        counted = np.isfinite(sigma)
+        return np.log(np.where(counted, 2 * np.pi * sigma**2, 1.0)).sum(axis=(1, 2))
+
+    @property
+    def _hats(self) -> np.ndarray:
+        """(N+1, L + 1) weight of each node at every sample."""
+        samples = np.arange(self.observed.segments.steps + 1)
+        return np.stack([np.interp(samples, self.nodes, row) for row in np.eye(len(self.nodes))], axis=1)
+
+    def with_processes(self, processes: Sequence[Process]) -> "Misfit":
+        """The same with other processes."""
+        return Misfit(self.simulator, self.observed, self.names, tuple(processes))
+
+    def carried(self, own: Own, before: "Misfit") -> Own:
+        """Nuisances of the same segments under other processes, with other effects: paths of axes that both have, read off at these nodes."""
+        started = dict(zip(before.simulator.kite.state_names, own.starts.T, strict=True))
+        own = replace(own, starts=np.stack([started.get(n, 0.0 * own.starts[:, 0]) for n in self.simulator.kite.state_names], axis=1))
+        if self.labels == before.labels and len(self.nodes) == len(before.nodes):
+            return own
+        found = np.zeros((len(own.starts), len(self.nodes), len(self.axes)))
+        theirs = before.labels
+        for w, label in enumerate(self.labels):
+            if label in theirs:
+                at = theirs.index(label)
+                found[..., w] = np.stack([np.interp(self.nodes, before.nodes, p) for p in own.path[..., at]])
+        return replace(own, path=found)
+
+
+def nodes_of(segments, spacing_s: float) -> np.ndarray:
+    """(L + 1,) samples of the nodes of segments: evenly spread, both ends included, at most `spacing_s` apart where samples allow."""
+    steps = segments.steps
+    count = int(np.ceil(steps * segments.dt / spacing_s - 1e-9)) if np.isfinite(spacing_s) else 1
+    return np.unique(np.round(np.linspace(0, steps, min(max(count, 1), steps) + 1)).astype(int))

@@ -1,0 +1,142 @@
+"""From a log and a kite to an estimation problem: compile the model, cut the segments, say which processes there may be."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from awescli.estimation.misfit import Misfit, nodes_of
+from awescli.estimation.processes import PROCESSES
+from awescli.estimation.processes.base import Process
+from awescli.flightlog.log import FlightLog
+from awescli.flightlog.split import Split, segments
+from awescli.notation.errors import BadInput
+from awescli.notation.parameters import ParameterTable
+from awescli.notation.quantities import UNITS
+from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.disturbances import DISTURBANCE_UNITS, DISTURBANCES, both, even
+from awescli.physics.kite import Kite
+from awescli.simulation.rollout import Columns, Simulator
+from awescli.simulation.segments import Observed, observe
+
+RANGE_SHARE = 0.01
+"""Share of a channel's range that takes the place of its noise where channels are weighted by their range: the weight matrix of Rositani
+eq. (11a), which normalises output magnitudes."""
+
+
+@dataclass(frozen=True)
+class EstimationProblem:
+    """A flight cut up for one model.
+
+    simulator: of the kite, with all parameters; horizon: [s] of a segment; outputs: compared channels; fitted, validation: segments to fit to
+    and to choose on; processes: with their levels; names: of the fitted parameters; prior: their table as declared; factors: channel ->
+    factor on the declared noise; by_range: channels are weighted by their range instead of their noise.
+    """
+
+    simulator: Simulator
+    log: FlightLog
+    split: Split
+    horizon: float
+    outputs: tuple[str, ...]
+    fitted: Observed
+    validation: Observed
+    processes: tuple[Process, ...]
+    names: tuple[str, ...]
+    prior: ParameterTable
+    factors: Mapping[str, float]
+    by_range: bool = False
+
+    @property
+    def kite(self) -> Kite:
+        return self.simulator.kite
+
+    def misfit(self, simulator: Simulator | None = None, names: Sequence[str] | None = None) -> Misfit:
+        """Of the fitted segments."""
+        return Misfit(simulator or self.simulator, self.fitted, self.names if names is None else tuple(names), self.processes)
+
+    def with_processes(self, processes: Sequence[Process]) -> "EstimationProblem":
+        return replace(self, processes=tuple(processes))
+
+    def with_factors(self, factors: Mapping[str, float]) -> "EstimationProblem":
+        """With further factors on the noise of some channels."""
+        scaled = {n: self.factors.get(n, 1.0) * factors.get(n, 1.0) for n in self.outputs}
+        fitted, validation = (o.scaled(factors) for o in (self.fitted, self.validation))
+        return replace(self, fitted=fitted, validation=validation, factors=scaled)
+
+    def at(self, levels: Mapping[str, float], factors: Mapping[str, float]) -> "EstimationProblem":
+        """With these levels of processes, by group, all others that need not be there at zero; and these factors on the noise."""
+        processes = [p.at({g.name: levels.get(g.name, g.level if p.certain else 0.0) for g in p.groups}) for p in self.processes]
+        return self.with_processes(processes).with_factors(factors)
+
+    def shorter(self, horizon: float, simulator: Simulator | None = None) -> "EstimationProblem":
+        """The same flight cut into other segments; processes and noise as they are."""
+        cut = build(simulator or self.simulator, self.log, self.split, horizon, self.outputs, by_range=self.by_range)
+        return replace(cut.with_factors(self.factors), processes=self.processes, prior=self.prior, names=self.names)
+
+
+def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None) -> Simulator:
+    """Compile the declared kite with `extra` effects at null, differentiable in its free parameters, in those of `extra`, and in all that acts
+    beside them."""
+    kite = Kite(declaration, log.wind.height, extra)
+    own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
+    beside = {*both(DISTURBANCES), *kite.record}
+    return Simulator(kite, [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in beside], law)
+
+
+def without_record(kite: Kite, table: ParameterTable) -> ParameterTable:
+    """The table with the wind record's fitted error taken out: what a kite file holds, and what predictions are scored with."""
+    return table.with_values(dict.fromkeys(kite.record, 0.0))
+
+
+def build(
+    simulator: Simulator, log: FlightLog, split: Split, horizon: float, outputs: Sequence[str], *, by_range: bool = False
+) -> EstimationProblem:
+    """Cut the log into segments of `horizon` seconds for fitting and for choosing. Processes that are always there have their level, others
+    are at zero. Raises BadInput where a part is too short for a segment."""
+    kite, steps = simulator.kite, int(round(horizon / log.dt))
+    observed = []
+    for part in ("train", "validation"):
+        first = segments(getattr(split, part), steps, valid=log.valid)
+        if not len(first):
+            raise BadInput(
+                f"no segment of {horizon:g} s fits into the {part} loops of flight '{log.name}'",
+                do="Use a shorter horizon, or a longer flight; `awes check` lists what was left out and why.",
+            )
+        cut = observe(log, kite, first, steps, outputs)
+        if by_range:
+            spans = np.array([RANGE_SHARE * (np.ptp(log[n]) or 1.0) for n in cut.outputs])
+            cut = cut.with_sigma(np.where(np.isfinite(cut.sigma), spans, np.inf))
+        observed.append(cut)
+    # weights that are no noise have no likelihood in which a level could be found
+    processes = () if by_range else tuple(p.of(kite.declaration, log) for p in PROCESSES.values())
+    names = (*kite.parameters.free, *kite.record)
+    return EstimationProblem(
+        simulator, log, split, horizon, observed[0].outputs, *observed, processes, names, kite.parameters, {}, by_range
+    )  # fmt: skip
+
+
+def levels_found(problem: EstimationProblem) -> dict[str, dict]:
+    """Group of a process that is there -> level, its unit, memory [s]."""
+    return {
+        g.name: {"level": g.level, "unit": UNITS.get(g.axes[0]) or DISTURBANCE_UNITS[g.axes[0]], "memory_s": g.memory, "process": p.name}
+        for p in problem.processes
+        for g in p.groups
+        if g.level > 0
+    }
+
+
+def between_nodes(misfit: Misfit, values=None) -> np.ndarray:
+    """(n_out,) variance of what processes do to the outputs between nodes, where they are rougher than lines: an Ornstein-Uhlenbeck process of
+    variance s^2 and memory T leaves s^2 dt / 3 T about the line through nodes dt apart, on average. It shows at once, through the direct
+    dependence of each output on the disturbance, taken at the nodes."""
+    segments = misfit.observed.segments
+    rough = [(g, axis) for p in misfit.processes if p.rough for g in p.groups if g.level > 0 for axis in g.axes]
+    if not rough:
+        return np.zeros(len(misfit.observed.outputs))
+    nodes = nodes_of(segments, max(0.25, segments.dt))
+    dt = float(np.diff(misfit.nodes).mean()) * segments.dt
+    windows = tuple((even(axis), int(node), int(node) + 1) for node in nodes for _, axis in rough)
+    _, J = misfit.simulator.sensitivities(segments, Columns((), (), windows), misfit.observed.outputs, values)
+    direct = J[:, np.repeat(nodes, len(rough)), :, np.arange(len(windows))].reshape(len(nodes), len(rough), *J.shape[:1], J.shape[2])
+    variance = np.array([g.level**2 * min(dt / (3 * g.memory), 1.0) for g, _ in rough])
+    return np.einsum("a,jakc->c", variance, direct**2) / (len(nodes) * J.shape[0])

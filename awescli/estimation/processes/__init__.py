@@ -1,0 +1,9 @@
+"""PROCESSES: the table of all processes. A new one is one file and one line here."""
+
+from awescli.estimation.processes.drift import Drift
+from awescli.estimation.processes.gusts import Gusts
+from awescli.estimation.processes.model_error import ModelError
+from awescli.estimation.processes.roll_gusts import RollGusts
+from awescli.estimation.processes.wind_record import WindRecord
+
+PROCESSES = {p.name: p for p in (WindRecord, Gusts, RollGusts, ModelError, Drift)}

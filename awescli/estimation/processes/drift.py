@@ -1,0 +1,32 @@
+"""Sensor drift: errors of a channel that wander, as those of an inertial navigation system do."""
+
+from dataclasses import dataclass
+
+from awescli.estimation.processes.base import Group, Prior, Process
+
+DEG = 3.14159265358979 / 180
+CHANNELS: dict[str, tuple[tuple[str, ...], Prior]] = {
+    "roll and pitch drift": (("phi", "theta"), Prior(0.3 * DEG, 0.8)),
+    "yaw drift": (("psi",), Prior(0.5 * DEG, 0.8)),
+    "position drift": (("p_n", "p_e", "p_d"), Prior(0.5, 0.8)),
+    "airspeed drift": (("V_a",), Prior(0.5, 0.8)),
+    "load drift": (("tension",), Prior(50.0, 0.8)),
+}
+"""Group -> its channels and what is known of its level: attitude of a MEMS system 0.2-1 deg, GNSS position 0.5 m [SI]."""
+MEMORY = Prior(6.0, 0.8)
+"""[s] 2 to 20 s."""
+SPACING = 1.25
+
+
+@dataclass(frozen=True)
+class Drift(Process):
+    """A group for every kind of channel that a log has."""
+
+    name = "drift"
+    doc = "errors of sensors that wander"
+
+    @classmethod
+    def of(cls, declaration, log) -> "Drift":
+        there = {name: tuple(c for c in channels if c in log) for name, (channels, _) in CHANNELS.items()}
+        groups = (Group(name, there[name], 0.0, MEMORY.median, level, MEMORY) for name, (_, level) in CHANNELS.items() if there[name])
+        return cls(tuple(groups), SPACING)

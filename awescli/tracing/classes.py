@@ -1,0 +1,83 @@
+"""Classes: which effects a flight cannot tell from one that was accepted, raced or not.
+
+At the solution, what the candidates and all free parameters would do stands in one information matrix. With x the strengths of an effect A and
+J the information that is left when the other free parameters have absorbed what they can, B in the place of A would leave a deviance of
+
+    x' (J_aa - J_ab J_bb^-1 J_ba) x,   at its own strengths   J_bb^-1 J_ba x.
+
+Where that is little, B is fitted instead of A, and the evidence decides.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from awescli.physics.kite import make_effect
+from awescli.tracing.candidates import variants
+from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.models import FittedModel, Frame, fit_instead
+from awescli.tracing.screen import CandidateColumns, Score, firm, informed
+from awescli.tracing.search import plausible, refined
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A model that is as good: the final one with `key` instead of an effect. lag: deviance by which it falls behind (negative: it leads)."""
+
+    key: str
+    model: FittedModel
+    lag: float
+
+
+def rivals(
+    frame: Frame, final: FittedModel, keys: Sequence[str], raced: Sequence[str] = (), criteria: Criteria = CRITERIA,
+    progress: Callable[[str], None] = lambda text: None,
+) -> dict[str, tuple[Rival, ...]]:  # fmt: skip
+    """Accepted effect -> what the flights cannot tell from it, nearest first. raced: effects that have lost to it by their own fit and need
+    not be tried again."""
+    others = [k for k in keys if k not in final.keys]
+    every = [v for key in others for v in variants(make_effect(key, frame.declared))]
+    columns = CandidateColumns(every)
+    H = informed(frame, final, others, columns, frame.horizon)[0]
+    found = {}
+    for key in final.keys:
+        near = _near(final, key, every, columns, H)
+        near = [s for s in near if s.drop < criteria.look_alike and s.key not in raced]
+        tried = []
+        for s in near[: criteria.competitors]:
+            progress(f"fitting {s.key} instead of {key}")
+            strengths, shapes = s.start(_rows(frame, s.key))
+            model = refined(frame, fit_instead(frame, final, key, s.key, strengths, shapes), criteria)
+            lag = model.deviance - final.deviance
+            if lag < criteria.decisive and model.flies >= final.flies and plausible(model, s.key):
+                tried.append(Rival(s.key, model.widened().light(), lag))
+        found[key] = tuple(sorted(tried, key=lambda r: r.lag))
+    return found
+
+
+def _rows(frame: Frame, key: str):
+    return {p.name: p for p in make_effect(key, frame.declared).rows()}
+
+
+def _near(final: FittedModel, key: str, every, columns: CandidateColumns, H: np.ndarray) -> list[Score]:
+    """For each other effect the variant that would leave least: a score whose `drop` is what it leaves; what it leaves first."""
+    names = final.fit.names
+    own = [i for i, n in enumerate(names) if n.startswith(f"{key}.")]
+    rest = [i for i in range(len(names)) if i not in own]
+    asked = own + list(range(len(names), len(H)))
+    J = H[np.ix_(asked, asked)] - H[np.ix_(asked, rest)] @ np.linalg.solve(firm(H[np.ix_(rest, rest)]), H[np.ix_(rest, asked)])
+    n = len(own)
+    null = {p.name: p.value for p in make_effect(key, final.problems[0].kite.declaration).rows()}
+    x = np.array([final.table[names[i]].value - null[names[i]] for i in own])
+    found: dict[str, list[Score]] = {}
+    for v in every:
+        place = [n + i for i in columns.place(v)]
+        A, B, C = J[:n, :n], firm(J[np.ix_(place, place)]), J[np.ix_(range(n), place)]
+        size = np.linalg.solve(B, C.T @ x)
+        left = float(x @ A @ x - x @ C @ size)
+        if v.secant and size[0] <= 0:
+            continue
+        std = np.sqrt(np.diag(np.linalg.inv(B)))
+        found.setdefault(v.key, []).append(Score(v, v.moving[: len(place)], left, size, std, 1.0, 1.0, tuple(place)))
+    return sorted((min(group, key=lambda s: s.drop) for group in found.values()), key=lambda s: s.drop)

@@ -1,0 +1,78 @@
+"""What a verdict asks for: every threshold of the tracing, in one object, with its reason beside.
+
+Set on development flights only (`benchmarks/README.md` says which), and then left alone: other seeds and foreign worlds judge them.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """Deviances are -2 log likelihoods, everything that is not known integrated out; a difference of 10 is a likelihood ratio of 150."""
+
+    # does the null model stand?
+    worse_than_identified: float = 1.25
+    """Times the identified model's error on validation loops that the null model may reach: beyond it, it is another model."""
+    lost_share: float = 0.1
+    """Share of segments that may diverge under the null model."""
+
+    # is a candidate significant?
+    family_error: float = 0.01
+    """Probability that any candidate of an empty library would pass (Holm 1979)."""
+    decisive: float = 10.0
+    """Deviance by which a model must lead another one: a likelihood ratio of 150, "very strong" (Kass & Raftery, JASA 90, 1995)."""
+    per_parameter: float = 2.0
+    """Deviance that each strength costs beside (Akaike)."""
+
+    # is it what is missing?
+    floor_error: float = 0.02
+    """Relative error of the noise floor: a chi-square per degree of freedom within 1 +- this is at the floor, with as many samples as a flight
+    has; noise that is estimated from the flight is known no better."""
+    channel_error: float = 0.1
+    """The same of one channel: a fifteenth of the samples, and five of them vary together."""
+    rest_worth: float = 20.0
+    """Deviance that model error must be worth for something to be missing: `decisive`, for each of force and moment."""
+
+    at_bound: float = 4.0
+    """Cost (chi-square) that a candidate must gain which brings a parameter back from its bound: a bound lies two standard deviations from the
+    declared value where nothing else is said, and that is what the prior alone pays for the way back."""
+    collinear: float = 0.95
+    """Cosine between a candidate and a parameter beyond which one hides in the other."""
+    empirical: float = 10.0
+    """Deviance by which as few or fewer empirical terms must lead an answer of the library to take its place: `decisive`."""
+
+    # how likely is it?
+    temperature: float = 5.0
+    """By which differences of deviance are divided before they become odds: both models are approximate, and evidence between approximate models is
+    overconfident (Grunwald & van Ommen, Bayesian Analysis 12, 2017). On development flights 90 % then are about 90 %."""
+    unknown: float = 0.02
+    """Probability that is kept for something else in any case: libraries are not complete."""
+
+    # does the rest repeat?
+    repeats: float = 0.01
+    """Probability with which chance would make the smoothed model error repeat as much from loop to loop (permutation of the phase)."""
+    repeated_share: float = 0.2
+    """Least share of its variance that repeats, for a part that is called repeating."""
+
+    # which air is gusty?
+    gusty: float = 0.2
+    """[m/s] level of gusts from which on the air is called gusty: what 0.2 m/s do to tension is its 1 % noise."""
+
+    # how much is tried?
+    competitors: int = 5
+    """Candidates that are fitted in a round ..."""
+    close: float = 0.3
+    """... and those whose predicted gain is at least this share of the largest, up to twice as many."""
+    alike: float = 0.9
+    """Correlation of what two candidates would do from which on one is fitted where the other is."""
+    look_alike: float = 40.0
+    """Deviance that another effect in the place of an accepted one may leave, to first order, and still be fitted there."""
+    detectable: float = 3.5
+    """Standard deviations from which on a strength is detectable: what the family error leaves of some thirty candidates."""
+    finalists: float = 30.0
+    """Deviance within which of the best a candidate is fitted to the end."""
+    effects: int = 3
+    """At most so many effects are accepted one after the other."""
+
+
+CRITERIA = Criteria()

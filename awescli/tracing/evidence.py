@@ -1,0 +1,65 @@
+"""All that a verdict is made of: what was searched, what is left, what else would do."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from awescli.tracing.classes import Rival
+from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.models import FittedModel
+from awescli.tracing.rest import Rest
+from awescli.tracing.search import Search
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """An effect that brings a parameter back from its bound. gain: deviance; model: the declared model with it."""
+
+    key: str
+    parameter: str
+    gain: float
+    model: FittedModel
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """search: of the library; bare: the declared model without model error; model: the answer, the declared model where there is none; rest: what
+    it leaves; rivals: accepted effect -> what the flight cannot tell from it; suspects: effects that a parameter at its bound stands for; bank:
+    the search of empirical terms, None where there was no reason for it; gusts: group -> level [m/s] beside the answer.
+
+    null_error, identified_error: mean NRMSE of the declared model and of the one that identify handed on, on validation loops; None without one.
+    """
+
+    search: Search
+    bare: FittedModel
+    model: FittedModel
+    rest: Rest
+    rivals: Mapping[str, Sequence[Rival]] = field(default_factory=dict)
+    suspects: tuple[Suspect, ...] = ()
+    bank: Search | None = None
+    gusts: Mapping[str, float] = field(default_factory=dict)
+    null_error: float | None = None
+    identified_error: float | None = None
+
+    @property
+    def empirical_lead(self) -> float:
+        """Deviance by which as few or fewer empirical terms lead the answer; 0 where none do."""
+        if self.bank is None or not self.bank.final.keys or len(self.bank.final.keys) > len(self.model.keys):
+            return 0.0
+        return max(self.model.deviance - self.bank.final.deviance, 0.0)
+
+    @property
+    def deviances(self) -> dict[str, float]:
+        """Cause -> deviance of the model that stands for it: "none", "something_else" (model error alone; where none is seen, at the price that it
+        would have to be worth), every effect that was fitted in the round of the answer's last one, the answer and its rivals."""
+        null, bare = self.search.null, self.bare.deviance
+        found = {"none": bare, "something_else": null.deviance if null.rest and null.deviance < bare else bare + CRITERIA.rest_worth}
+        accepted = [r for r in self.search.rounds if r.accepted]
+        for r in (accepted[-1:] if self.model.keys else self.search.rounds[:1]):
+            for t in r.contenders:
+                found["+".join((*r.base.keys, t.key))] = r.base.deviance - t.gain
+        for key, rivals in self.rivals.items():
+            for r in rivals:
+                found["+".join(r.key if k == key else k for k in self.model.keys)] = r.model.deviance
+        if self.model.keys:
+            found["+".join(self.model.keys)] = self.model.deviance
+        return found

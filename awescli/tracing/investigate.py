@@ -1,0 +1,222 @@
+"""From a fitted declared model to a finding: search the library, see what is left, what else would do, and let the criteria decide."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from awescli.estimation.processes.base import Group
+from awescli.estimation.processes.roll_gusts import RollGusts as RollGustProcess
+from awescli.notation.quantities import SURFACES
+from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.disturbances import GUSTS
+from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
+from awescli.physics.kite import can_act, candidates, make_effect
+from awescli.simulation.rollout import Simulator
+from awescli.tracing.candidates import variants
+from awescli.tracing.classes import rivals
+from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.evidence import Evidence, Suspect
+from awescli.tracing.models import FittedModel, Frame, fit_added, fit_beyond, fit_in
+from awescli.tracing.rest import Rest, channels_of, rest_of
+from awescli.tracing.screen import CandidateColumns, informed
+from awescli.tracing.search import Search, Tried, search
+from awescli.tracing.verdict import NULL, Criterion, probabilities, table, verdict
+
+ROLL_GUSTS = RollGustProcess.name
+STILL = 1e-3
+"""[rad] a surface that moves less than this over a flight does not move."""
+MUCH = 10.0
+"""Times the floor's error by which the chi-square exceeds 1 where too much is left for a parameter at its bound to hide it."""
+BANK_ROUNDS = 3
+"""Empirical terms at most."""
+
+
+@dataclass(frozen=True)
+class RollGusts:
+    """Gusts that roll the kite. model: the declared one, fitted with them; worth: deviance; channels: chi-square of each on validation loops, without
+    and with them."""
+
+    model: FittedModel
+    worth: float
+    channels_before: Mapping[str, float]
+    channels_after: Mapping[str, float]
+
+    @property
+    def _group(self) -> Group:
+        return next(g for p in self.model.problems[0].processes if p.name == ROLL_GUSTS for g in p.groups)
+
+    @property
+    def level(self) -> float:
+        """[rad/s] standard deviation."""
+        return self._group.level
+
+    @property
+    def memory(self) -> float:
+        """[s] over which they last."""
+        return self._group.memory
+
+
+@dataclass(frozen=True)
+class Finding:
+    """verdict: see `verdict`; table: of the criteria; probability: cause -> probability; evidence: behind them; model: what is handed on: the
+    declared model where nothing was found, one with empirical terms where what is left has no name; implausible: a candidate that leads with a
+    size that nothing has, and its model without bounds; roll_gusts: None where there are none."""
+
+    frame: Frame
+    verdict: str
+    table: tuple[Criterion, ...]
+    probability: Mapping[str, float]
+    evidence: Evidence
+    model: FittedModel
+    implausible: tuple[tuple[Tried, FittedModel], ...] = ()
+    roll_gusts: RollGusts | None = None
+
+    @property
+    def null(self) -> FittedModel:
+        return self.evidence.search.null
+
+    @property
+    def reason(self) -> str:
+        """Why a flight is not testable; "" where it is."""
+        if self.verdict != "not_testable":
+            return ""
+        failed = next(c for c in self.table if c.name in NULL and c.passed is False)
+        value, threshold = (f"{v:.3g}" if isinstance(v, float) else v for v in (failed.value, failed.threshold))
+        return f"{failed.says}: {value} (at most {threshold})" if not isinstance(failed.value, str) else f"{failed.says}: {value}"
+
+    def before(self) -> Simulator:
+        """The declared model at its fit, ready to predict."""
+        return self.null.simulator
+
+    def after(self) -> Simulator:
+        """The final model, ready to predict."""
+        return self.model.simulator
+
+    def declaration(self) -> KiteDeclaration:
+        """The kite file of the final model."""
+        return self.model.declaration()
+
+
+def investigate(
+    frame: Frame, null: FittedModel, keys: Sequence[str], *, rounds: int = CRITERIA.effects, null_error: float | None = None,
+    identified_error: float | None = None, criteria: Criteria = CRITERIA, progress: Callable[[str], None] = lambda text: None,
+) -> Finding:  # fmt: skip
+    """Trace what the fitted declared model lacks."""
+    bare, rest = rest_of(frame, null)
+    evidence = Evidence(Search(null, null, ()), bare, bare, rest, null_error=null_error, identified_error=identified_error)
+    if any(c.passed is False for c in table(evidence, criteria) if c.name in NULL):
+        return _finding(frame, evidence, criteria)
+    library = search(frame, null, keys, rounds=rounds, criteria=criteria, progress=progress)
+    progress("looking at what is left")
+    evidence = replace(evidence, search=library, **_settled(frame, library, bare, rest, criteria))
+    evidence = replace(evidence, gusts=_gusts(evidence.model))
+    if evidence.model.keys:
+        evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, _beaten(library), progress=progress))
+    elif evidence.rest.chi2 < 1 + MUCH * criteria.floor_error:
+        evidence = replace(evidence, suspects=suspects(frame, null, keys, criteria))
+    sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
+    if len(evidence.model.keys) > 1 or not (sufficient or max(evidence.gusts.values(), default=0.0) > criteria.gusty):
+        progress("weighing empirical terms")
+        terms = bank_keys(frame.declared, moving(frame.flights[0].log))
+        evidence = replace(evidence, bank=search(frame, null, terms, rounds=BANK_ROUNDS, criteria=criteria, progress=progress))
+    return _finding(frame, evidence, criteria)
+
+
+def _finding(frame: Frame, evidence: Evidence, criteria: Criteria) -> Finding:
+    rows = table(evidence, criteria)
+    answer = verdict(rows)
+    handed_on = evidence.search.null
+    if answer in ("found", "cannot_tell") and evidence.model.keys:
+        handed_on = evidence.model
+    elif answer == "unexplained" and evidence.bank is not None and evidence.bank.final.keys:
+        handed_on = evidence.bank.final
+    roll = _roll_gusts(frame, evidence.search.null) if answer == "not_deterministic" and evidence.gusts else None
+    odds = probabilities(evidence, answer, criteria)
+    return Finding(frame, answer, rows, odds, evidence, handed_on, _implausible(frame, evidence, criteria), roll)
+
+
+def _implausible(frame: Frame, evidence: Evidence, criteria: Criteria) -> tuple[tuple[Tried, FittedModel], ...]:
+    """The candidate that led the first round with an implausible size, fitted with that size free, where it is not explained by what was found."""
+    lead = evidence.search.null.deviance - evidence.model.deviance if evidence.model.keys else 0.0
+    first = evidence.search.rounds[0].contenders if evidence.search.rounds else []
+    found = [t for t in first if not t.plausible and t.gain > max(lead, criteria.decisive)]
+    return tuple((t, fit_beyond(frame, t.model, t.score.moving).light()) for t in found[:1])
+
+
+def _roll_gusts(frame: Frame, null: FittedModel, criteria: Criteria = CRITERIA) -> RollGusts | None:
+    """Feedback hides roll gusts: a controller answers the roll that a gust makes, and a model without them sees surfaces that move and a kite that
+    does not follow. None where they are worth nothing."""
+    model = fit_in(frame, null, ROLL_GUSTS)
+    worth = null.deviance - model.deviance
+    if worth < criteria.decisive:
+        return None
+    return RollGusts(model.light(), worth, channels_of(null), channels_of(model))
+
+
+def _settled(frame: Frame, library: Search, bare: FittedModel, rest: Rest, criteria: Criteria) -> dict:
+    """The answer, without model error where that is worth nothing to it, and what it leaves."""
+    if not library.final.keys:
+        return {"model": bare, "rest": rest}
+    alone, left = rest_of(frame, library.final)
+    return {"model": (alone if left.worth < criteria.rest_worth else library.final).widened(), "rest": left}
+
+
+def _gusts(model: FittedModel) -> dict[str, float]:
+    """Group -> level [m/s] of the gusts that move the kite, wind record aside."""
+    groups = [g for p in model.problems[0].processes if not p.certain for g in p.groups if g.level > 0]
+    return {g.name: g.level for g in groups if set(g.axes) <= set(GUSTS)}
+
+
+def _beaten(library: Search) -> tuple[str, ...]:
+    """Effects that a single accepted one has left behind by their own fit, and that need not be tried in its place again."""
+    accepted = [r for r in library.rounds if r.accepted]
+    if len(accepted) != 1:
+        return ()
+    lead = library.null.deviance - library.final.deviance
+    return tuple(t.key for t in accepted[0].contenders if t.key != accepted[0].accepted and lead - t.gain > CRITERIA.finalists)
+
+
+def suspects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Criteria = CRITERIA) -> tuple[Suspect, ...]:
+    """Effects with one strength that do what a parameter at its bound does, and bring it back: a constant moment hides in the derivative of a
+    surface that never moves; the fit is good, but the derivative is at the end of what its user thinks possible."""
+    at_bound = [n for n in null.at_bound if n in frame.declared.parameters]
+    effects = [e for e in (make_effect(k, frame.declared) for k in keys) if not e.probes and not e.shapes and len(e.parameters) == 1]
+    if not at_bound or not effects:
+        return ()
+    columns = CandidateColumns([v for e in effects for v in variants(e)])
+    H = informed(frame, null, [e.key for e in effects], columns, frame.horizon)[0]
+    found, n = [], len(null.fit.names)
+    for bound in at_bound:
+        i = null.fit.names.index(bound)
+        for j, name in enumerate(columns.names, start=n):
+            key = name.rpartition(".")[0]
+            if abs(H[i, j]) < criteria.collinear * np.sqrt(max(H[i, i] * H[j, j], 1e-300)):
+                continue
+            trial = fit_added(frame, null, key, {name: 0.0}, {}, alone=False)
+            gain = null.fit.solution.cost - trial.fit.solution.cost
+            if bound not in trial.at_bound and gain > criteria.at_bound:
+                found.append(Suspect(key, bound, gain, trial.widened().light()))
+    return tuple(sorted(found, key=lambda s: -s.gain)[:2])
+
+
+def moving(log) -> list[str]:
+    """Surfaces that move on a log."""
+    return [s for s in SURFACES if s in log.inputs and np.ptp(log.inputs[s]) > STILL]
+
+
+def library_keys(declared: KiteDeclaration, log, wanted: Sequence[str] | None = None) -> list[str]:
+    """Keys of the effects to try on a log: those asked for, else all that it could show. Raises BadInput for an unknown one."""
+    if wanted is None:
+        return candidates(declared, list(log.measured), moving(log))
+    for key in wanted:
+        make_effect(key, declared)
+    return [k for k in wanted if k not in declared.effects]
+
+
+def bank_keys(declared: KiteDeclaration, surfaces: Sequence[str]) -> list[str]:
+    """The empirical terms that a flight could show and a kite could fly with: every channel times every feature, surfaces only where they
+    move, nothing that has to be read from a log."""
+    still = set(SURFACES) - set(surfaces)
+    keys = [f"{CustomTerm.name}:{c}*{f}" for c in CHANNELS for f in FEATURES if f not in still]
+    return [k for k in keys if not make_effect(k, declared).reads and can_act(k, declared)]

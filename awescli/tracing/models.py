@@ -1,0 +1,338 @@
+"""Models that compete: the declared kite with some effects added, fitted to the same flights with levels of processes of its own."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from awescli.estimation.fit import Fit, JointFit, fit
+from awescli.estimation.levels import opened, prior_deviance
+from awescli.estimation.misfit import DIVERGED_COST, Misfit
+from awescli.estimation.problem import EstimationProblem, build, simulator_of, without_record
+from awescli.estimation.processes.base import Process
+from awescli.estimation.staged_fit import MODEL_ERROR, SLIGHT, Flight, fit_flights, fit_levels, widened
+from awescli.flightlog.log import FlightLog
+from awescli.flightlog.split import Split
+from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.kite import make_effect
+from awescli.simulation.rollout import Simulator
+
+QUICK = (2, 2.0)
+"""Rounds of levels and tolerance [deviance] of a fit that tells candidates apart ..."""
+WHOLE = (5, 0.2)
+"""... and of one that is fitted to the end."""
+
+
+AT_END = 1e-6
+"""Share of its range by which a parameter at an end of it may be away from the end."""
+BEYOND = 10.0
+"""Prior standard deviations to either side where a bound is taken away."""
+
+
+@dataclass(frozen=True)
+class TracedFlight:
+    """A flight of a trace. declared: the kite as declared for it (its wind record and noise are the flight's)."""
+
+    log: FlightLog
+    split: Split
+    declared: KiteDeclaration
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Levels of a flight's processes, by group, and factors on its noise, by channel."""
+
+    processes: Mapping[str, float] = field(default_factory=dict)
+    factors: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What all models of a trace share. flights: the plan's first; outputs: compared channels; per_flight: patterns of parameters that every
+    flight has for itself."""
+
+    flights: tuple[TracedFlight, ...]
+    horizon: float
+    outputs: tuple[str, ...]
+    per_flight: tuple[str, ...] = ()
+
+    @property
+    def labels(self) -> list[str]:
+        return [f.label for f in self.flights]
+
+    @property
+    def declared(self) -> KiteDeclaration:
+        """Of the plan's flight."""
+        return self.flights[0].declared
+
+    def problems(self, keys: Sequence[str]) -> list[EstimationProblem]:
+        """The flights cut up for the declared kite with the effects `keys` at null."""
+        return [build(simulator_of(f.declared, f.log, keys), f.log, f.split, self.horizon, self.outputs) for f in self.flights]
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """keys: of the added effects; strengths: full names of their parameters that are fitted; fit: to the train loops of all flights;
+    problems: with levels and noise as fitted; judged: what it makes of the validation loops, where only nuisances are fitted.
+
+    train, validation: deviance of every segment of all flights, parameters held; shift: (n,) what validation asks of the parameters beside train,
+    to first order, bounds kept; unseen: deviance of validation with what train leaves unknown of the parameters integrated out; deviance: of all
+    segments, the priors of parameters and levels and what integrating the parameters out adds (Laplace) included: -2 log evidence but for a
+    constant.
+    """
+
+    keys: tuple[str, ...]
+    strengths: tuple[str, ...]
+    fit: JointFit
+    problems: tuple[EstimationProblem, ...]
+    judged: tuple[Fit, ...]
+    train: np.ndarray
+    validation: np.ndarray
+    shift: np.ndarray
+    unseen: float
+    deviance: float
+
+    @classmethod
+    def of(cls, keys, strengths, fitted: JointFit, problems: Sequence[EstimationProblem]) -> "FittedModel":
+        """The model with its validation loops judged."""
+        judged = tuple(judge(p, f.parameters) for p, f in zip(problems, fitted.flights, strict=True))
+        train, validation = (np.concatenate([by_segment(f) for f in fits]) for fits in (fitted.flights, judged))
+        shift, gained, wider = _asked_of(fitted, judged)
+        unseen = float(validation.sum()) - gained + wider
+        s, table = fitted.solution, fitted.prior
+        std = np.array([table[n].prior_std for n in fitted.names])
+        prior = float((((s.x - table.vector(fitted.names)) / std) ** 2).sum())
+        occam = float(np.linalg.slogdet(s.H * np.outer(std, std))[1])
+        levels = sum(prior_deviance(p.processes) for p in problems)
+        deviance = float(train.sum()) + unseen + prior + occam + levels
+        return cls(tuple(keys), tuple(strengths), fitted, tuple(problems), judged, train, validation, shift, unseen, deviance)
+
+    @property
+    def table(self) -> ParameterTable:
+        """Parameters of the first flight."""
+        return self.fit.flights[0].parameters
+
+    @property
+    def simulator(self) -> Simulator:
+        """Of the first flight, at the fit, the wind record's error taken out: what predicts."""
+        problem = self.problems[0]
+        return problem.simulator.holding(without_record(problem.kite, self.table))
+
+    @property
+    def rest(self) -> dict[str, float]:
+        """Axis of the model error -> its level, the largest of all flights; none where the model follows the flights by itself."""
+        levels = [(g.name, g.level) for p in self.problems for q in p.processes if q.name == MODEL_ERROR for g in q.groups if g.level > 0]
+        return {name: max(level for n, level in levels if n == name) for name, _ in levels}
+
+    @property
+    def levels(self) -> dict[str, float]:
+        """Group of a process -> its level, of the first flight."""
+        return {g.name: g.level for p in self.problems[0].processes for g in p.groups if g.level > 0}
+
+    @property
+    def chi2(self) -> float:
+        """Of the validation loops per degree of freedom, with the parameters where all loops together want them: 1 is noise alone. Segments that
+        diverged count with their price."""
+        more, b, cost, dof = *_validation(self.fit, self.judged), 0.0, 0.0
+        for f in self.judged:
+            lost = np.count_nonzero(~f.flies)
+            cost += float(f.information.cost.sum()) + DIVERGED_COST * f.misfit.observed.measured[0].size * lost
+            dof += float(f.information.dof.sum()) + f.misfit.observed.measured[0].size * lost
+        known = np.trace(np.linalg.solve(self.fit.solution.H + more, more))
+        return float((cost - 2 * b @ self.shift + self.shift @ more @ self.shift) / max(dof - known, 1.0))
+
+    @property
+    def at_bound(self) -> list[str]:
+        """Unknowns of the fit that sit at an end of their range, strengths aside."""
+        return [n for n in bounded(self.fit) if n not in self.strengths]
+
+    @property
+    def flies(self) -> int:
+        """Segments that did not diverge, of all flights."""
+        return sum(int(f.flies.sum()) for f in (*self.fit.flights, *self.judged))
+
+    @property
+    def segments(self) -> int:
+        return len(self.train) + len(self.validation)
+
+    def declaration(self) -> KiteDeclaration:
+        """The kite file of the model: declared effects, added ones, fitted values; strengths are free."""
+        return self.problems[0].kite.declare(self.keys, free=self.strengths, table=without_record(self.problems[0].kite, self.table))
+
+    def widened(self) -> "FittedModel":
+        """The model with what coloured residuals add to its covariance."""
+        return replace(self, fit=widened(self.fit))
+
+    def light(self) -> "FittedModel":
+        """The model without its sensitivities: what is kept of the many that are fitted."""
+
+        def thin(f: Fit) -> Fit:
+            at = replace(f.solution.at, known=None, inner=None)
+            return replace(f, links=None, gram=None, information=replace(f.information, _back=None), solution=replace(f.solution, at=at))
+
+        flights = tuple(map(thin, self.fit.flights))
+        return replace(self, fit=replace(self.fit, flights=flights, solution=flights[0].solution), judged=tuple(map(thin, self.judged)))
+
+
+def bounded(fitted: JointFit) -> list[str]:
+    """Unknowns that sit at an end of their range."""
+    rows = (fitted.parameters[n] for n in fitted.names)
+    return [p.name for p in rows if min(p.value - p.lower, p.upper - p.value) < AT_END * min(p.upper - p.lower, 1e12)]
+
+
+def _asked_of(fitted: JointFit, judged: Sequence[Fit]) -> tuple[np.ndarray, float, float]:
+    """(change of the parameters (n,) that the validation loops ask for, deviance that they gain by it, log determinant of what they add): loops
+    that took no part in a fit differ from it by what the fit does not know of the parameters, too."""
+    H, n = fitted.solution.H, len(fitted.names)
+    more, b = _validation(fitted, judged)
+    held = bounded(fitted)
+    free = np.array([i for i, name in enumerate(fitted.names) if name not in held], int)
+    both = np.ix_(free, free)
+    shift = np.zeros(n)
+    shift[free] = np.linalg.solve(H[both] + more[both], b[free])
+    wider = np.linalg.slogdet(H[both] + more[both])[1] - np.linalg.slogdet(H[both])[1]
+    return shift, float(b @ shift), float(wider)
+
+
+def _validation(fitted: JointFit, judged: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray]:
+    """(H (n, n), b (n,)): what the validation loops of all flights say of the parameters."""
+    n = len(fitted.names)
+    H, b = np.zeros((n, n)), np.zeros(n)
+    for f, place in zip(judged, fitted.places, strict=True):
+        H[np.ix_(place, place)] += f.information.H
+        b[place] += f.information.b
+    return H, b
+
+
+def by_segment(f: Fit) -> np.ndarray:
+    """Deviance of every segment; that of one that diverged is its price."""
+    found = np.full(len(f.alive), DIVERGED_COST * float(f.misfit.observed.measured[0].size))
+    found[f.heard] = (f.information.deviance + f.misfit.log_noise)[f.heard]
+    found[~f.flies] = DIVERGED_COST * float(f.misfit.observed.measured[0].size)
+    return found
+
+
+def fit_null(
+    frame: Frame, start: Mapping[str, float], horizons: Sequence[float], levels: Sequence[Levels] = (),
+    on_iteration: Callable = lambda h, i, c: None,
+) -> FittedModel:  # fmt: skip
+    """The declared model, from parameter values `start`. levels: of every flight, as an identification left them: the fit then begins where
+    that one ended; without, it begins with short horizons."""
+    problems = frame.problems(())
+    if not levels:
+        flights = [Flight(p, f.label) for p, f in zip(problems, frame.flights, strict=True)]
+        found = fit_flights(flights, horizons, per_flight=frame.per_flight, start=dict(start), on_iteration=on_iteration)
+        return FittedModel.of((), (), *found)
+    problems = [p.at(l.processes, l.factors) for p, l in zip(problems, levels, strict=True)]
+    tables = [p.simulator.kite.parameters.with_values(start) for p in problems]
+    rounds, tolerance = WHOLE
+    return FittedModel.of((), (), *fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, on_iteration))
+
+
+def fit_added(
+    frame: Frame, base: FittedModel, key: str, strengths: Mapping[str, float], shapes: Mapping[str, float], alone: bool = True
+) -> FittedModel:
+    """The base model with one effect added. strengths: full name -> value to start from, fitted; shapes: full name -> value, held; alone: the
+    fit begins with next to no model error, so that the effect must follow the flight by itself."""
+    free = tuple(dict.fromkeys((*base.strengths, *strengths)))
+    return _fitted(frame, base, (*base.keys, key), free, {**strengths, **shapes}, QUICK, alone)
+
+
+def fit_on(frame: Frame, model: FittedModel, values: Mapping[str, float] | None = None, free: Sequence[str] = ()) -> FittedModel:
+    """The same model fitted to the end, from other `values`, with further strengths free."""
+    return _fitted(frame, model, model.keys, tuple(dict.fromkeys((*model.strengths, *free))), dict(values or {}), WHOLE)
+
+
+def fit_without(frame: Frame, model: FittedModel, gone: Sequence[str]) -> FittedModel:
+    """The model without some of its effects."""
+    kept = [k for k in model.keys if k not in gone]
+    strengths = tuple(n for n in model.strengths if not any(n.startswith(f"{k}.") for k in gone))
+    return _fitted(frame, model, kept, strengths, {}, WHOLE)
+
+
+def fit_swapped(frame: Frame, model: FittedModel, out: str, other: FittedModel) -> FittedModel:
+    """The model with the last effect of `other` instead of its effect `out`."""
+    new = other.keys[-1]
+    values = {p.name: other.table[p.name].value for p in make_effect(new, frame.declared).rows()}
+    strengths = {n: values[n] for n in other.strengths if n in values}
+    return fit_instead(frame, model, out, new, strengths, values)
+
+
+def fit_instead(
+    frame: Frame, model: FittedModel, out: str, new: str, strengths: Mapping[str, float], shapes: Mapping[str, float]
+) -> FittedModel:
+    """The model with an effect `new` instead of its effect `out`; strengths, shapes as in `fit_added`."""
+    keys = tuple(new if k == out else k for k in model.keys)
+    kept = tuple(n for n in model.strengths if not n.startswith(f"{out}."))
+    return _fitted(frame, model, keys, (*kept, *strengths), {**shapes, **strengths}, WHOLE, alone=True)
+
+
+def fit_bare(frame: Frame, model: FittedModel) -> FittedModel:
+    """The model without model error: what it is worth when nothing helps it."""
+    bare = [p.with_processes(_slight(p.processes, share=0.0)) for p in model.problems]
+    owns = [p.misfit().carried(f.own, f.misfit) for p, f in zip(bare, model.fit.flights, strict=True)]
+    tables = [f.parameters for f in model.fit.flights]
+    found = fit_levels(bare, frame.labels, tables, frame.per_flight, True, *WHOLE, owns=owns)
+    return FittedModel.of(model.keys, model.strengths, *found)
+
+
+def fit_beyond(frame: Frame, model: FittedModel, names: Sequence[str]) -> FittedModel:
+    """The model fitted anew with parameters or strengths `names` free to leave their bounds; their priors stay."""
+    return _fitted(frame, model, model.keys, model.strengths, {}, WHOLE, beyond=names)
+
+
+def fit_in(frame: Frame, model: FittedModel, kind: str) -> FittedModel:
+    """The model fitted anew with a process of `kind` beside those that it has."""
+    there = tuple(p.with_processes(opened(p.processes, (kind,))) for p in model.problems)
+    return _fitted(frame, replace(model, problems=there), model.keys, model.strengths, {}, WHOLE)
+
+
+def _fitted(
+    frame: Frame, base: FittedModel, keys, strengths, values: Mapping[str, float], how, alone: bool = False, beyond: Sequence[str] = ()
+) -> FittedModel:
+    rounds, tolerance = how
+    problems, tables, owns = [], [], []
+    for raw, before, fitted in zip(frame.problems(keys), base.problems, base.fit.flights, strict=True):
+        table = raw.simulator.kite.parameters
+        known = {n: fitted.parameters[n].value for n in table if n in fitted.parameters}
+        table, prior = (t.with_rows(_unbounded(t[n]) for n in beyond if n in t) for t in (table, raw.prior))
+        table = table.with_values({**known, **values})
+        table = table.with_rows(replace(table[n], free=True) for n in strengths)
+        prior = prior.with_rows(replace(prior[n], free=True) for n in strengths)
+        names = tuple(n for n in dict.fromkeys((*before.names, *strengths)) if n in strengths or n not in base.strengths)
+        processes = _slight(before.processes) if alone else before.processes
+        problem = replace(raw.with_factors(before.factors), processes=processes, names=names, prior=prior)
+        problems.append(problem)
+        tables.append(table)
+        owns.append(problem.misfit().carried(fitted.own, fitted.misfit))
+    found = fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, owns=owns)
+    return FittedModel.of(keys, strengths, *found)
+
+
+def _unbounded(p: Parameter) -> Parameter:
+    return replace(p, lower=p.value - BEYOND * p.prior_std, upper=p.value + BEYOND * p.prior_std, std=p.prior_std)
+
+
+def _slight(processes: Sequence[Process], share: float = SLIGHT) -> tuple[Process, ...]:
+    """The processes with a `share` of model error at most, and those that are certain as they are known beforehand: a new model must follow the
+    flight by itself, and what helped the one before is not what helps it. What it does not say opens again."""
+
+    def begun(p: Process) -> dict[str, float]:
+        if p.name == MODEL_ERROR:
+            return {g.name: min(g.level, share * g.of_level.median) for g in p.groups}
+        return {g.name: g.of_level.median for g in p.groups} if p.certain else p.levels
+
+    return tuple(p.at(begun(p)) for p in processes)
+
+
+def judge(problem: EstimationProblem, table: ParameterTable) -> Fit:
+    """What parameters make of the validation loops: only nuisances are fitted. Its information is that on the parameters."""
+    simulator = problem.simulator.holding(table)
+    found = fit(Misfit(simulator, problem.validation, (), problem.processes), table, prior=False, iterations=6, tolerance=1.0)
+    misfit = Misfit(simulator, problem.validation, problem.names, problem.processes)
+    links, trajectories = misfit.links(table.vector(problem.names), found.own)
+    gram = links.gram()
+    heard = np.flatnonzero(trajectories.alive > misfit.observed.segments.steps)
+    return replace(found, misfit=misfit, links=links, gram=gram, information=misfit.eliminated(gram, found.own, heard), heard=heard)

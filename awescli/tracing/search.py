@@ -1,0 +1,214 @@
+"""Search the library: screen all effects, fit the best ones, accept the likeliest where it beats "something else", again; then go back over what
+was accepted."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from awescli.physics.kite import make_effect
+from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.models import FittedModel, Frame, fit_added, fit_on, fit_swapped, fit_without
+from awescli.tracing.screen import Score, Screening, holm, screen
+
+STARTS = ((1.0, True), (1.0, False), (0.3, False))
+"""Shares of its one-step estimate from which a candidate is fitted, and whether without the help of model error; the next one where the fit
+before failed."""
+WORSE = 5.0
+"""Deviance by which a fit with one effect more may end above the model without it: more, and the optimiser has failed."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
+    the fit, "not fitted" or "failed"; gain: deviance by which the model leads the one before; plausible: no strength at the end of its range."""
+
+    score: Score
+    significant: bool
+    outcome: str = "not fitted"
+    model: FittedModel | None = None
+    gain: float = 0.0
+    plausible: bool = True
+
+    @property
+    def key(self) -> str:
+        return self.score.key
+
+
+@dataclass(frozen=True)
+class Round:
+    """base: the model that was there; tried: all candidates, best screened first; accepted: whose turn it was, "" for nobody; untestable:
+    effects that the free parameters absorb."""
+
+    base: FittedModel
+    tried: tuple[Tried, ...]
+    accepted: str
+    untestable: tuple[str, ...]
+
+    @property
+    def contenders(self) -> list[Tried]:
+        """Those that were fitted, likeliest first."""
+        return sorted((t for t in self.tried if t.model is not None), key=lambda t: -t.gain)
+
+
+@dataclass(frozen=True)
+class Search:
+    """What a search found. null, final: the models before and after; detectable: key -> (parameter, least size that would have shown)."""
+
+    null: FittedModel
+    final: FittedModel
+    rounds: tuple[Round, ...]
+    detectable: dict[str, tuple[str, float]] = field(default_factory=dict)
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Significant candidates that could not be fitted."""
+        return tuple(dict.fromkeys(t.key for r in self.rounds for t in r.tried if t.significant and t.outcome == "failed"))
+
+
+def search(
+    frame: Frame, null: FittedModel, keys: Sequence[str], *, rounds: int, criteria: Criteria = CRITERIA,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Search:  # fmt: skip
+    """Search the effects `keys` for what the fitted model `null` lacks."""
+    model, record, detectable = null, [], {}
+    remaining = [k for k in keys if k not in null.keys]
+    for number in range(rounds):
+        progress(f"round {number + 1}: screening {len(remaining)} candidates")
+        screening = screen(frame, model, remaining)
+        detectable = detectable or _detectable(screening)
+        tried = _race(frame, model, screening, criteria, progress)
+        best, tried = _best(frame, model, tried, criteria, progress)
+        record.append(Round(model.light(), tried, best.keys[-1] if best else "", screening.untestable))
+        if best is None:
+            break
+        model, remaining = best, [k for k in remaining if k != best.keys[-1]]
+    final, record = _revisited(frame, model, record, criteria, progress)
+    return Search(null, final, tuple(record), detectable)
+
+
+def admissible(before: FittedModel, after: FittedModel, criteria: Criteria = CRITERIA) -> bool:
+    """Is a model with further strengths decisively likelier than the one before, also without the segment that speaks loudest for it, and does
+    it gain on loops that it was not fitted to?"""
+    new = len(after.strengths) - len(before.strengths)
+    segments = np.concatenate([before.train - after.train, before.validation - after.validation])
+    unseen = before.validation - after.validation
+    return bool(
+        before.deviance - after.deviance >= criteria.decisive + criteria.per_parameter * new
+        and unseen.sum() > 0
+        and segments.sum() - segments.max() >= criteria.decisive
+    )
+
+
+def plausible(model: FittedModel, key: str) -> bool:
+    """No fitted strength of an effect sits at the end of its plausible range, null aside."""
+    for name in (n for n in model.strengths if n.startswith(f"{key}.")):
+        p = model.table[name]
+        width, null_at_lower = p.upper - p.lower, abs(p.lower) < 1e-12
+        if p.value > p.upper - 1e-3 * width or (p.value < p.lower + 1e-3 * width and not null_at_lower):
+            return False
+    return True
+
+
+def _detectable(screening: Screening) -> dict[str, tuple[str, float]]:
+    found = {}
+    for s in screening.scores:
+        unit = s.variant.at[s.moving[0]] if s.variant.secant else 1.0
+        found[s.key] = (s.moving[0], float(screening.detectable * s.std[0] * unit))
+    return found
+
+
+def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Criteria, progress) -> tuple[Tried, ...]:
+    """Fit those that the screening puts first."""
+    scores = screening.scores
+    if not scores:
+        return ()
+    significant = holm([s.p_value for s in scores], criteria.family_error)
+    leaders = [s for s, sure in zip(scores, significant, strict=True) if sure]
+    drops = criteria.close * leaders[0].drop if leaders else 0.0
+    chosen = leaders[: criteria.competitors]
+    chosen += [s for s in leaders[criteria.competitors : 2 * criteria.competitors] if s.drop > drops]
+    # what points in a leader's direction competes with it, whatever its rank
+    chosen += [s for s in scores if s not in chosen and any(screening.cosine(s, c) > criteria.alike for c in chosen[:2])][:3]
+    if here.rest:
+        # an abrupt effect changes a flight at its start already: only a fit from its probe can judge it
+        chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).abrupt]
+    found = []
+    for s, sure in zip(scores, significant, strict=True):
+        if s not in chosen:
+            found.append(Tried(s, bool(sure)))
+            continue
+        progress(f"fitting with {s.key}")
+        found.append(_entered(frame, here, screening, s, bool(sure)))
+    return tuple(found)
+
+
+def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score, significant: bool) -> Tried:
+    """The model with a candidate added, from the first start from which the fit succeeds."""
+    for share, alone in STARTS if here.rest else STARTS[1:]:
+        strengths, shapes = score.start(screening.rows, share)
+        model = fit_added(frame, here, score.key, strengths, shapes, alone)
+        if model.flies >= here.flies and model.train.sum() < here.train.sum() + WORSE:
+            gain = here.deviance - model.deviance
+            return Tried(score, significant, model.fit.solution.outcome, model.light(), gain, plausible(model, score.key))
+    return Tried(score, significant, "failed")
+
+
+def _best(
+    frame: Frame, here: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress
+) -> tuple[FittedModel | None, tuple[Tried, ...]]:
+    """(the likeliest model of those that are admissible, fitted to the end, shapes included; what was tried, with those that were)."""
+    runners = sorted((t for t in tried if t.model is not None and t.plausible), key=lambda t: -t.gain)
+    runners = [t for t in runners if t.gain > criteria.decisive]
+    finalists = [t for t in runners if t.gain > runners[0].gain - criteria.finalists][: criteria.competitors]
+    finished = {}
+    for t in finalists:
+        progress(f"fitting with {t.key} to the end")
+        finished[t.key] = refined(frame, fit_on(frame, t.model), criteria)
+    best = [m for m in finished.values() if admissible(here, m, criteria) and plausible(m, m.keys[-1])]
+    tried = tuple(
+        replace(t, model=m.light(), gain=here.deviance - m.deviance, plausible=plausible(m, t.key)) if (m := finished.get(t.key)) else t
+        for t in tried
+    )
+    return min(best, key=lambda m: m.deviance, default=None), tried
+
+
+def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> FittedModel:
+    """The model with the shapes of its last effect fitted too. One that stands where it was probed is as uncertain as the strength, and stays
+    free unless that does worse; one at null is freed only where the model is decisively likelier for it."""
+    effect = make_effect(model.keys[-1], frame.declared)
+    null = {p.name: p.value for p in effect.parameters}
+    for shape in effect.shapes:
+        name, best = f"{effect.key}.{shape}", model
+        value = model.table[name].value
+        probed = value != null[shape]
+        starts = (value,) if probed else (*effect.probes.get(shape, ()), *effect.refinements.get(shape, ()))
+        for start in (s for s in starts if s != null[shape]):
+            trial = fit_on(frame, model, {name: start}, free=(name,))
+            margin = criteria.decisive if probed else -criteria.decisive
+            if trial.deviance < best.deviance + margin and trial.validation.sum() < best.validation.sum() + max(margin, 0.0):
+                best = trial
+        model = best
+    return model
+
+
+def _revisited(frame: Frame, final: FittedModel, record: list[Round], criteria: Criteria, progress) -> tuple[FittedModel, list[Round]]:
+    """One backward pass: in each earlier round the close ones may take the winner's place in the final model, which holds what later rounds
+    found; and an effect that is worth nothing any more goes."""
+    record = list(record)
+    accepted = [i for i, r in enumerate(record) if r.accepted]
+    for i in accepted[:-1]:
+        progress("going back over what was accepted")
+        r = record[i]
+        lead = r.contenders[0].gain if r.contenders else 0.0
+        others = [t for t in r.contenders if t.key not in final.keys and t.gain > lead / 2][:3]
+        tried = [fit_swapped(frame, final, r.accepted, t.model) for t in others]
+        best = min([final, *tried], key=lambda m: m.deviance)
+        if best is not final:
+            record[i] = replace(r, accepted=best.keys[final.keys.index(r.accepted)])
+            final = best
+    for i in accepted[:-1]:
+        without = fit_without(frame, final, (record[i].accepted,))
+        if not admissible(without, final, criteria):
+            final, record[i] = without, replace(record[i], accepted="")
+    return final, record
