@@ -47,6 +47,7 @@ class Level(Checked):
     """How strong a process is."""
 
     level: Number
+    unit: Text
 
 
 class Fit(Metrics):
@@ -242,13 +243,14 @@ class Errors(Checked):
     """Channel -> NRMSE before, after, and of noise alone, of the same channels."""
 
     horizon_s: Number
-    before: Channels
+    before: Channels = None  # there where a model was fitted
     after: Channels
     noise_floor: Channels
 
     @model_validator(mode="after")
     def _alike(self):
-        if not self.before.keys() == self.after.keys() == self.noise_floor.keys():
+        before = self.after if self.before is None else self.before
+        if not before.keys() == self.after.keys() == self.noise_floor.keys():
             raise ValueError("before, after and noise_floor are of different channels")
         return self
 
@@ -260,10 +262,21 @@ class BeforeAfter(Checked):
 
 class RollGusts(Checked):
     std_rad_s: Number
+    worth: Number
     lasts_s: Number
     split: Text
     channels: dict[str, BeforeAfter]
     parameter_shifts: dict[str, Shift]
+
+
+class Criterion(Checked):
+    """One line of what the verdict stands on."""
+
+    says: Text
+    value: Number | Text
+    threshold: Number | Text
+    passed: bool | None = Field(alias="pass")
+    source: Text
 
 
 class Effects(Checked):
@@ -275,6 +288,8 @@ class Effects(Checked):
     ranking: list[Candidate]
     unexplained: Unexplained | None
     error: Errors
+    criteria: list[Criterion] = []
+    probability: Numbers = {}
     chi2: dict[str, Number | None] = {}
     gust_m_s: Number | None = None
     roll_gusts: RollGusts | None = None
@@ -283,6 +298,12 @@ class Effects(Checked):
     not_testable: list[Text] = []
     parameter_shifts: dict[str, Shift] = {}
     separate: list[Text] = []
+
+    @model_validator(mode="after")
+    def _fitted(self):
+        if self.error.before is None and self.verdict != "not_testable":
+            raise ValueError("error.before is missing")
+        return self
 
 
 class Network(Checked):

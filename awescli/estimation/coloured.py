@@ -1,11 +1,11 @@
 """What the colour of the residual adds to the covariance of parameters.
 
-Gauss-Newton's covariance takes the noise for white. Residuals of a real flight are not: filters, vibration and what no process follows leave
-errors of which neighbouring samples say the same thing again. After Morelli & Klein, "Determining the accuracy of maximum likelihood parameter
-estimates with colored residuals" (NASA CR 194893, 1994): with the residual's own autocorrelation R in place of the identity,
+Gauss-Newton's covariance takes the noise for white. Residuals of a real flight are not: filters, vibration and what no process follows
+leave errors of which neighbouring samples say the same thing again. After Morelli & Klein, "Determining the accuracy of maximum likelihood
+parameter estimates with colored residuals" (NASA CR 194893, 1994): with the residual's own autocorrelation R in place of the identity,
 cov = C (sum_ij s_i' R(i - j) s_j) C. Two differences, with reasons: nuisances are projected out of the sensitivities s first, because they
-are fitted along; and the spectrum of R counts as at least that of white noise of the estimated level, because slow errors that the nuisances
-have taken up are missing in the residual, and a fit can be no surer than its sensors.
+are fitted along; and the spectrum of R counts as at least that of white noise of the estimated level, because slow errors that the
+nuisances have taken up are missing in the residual, and a fit can be no surer than its sensors.
 """
 
 import numpy as np

@@ -17,8 +17,8 @@ from awescli.notation.constraints import LinearConstraint
 from awescli.notation.parameters import ParameterTable
 
 SWINGS, SWING = 5, 25.0
-"""How often the log determinant is differentiated anew after a small step (its square, in standard deviations), at most: in a direction that
-is hardly seen it may change as fast as the cost, and the fit would swing for ever."""
+"""How often the log determinant is differentiated anew after a small step (its square, in standard deviations), at most: in a direction
+that is hardly seen it may change as fast as the cost, and the fit would swing for ever."""
 FAR = 1000.0
 """After a step as large as this (its square, as above) the fit is far away, and the log determinant is small beside the cost."""
 RELAXATIONS = 4
@@ -31,9 +31,9 @@ ENOUGH = 0.5
 class Share:
     """What one flight brings to a fit.
 
-    misfit: its simulator holds the values of all parameters that are not fitted, its names are the fitted ones; parameters, prior: tables to
-    start from and to be weighed against; unknowns: what the names are called in the fit: two flights share a parameter where their names for
-    it are the same; own: nuisances to begin from.
+    misfit: its simulator holds the values of all parameters that are not fitted, its names are the fitted ones; parameters, prior: tables
+    to start from and to be weighed against; unknowns: what the names are called in the fit: two flights share a parameter where their
+    names for it are the same; own: nuisances to begin from.
     """
 
     misfit: Misfit
@@ -60,9 +60,9 @@ class Share:
 class Fit:
     """What a fit found about one flight.
 
-    parameters: all rows, new values for the fitted ones; misfit, own: of the segments, at the solution; solution: of all flights; links, gram,
-    information: there, in the order of the misfit's names; heard: indices of the segments that counted; alive: (K,) samples before a segment
-    diverged; covariance: (n, n) of the fitted parameters, prior included; chi2: squared whitened residual per degree of freedom.
+    parameters: all rows, new values for the fitted ones; misfit, own: of the segments, at the solution; solution: of all flights; links,
+    gram, information: there, in the order of the misfit's names; heard: indices of the segments that counted; alive: (K,) samples before a
+    segment diverged; covariance: (n, n) of the fitted parameters, prior included; chi2: squared whitened residual per degree of freedom.
     """
 
     parameters: ParameterTable
@@ -119,9 +119,7 @@ class JointFit:
 
     def with_covariance(self, covariance: np.ndarray) -> "JointFit":
         """The same fit with another covariance (n, n), the flights' own included."""
-        flights = tuple(
-            replace(f, covariance=covariance[np.ix_(place, place)]) for f, place in zip(self.flights, self.places, strict=True)
-        )
+        flights = tuple(replace(f, covariance=covariance[np.ix_(place, place)]) for f, place in zip(self.flights, self.places, strict=True))
         return replace(self, covariance=covariance, flights=flights)
 
 
@@ -286,8 +284,8 @@ def fit_together(
     tolerance: float = 1e-2,
     on_iteration: Callable[[int, float], None] = lambda i, c: None,
 ) -> JointFit:
-    """Fit the unknowns of all flights under the parameters' bounds and the kites' constraints, the nuisances integrated out. Raises BadInput
-    where no values satisfy these.
+    """Fit the unknowns of all flights under the parameters' bounds and the kites' constraints, the nuisances integrated out. Raises
+    BadInput where no values satisfy these.
 
     prior: weigh deviations from the shares' `prior` with each row's `prior_std` (maximum a posteriori).
     """
@@ -325,8 +323,6 @@ def _fit_of(share: Share, place: np.ndarray, inner: _Inner, known: _Known, solut
     )  # fmt: skip
 
 
-def fit(
-    misfit: Misfit, parameters: ParameterTable, *, prior_table: ParameterTable | None = None, own: Own | None = None, **how
-) -> Fit:
+def fit(misfit: Misfit, parameters: ParameterTable, *, prior_table: ParameterTable | None = None, own: Own | None = None, **how) -> Fit:
     """`fit_together` of one flight, weighed against `prior_table` (default: `parameters`)."""
     return fit_together([Share(misfit, parameters, prior_table or parameters, misfit.names, own)], **how).flights[0]

@@ -74,9 +74,9 @@ class State:
 
 @dataclass(frozen=True)
 class Solution:
-    """x: the minimiser; cost: the value there; H: Gauss-Newton Hessian there (prior included); inner: the inner unknowns there; at: the problem
-    there; outcome: "converged", "no_progress", "iteration_limit" or "quadratic_program"; kkt: residual of the optimality conditions, see
-    `step`; history: cost after every iteration.
+    """x: the minimiser; cost: the value there; H: Gauss-Newton Hessian there (prior included); inner: the inner unknowns there; at: the
+    problem there; outcome: "converged", "no_progress", "iteration_limit" or "quadratic_program"; kkt: residual of the optimality
+    conditions, see `step`; history: cost after every iteration.
 
     multipliers: (n + m,) of bounds and rows: how much the optimal cost falls per unit that an upper limit is raised (negative: that a
     lower one is raised), 0 where a limit is not active.

@@ -6,7 +6,8 @@ deviance is
     d(-2 log L) / d log level = 2 (n - V) - 2 M,
 
 so level^2 is multiplied by M / (n - V) until it stays (MacKay, Neural Computation 4, 1992: n - V is the number of steps that the flight
-determines). From a level that is too small the first factor says whether there is anything at all: below 1 the likelihood is largest at zero.
+determines). From a level that is too small the first factor says whether there is anything at all: below 1 the likelihood is largest at
+zero.
 """
 
 from collections.abc import Callable, Sequence
@@ -85,8 +86,8 @@ def _stepped(processes: Sequence[Process], misfit: Misfit, info: Information) ->
 def _pruned(
     began: Sequence[Process], processes: Sequence[Process], deviance: float, at: Callable[[Sequence[Process]], float]
 ) -> tuple[tuple[Process, ...], float]:
-    """Without the groups that are worth less than WORTH: first all at once whose level has only fallen since it `began`, then one by one. One
-    that goes is tried at a level of next to nothing: its present values, about which the model is linearised, must come to zero too."""
+    """Without the groups that are worth less than WORTH: first all at once whose level has only fallen since it `began`, then one by one.
+    One that goes is tried at a level of next to nothing: its present values, about which the model is linearised, must come to zero too."""
     groups = {g.name: g for p in processes if not p.certain for g in p.groups if g.level > 0 and g.of_level.spread}
     fallen = {g.name for p in began for g in p.groups if g.name in groups and groups[g.name].level < g.level}
 

@@ -19,7 +19,8 @@ DIVERGED_COST = 25.0
 
 @dataclass(frozen=True)
 class Own:
-    """Nuisances of K segments: starts (K, 12 + n_e) states there and offsets of the effects' own ones (`Segments.starts`), path (K, L + 1, W) values of the processes' axes at the nodes."""
+    """Nuisances of K segments: starts (K, 12 + n_e) states there and offsets of the effects' own ones (`Segments.starts`), path (K, L + 1,
+    W) values of the processes' axes at the nodes."""
 
     starts: np.ndarray
     path: np.ndarray
@@ -181,7 +182,8 @@ class Misfit:
         return Misfit(self.simulator, self.observed, self.names, tuple(processes))
 
     def carried(self, own: Own, before: "Misfit") -> Own:
-        """Nuisances of the same segments under other processes, with other effects: paths of axes that both have, read off at these nodes."""
+        """Nuisances of the same segments under other processes, with other effects: paths of axes that both have, read off at these
+        nodes."""
         started = dict(zip(before.simulator.kite.state_names, own.starts.T, strict=True))
         own = replace(own, starts=np.stack([started.get(n, 0.0 * own.starts[:, 0]) for n in self.simulator.kite.state_names], axis=1))
         if self.labels == before.labels and len(self.nodes) == len(before.nodes):

@@ -28,8 +28,8 @@ eq. (11a), which normalises output magnitudes."""
 class EstimationProblem:
     """A flight cut up for one model.
 
-    simulator: of the kite, with all parameters; horizon: [s] of a segment; outputs: compared channels; fitted, validation: segments to fit to
-    and to choose on; processes: with their levels; names: of the fitted parameters; prior: their table as declared; factors: channel ->
+    simulator: of the kite, with all parameters; horizon: [s] of a segment; outputs: compared channels; fitted, validation: segments to fit
+    to and to choose on; processes: with their levels; names: of the fitted parameters; prior: their table as declared; factors: channel ->
     factor on the declared noise; by_range: channels are weighted by their range instead of their noise.
     """
 
@@ -75,8 +75,8 @@ class EstimationProblem:
 
 
 def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None) -> Simulator:
-    """Compile the declared kite with `extra` effects at null, differentiable in its free parameters, in those of `extra`, and in all that acts
-    beside them."""
+    """Compile the declared kite with `extra` effects at null, differentiable in its free parameters, in those of `extra`, and in all that
+    acts beside them."""
     kite = Kite(declaration, log.wind.height, extra)
     own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
     beside = {*both(DISTURBANCES), *kite.record}
@@ -126,9 +126,9 @@ def levels_found(problem: EstimationProblem) -> dict[str, dict]:
 
 
 def between_nodes(misfit: Misfit, values=None) -> np.ndarray:
-    """(n_out,) variance of what processes do to the outputs between nodes, where they are rougher than lines: an Ornstein-Uhlenbeck process of
-    variance s^2 and memory T leaves s^2 dt / 3 T about the line through nodes dt apart, on average. It shows at once, through the direct
-    dependence of each output on the disturbance, taken at the nodes."""
+    """(n_out,) variance of what processes do to the outputs between nodes, where they are rougher than lines: an Ornstein-Uhlenbeck
+    process of variance s^2 and memory T leaves s^2 dt / 3 T about the line through nodes dt apart, on average. It shows at once, through
+    the direct dependence of each output on the disturbance, taken at the nodes."""
     segments = misfit.observed.segments
     rough = [(g, axis) for p in misfit.processes if p.rough for g in p.groups if g.level > 0 for axis in g.axes]
     if not rough:

@@ -1,5 +1,5 @@
-"""A whole identification: from short horizons to the whole one, levels of processes and noise estimated along; one or several flights, one or
-several starts."""
+"""A whole identification: from short horizons to the whole one, levels of processes and noise estimated along; one or several flights, one
+or several starts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -103,8 +103,8 @@ def fit_flights(
 
 
 def recut(fit: Fit, misfit: Misfit) -> Own:
-    """The nuisances of a fit in other segments of the same flight, those of `misfit`: starts where segments begin together, else those that the
-    observations hold; paths as they ran."""
+    """The nuisances of a fit in other segments of the same flight, those of `misfit`: starts where segments begin together, else those
+    that the observations hold; paths as they ran."""
     dt, own, found = fit.misfit.observed.segments.dt, misfit.own(), fit.misfit.labels
     theirs = {int(n): k for k, n in enumerate(fit.misfit.observed.segments.first) if fit.flies[k]}
     for k, first in enumerate(misfit.observed.segments.first):
@@ -115,6 +115,18 @@ def recut(fit: Fit, misfit: Misfit) -> Own:
         if label in found:
             own.path[..., w] = np.interp(at, times.ravel(), fit.own.path[..., found.index(label)].ravel())
     return own
+
+
+def unaided(problem: EstimationProblem, fitted: Fit) -> float:
+    """Chi-square per degree of freedom of the fitted loops with nothing but starts, and what is certain beside a model, to help it: output
+    error."""
+    certain = [p if p.certain else p.at(dict.fromkeys(p.levels, 0.0)) for p in problem.processes]
+    misfit = replace(problem.misfit(fitted.misfit.simulator), names=(), processes=tuple(certain))
+    own = misfit.carried(fitted.own, fitted.misfit)
+    share = Share(misfit, fitted.parameters, fitted.parameters, (), own)
+    alone = fit_together([share], prior=False, tolerance=LOOSE)
+    dof = max(float(alone.flights[0].information.dof.sum()), 1.0)
+    return float(alone.chi2 * dof / max(dof - len(fitted.names), 1.0))
 
 
 def widened(result: JointFit) -> JointFit:
@@ -180,8 +192,8 @@ def _fitted(problems, labels, tables, owns, per_flight, prior: bool, tolerance: 
 
 
 def _relevelled(problem: EstimationProblem, fit: Fit) -> tuple[EstimationProblem, Own, float]:
-    """The problem with the likeliest levels and noise at a fit, the nuisances to go on from, and the deviance that the levels gain (that of a noise
-    that is off is not counted, and enough)."""
+    """The problem with the likeliest levels and noise at a fit, the nuisances to go on from, and the deviance that the levels gain (that
+    of a noise that is off is not counted, and enough)."""
     if not len(fit.heard) or not problem.processes:
         return problem, fit.own, 0.0
     processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.heard)
@@ -193,8 +205,8 @@ def _relevelled(problem: EstimationProblem, fit: Fit) -> tuple[EstimationProblem
 
 
 def _hurried(before: Sequence[Process], after: Sequence[Process]) -> tuple[Process, ...]:
-    """Levels that fall fall twice as far (in logarithms): with the parameters held they would come down slowly, fit after fit, as the parameters
-    give up what they had left to the process."""
+    """Levels that fall fall twice as far (in logarithms): with the parameters held they would come down slowly, fit after fit, as the
+    parameters give up what they had left to the process."""
     was = levels_of(before)
     return tuple(p.at({g.name: g.level * min(g.level / was.get(g.name, g.level), 1.0) for g in p.groups if g.level > 0}) for p in after)
 

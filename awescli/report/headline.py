@@ -8,12 +8,13 @@ from awescli.report.words import COLOURS, channel, effect_words, listed, number,
 
 ODDS = {
     "none": "Nothing is missing that this flight could show",
-    "not_deterministic": "What is left is gusts: it does not repeat",
+    "not_deterministic": "What is left does not repeat: it is the air, or noise",
+    "not_testable": "There is no fitted model whose residual could be traced",
 }
 LEADS = {
     "cannot_tell": "Several explanations do equally well on this flight; {next}.",
     "none": "Nothing is missing that this flight could show at its noise; {detectable}.",
-    "not_deterministic": "The air was gusty: the residual does not repeat from {one} to {one}, and no effect helps on unseen {of}.",
+    "not_deterministic": "What is left does not repeat from {one} to {one}, and no effect helps on unseen {of}.",
 }
 """Where effects.json points to another of its keys, the page points to a place on the page."""
 UNUSED = {
@@ -69,7 +70,7 @@ def title(evidence: Evidence) -> str:
         return f"Something is missing, and this flight cannot tell which: {'; '.join(' or '.join(p) for p in pairs)}"
     if verdict == "unexplained":
         where = (effects.get("unexplained") or {}).get("channel", "")
-        return f"Something repeats{f' in {channel(where)}' if where else ''} that no effect of the library explains"
+        return f"Something is left{f' in {channel(where)}' if where else ''} that no effect of the library explains"
     return ODDS.get(verdict, verdict)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Cell, Section, absent, chip, esc, paragraph, table
 from awescli.report.plots import Figure, axis, bars, dots
-from awescli.report.words import COLOURS, channel, number, percent, unit_of, with_std
+from awescli.report.words import COLOURS, channel, listed, number, percent, unit_of, with_std
 
 DETERMINED = {"hardly": "hardly seen", "poorly": "poorly determined"}
 """How params.json says that a flight does not determine a parameter -> how the table does."""
@@ -26,12 +26,14 @@ def identification(evidence: Evidence) -> Section:
 def sentence(evidence: Evidence) -> str:
     """How the fit went."""
     m, rows = evidence.identify or {}, evidence.params["parameters"]
-    chi2, gust = m.get("chi2"), m.get("gust_m_s")
+    chi2 = m.get("chi2")
     text = f"{len(rows)} free parameters, fitted to the train {esc(evidence.parts.of)}; outcome: {esc(m.get('outcome', '?'))}."
     if chi2 is not None:
         text += f" χ² per degree of freedom {number(chi2)} (1: nothing but noise is left on train)."
-    if gust:
-        text += f" Gusts of {number(gust)} m/s were estimated along."
+    if along := [f"{name} ({number(p['level'])} {p['unit']})" for name, p in (m.get("processes") or {}).items()]:
+        text += f" Estimated along, besides starts: {esc(listed(along))}."
+    if off := [f"{name} {number(factor)}" for name, factor in (m.get("noise_factors") or {}).items() if abs(factor - 1) > 0.1]:
+        text += f" Noise over the declared one: {esc(listed(off))}."
     counts = {how: sum(p.get("determined") == how for p in rows.values()) for how in ("hardly", "poorly")}
     if count := counts["hardly"]:
         stay = "stay near their priors" if count > 1 else "stays near its prior"

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from awescli.report.criteria import criteria, probabilities
 from awescli.report.evidence import Evidence
 from awescli.report.headline import lead, shows_phase
 from awescli.report.marks import Body, Cell, Section, absent, bar, chip, esc, folded, keys, paragraph, table
@@ -14,7 +15,7 @@ BINS = 24
 """Parts of a loop: 15 degrees each."""
 NO_GAP = 0.02
 """Excess of the chi-square per degree of freedom over 1 below which there is no gap to explain shares of."""
-RACED = "not raced"
+RACED = "not fitted"
 
 
 def residual(evidence: Evidence) -> Section:
@@ -23,7 +24,8 @@ def residual(evidence: Evidence) -> Section:
         return Section("residual", title, absent("awes trace-residual", "the residual was not traced"))
     found = paragraph(f"{verdict_chip(evidence)} {lead(evidence)}"), sizes(evidence), before_after(evidence), over_loop(evidence)
     found = (*found, roll_gusts(evidence), rolled_parameters(evidence))
-    return Section("residual", title, (found, unexplained(evidence), ranking(evidence), shifts(evidence)))
+    why = criteria(evidence), probabilities(evidence)
+    return Section("residual", title, (found, unexplained(evidence), why, ranking(evidence), shifts(evidence)))
 
 
 def verdict_chip(evidence: Evidence) -> str:
@@ -53,10 +55,10 @@ def labels(evidence: Evidence) -> tuple[str, str]:
 def before_after(evidence: Evidence) -> Figure:
     """Errors per channel before and after, with the noise floor."""
     error = evidence.effects["error"]
-    names = [n for n in error["before"] if n != "mean"] + ["mean"]
+    names = [n for n in error["after"] if n != "mean"] + ["mean"]
     x = ["mean" if n == "mean" else esc(short(n)) for n in names]
     told = [esc(channel(n)) for n in names]
-    shown = ("before", "after") if evidence.tracing_added else ("before",)
+    shown = [w for w in ("before", "after") if w in error and (w == "before" or evidence.tracing_added)]
     data = [
         bars(x, [100 * error[which][n] for n in names], label, COLOURS[model], text=told, textposition="none",
              hovertemplate="%{text}: %{y:.3g} %<extra></extra>")
@@ -85,7 +87,8 @@ def over_loop(evidence: Evidence) -> Body:
     phase = loop_phase(evidence, r["test_first"][:, None] + np.arange(len(r["time"]))[None])
     names = [k.removeprefix("test_before_") for k in r if k.startswith("test_before_")]
     error = evidence.effects["error"]
-    names = sorted(names, key=lambda n: -(error["before"].get(n, 0.0) / max(error["noise_floor"].get(n, 1.0), 1e-12)))[:PANELS]
+    first = error.get("before", error["after"])
+    names = sorted(names, key=lambda n: -(first.get(n, 0.0) / max(error["noise_floor"].get(n, 1.0), 1e-12)))[:PANELS]
     panels = [_panel(evidence, name, phase) for name in names if f"test_after_{name}" in r]
     middle = (np.arange(BINS) + 0.5) * 360 / BINS
     id = "fig-phase"
@@ -262,8 +265,8 @@ def roll_gusts(evidence: Evidence) -> Body:
         "yaxis": {"autorange": "reversed", "type": "category", "dtick": 1},
     }
     note = (
-        f"Gusts of {number(roll['std_rad_s'])} rad/s that roll the kite, each lasting {number(roll['lasts_s'])} s. Both models are fitted "
-        "alike, with gusts of the same level; on the segments shown only starts and gusts are fitted."
+        f"Gusts of {number(roll['std_rad_s'])} rad/s that roll the kite, each lasting {number(roll['lasts_s'])} s, are worth a deviance of "
+        f"{number(roll['worth'])}. Both models are fitted alike; on the segments shown only starts and gusts are fitted."
     )
     return Figure("fig-roll", "What roll gusts explain", data, layout, split=roll["split"], note=note, height=110 + 20 * len(names))
 

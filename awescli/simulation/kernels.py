@@ -235,7 +235,8 @@ def compile_loop(text: str, arguments: Sequence[str]) -> Callable:
 
 
 def rollout(f, g, initial, law, n_s, X0, SP, U, C, h, stepping: Stepping, X, Y) -> np.ndarray:
-    """Simulate K segments. X0 (K, n_s): states, and behind them what the effects' own states differ from `initial`; SP (K, N+1, n_sp); U (K, N+1, n_u); C (K, n_c); h [s] between samples.
+    """Simulate K segments. X0 (K, n_s): states, and behind them what the effects' own states differ from `initial`; SP (K, N+1, n_sp); U
+    (K, N+1, n_u); C (K, n_c); h [s] between samples.
 
     f, g, initial, law: addresses of `value` functions; g: [derivative, outputs]; law = 0: recorded set-points. Fills X (K, N+1, n_x) and
     Y (K, N+1, n_y); returns (K,) the number of samples before divergence.

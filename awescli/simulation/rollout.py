@@ -24,8 +24,8 @@ WINCH_SMOOTHING = 0.4
 class Segments:
     """Inputs and starts of K segments of equal length, ready to simulate.
 
-    first: (K,) index of the first sample in the log; starts: (K, 12 or n_s) states at the start (`quantities.STATES`), and by how much those
-    of effects differ from what these say of them (`Effect.initial`);
+    first: (K,) index of the first sample in the log; starts: (K, 12 or n_s) states at the start (`quantities.STATES`), and by how much
+    those of effects differ from what these say of them (`Effect.initial`);
     setpoints: (K, N+1, 5) recorded set-points (`quantities.SURFACES`); inputs: (K, N+1, n_u) exogenous inputs by `Kite.input_names`;
     dt: sample interval [s]; values: parameter name -> (K,) where a parameter differs from segment to segment.
     """

@@ -47,8 +47,8 @@ from awescli.notation.errors import BadInput
 KITE_FILE = "kite.yaml"
 """The artifact by which a stage hands on a model: the kite's declaration with new values or effects."""
 FAILURE = "failure"
-"""Key of a stage's summary that holds a numerical failure, `outcome`, `what` and `do`: its artifacts stand and say so, and the command ends with
-exit code 3."""
+"""Key of a stage's summary that holds a numerical failure, `outcome`, `what` and `do`: its artifacts stand and say so, and the command
+ends with exit code 3."""
 
 
 def _once(names: tuple[str, ...]) -> tuple[str, ...]:

@@ -74,7 +74,7 @@ class Identify(Stage):
     def run(self, context, config):
         from awescli.artifacts import write_json, write_text
         from awescli.estimation.identifiability import describe
-        from awescli.estimation.staged_fit import fit_from_starts, spread_of
+        from awescli.estimation.staged_fit import fit_from_starts, spread_of, unaided
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.simulation.closed_loop import without_setpoint_dynamics
         from awescli.stages.handed_on import with_sources
@@ -96,8 +96,9 @@ class Identify(Stage):
         flight_of, record = owners(flights, config.per_flight)
         answer = describe(fitted, record, flight_of)
         scored = [scores(*each, config.horizon) for each in zip(problems, fitted.flights, strict=True)]
+        chi2 = unaided(problems[0], fitted.flights[0])
         metrics = {
-            "outcome": fitted.solution.outcome, "chi2": fitted.chi2, "kkt_residual": fitted.solution.kkt,
+            "outcome": fitted.solution.outcome, "chi2": chi2, "chi2_with_processes": fitted.chi2, "kkt_residual": fitted.solution.kkt,
             "cost_history": list(fitted.solution.history), "surfaces": config.surfaces, **scored[0],
         }  # fmt: skip
         if len(flights) > 1:
@@ -111,7 +112,7 @@ class Identify(Stage):
         write_json(context.folder / "metrics.json", metrics)
         tell(context.progress, answer, metrics)
         return {
-            "outcome": fitted.solution.outcome, "chi2": fitted.chi2,
+            "outcome": fitted.solution.outcome, "chi2": chi2,
             "test NRMSE before": metrics["initial"]["nrmse"]["test"]["mean"], "after": metrics["nrmse"]["test"]["mean"],
             "noise floor": metrics["noise_floor"]["mean"], "parameters": {name: shown(row) for name, row in answer["parameters"].items()},
             ANSWER: told(answer, metrics, context.out / self.name / KITE_FILE),

@@ -81,14 +81,15 @@ class TraceResidual(Stage):
         error = effects["error"]
         return {
             "verdict": effects["verdict"], "effect": ", ".join(named(e) for e in effects["effects"]) or "-",
-            "test NRMSE before": error.get("before", {}).get("mean"), "after": error["after"]["mean"], "noise floor": error["noise_floor"]["mean"],
-            **detectable(effects), ANSWER: told(effects, context.out / self.name / KITE_FILE), **failure(finding),
+            "test NRMSE before": error.get("before", {}).get("mean"), "after": error["after"]["mean"], "noise floor":
+            error["noise_floor"]["mean"], **detectable(effects), ANSWER: told(effects, context.out / self.name / KITE_FILE),
+            **failure(finding),
         }  # fmt: skip
 
 
 def begun(identified: dict, horizon: float) -> dict:
-    """Where identify ended: levels of processes and noise, and the error that the declared model must reach again. identified: its metrics.json;
-    levels are missing where it weighed channels by their range, the error where it predicted another horizon."""
+    """Where identify ended: levels of processes and noise, and the error that the declared model must reach again. identified: its
+    metrics.json; levels are missing where it weighed channels by their range, the error where it predicted another horizon."""
     from awescli.tracing.models import Levels
 
     found, processes = {}, identified.get("processes")

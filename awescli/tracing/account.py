@@ -29,8 +29,8 @@ SENTENCES = {
 
 
 def account(finding: Finding, log, horizon: float, before: Prediction, after: Prediction) -> dict:
-    """effects.json: verdict and its criteria, effects with sizes, intervals and what they cannot be told from, ranking, what is unexplained, error on
-    test loops, parameter shifts. before, after: of the test loops."""
+    """effects.json: verdict and its criteria, effects with sizes, intervals and what they cannot be told from, ranking, what is
+    unexplained, error on test loops, parameter shifts. before, after: of the test loops."""
     null, model, evidence = finding.null, finding.model, finding.evidence
     named = evidence.model if finding.verdict in ("found", "cannot_tell") else None
     effects = [_effect(finding, key, named, log) for key in named.keys] if named else []
@@ -38,8 +38,8 @@ def account(finding: Finding, log, horizon: float, before: Prediction, after: Pr
         effects += [_suspect(finding, s, log) for s in evidence.suspects[:1]]
     testable = finding.verdict != "not_testable"
     error = {
-        "horizon_s": horizon, **({"before": before.nrmse()} if testable else {}), "after": after.nrmse(), "noise_floor": before.noise_floor(),
-        "diverged_before": before.diverged, "diverged_after": after.diverged, "split": "test",
+        "horizon_s": horizon, **({"before": before.nrmse()} if testable else {}), "after": after.nrmse(),
+        "noise_floor": before.noise_floor(), "diverged_before": before.diverged, "diverged_after": after.diverged, "split": "test",
     }  # fmt: skip
     slip = _slip(finding)
     return {
@@ -51,7 +51,8 @@ def account(finding: Finding, log, horizon: float, before: Prediction, after: Pr
         "unexplained": _unexplained(finding) if finding.verdict == "unexplained" else None,
         "error": error,
         "criteria": [
-            {"name": c.name, "value": c.value, "threshold": c.threshold, "pass": c.passed, "says": c.says, "source": c.source} for c in finding.table
+            {"name": c.name, "value": c.value, "threshold": c.threshold, "pass": c.passed, "says": c.says, "source": c.source} for c in
+            finding.table
         ],
         "probability": dict(finding.probability),
         "chi2": {
@@ -76,8 +77,8 @@ def _alone(finding: Finding) -> FittedModel:
 
 
 def _left(finding: Finding) -> dict:
-    """What the final model still leaves on validation loops: chi-square per degree of freedom (1: noise), the share of what was there, and the
-    largest of a channel."""
+    """What the final model still leaves on validation loops: chi-square per degree of freedom (1: noise), the share of what was there, and
+    the largest of a channel."""
     rest, before = finding.evidence.rest, max(finding.evidence.bare.chi2 - 1, 0.0)
     share = float(min(max(rest.chi2 - 1, 0.0) / before, 1.0)) if before > 0.02 else 0.0
     again = rest.repetition
@@ -102,7 +103,8 @@ def _processes(model: FittedModel) -> dict:
 
 
 def _roll_gusts(finding: Finding) -> dict | None:
-    """What gusts that roll the kite are worth on validation loops, and what the parameters are with them: without, feedback hides in these."""
+    """What gusts that roll the kite are worth on validation loops, and what the parameters are with them: without, feedback hides in
+    these."""
     roll = finding.roll_gusts
     if roll is None:
         return None
@@ -150,7 +152,8 @@ def _suspect(finding: Finding, suspect, log) -> dict:
         "doc": f"'{bound.name}' was driven to its bound; with this effect it returns",
         "class": [
             {**_named(effect), "parameters": mine, "lag": 0.0},
-            {"name": bound.name, "acts_on": "parameter", "parameters": {"value": {"value": bound.value, "unit": bound.unit}}, "lag": suspect.gain},
+            {"name": bound.name, "acts_on": "parameter", "parameters": {"value": {"value": bound.value, "unit": bound.unit}}, "lag":
+            suspect.gain},
         ],
     }  # fmt: skip
 
@@ -201,7 +204,12 @@ def _unexplained(finding: Finding) -> dict:
     channels = [k.partition(":")[2].partition("*")[0] for k in terms]
     expression = "; ".join(f"{c} += qbar*S*({p})" for c, p in zip(channels, pieces, strict=True))
     share = float(np.clip(1 - (bank.final.chi2 - 1) / excess, 0, 1))
-    return {"channel": channels[0], "share": share, "expression": expression, "terms": [{"term": k.partition(":")[2], "k": v} for k, v in values.items()]}
+    return {
+        "channel": channels[0],
+        "share": share,
+        "expression": expression,
+        "terms": [{"term": k.partition(":")[2], "k": v} for k, v in values.items()],
+    }
 
 
 def _short(axis: str) -> str:
@@ -227,11 +235,11 @@ def _slip(finding: Finding) -> str:
         for name in t.score.moving:
             size, row = model.table[name].value, model.table[name]
             short = name.rpartition(".")[2]
-            said = f"{effect.doc.capitalize()} ({effect.key}, {short} = {size:.3g} {row.unit}) would explain most of it, which is no plausible size"
+            said = f"{effect.doc.capitalize()} ({effect.key}, {short} = {size:.3g} {row.unit}) would explain most of it: no plausible size"
             known = effect.slips.get(short, {})
             near = min(known, key=lambda s: abs(ln(abs(size) / s)), default=None) if size > 0 else None
             if near is not None and abs(ln(size / near)) < SLIP:
-                return f"{said}: {known[near]}"
+                return f"{said}; {known[near]}"
             return f"{said}."
     return ""
 

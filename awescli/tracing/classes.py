@@ -1,7 +1,7 @@
 """Classes: which effects a flight cannot tell from one that was accepted, raced or not.
 
-At the solution, what the candidates and all free parameters would do stands in one information matrix. With x the strengths of an effect A and
-J the information that is left when the other free parameters have absorbed what they can, B in the place of A would leave a deviance of
+At the solution, what the candidates and all free parameters would do stands in one information matrix. With x the strengths of an effect A
+and J the information that is left when the other free parameters have absorbed what they can, B in the place of A would leave a deviance of
 
     x' (J_aa - J_ab J_bb^-1 J_ba) x,   at its own strengths   J_bb^-1 J_ba x.
 
@@ -23,7 +23,8 @@ from awescli.tracing.search import plausible, refined
 
 @dataclass(frozen=True)
 class Rival:
-    """A model that is as good: the final one with `key` instead of an effect. lag: deviance by which it falls behind (negative: it leads)."""
+    """A model that is as good: the final one with `key` instead of an effect. lag: deviance by which it falls behind (negative: it
+    leads)."""
 
     key: str
     model: FittedModel

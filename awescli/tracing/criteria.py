@@ -26,16 +26,18 @@ class Criteria:
 
     # is it what is missing?
     floor_error: float = 0.02
-    """Relative error of the noise floor: a chi-square per degree of freedom within 1 +- this is at the floor, with as many samples as a flight
-    has; noise that is estimated from the flight is known no better."""
+    """Relative error of the noise floor: a chi-square per degree of freedom within 1 +- this is at the floor, for noise is known no better
+    ..."""
     channel_error: float = 0.1
-    """The same of one channel: a fifteenth of the samples, and five of them vary together."""
+    """... the same of one channel, of which there is less ..."""
+    sampling: float = 2.0
+    """... and beside that as many standard deviations, sqrt(2 / n) for n samples, as a maximum over channels takes by chance."""
     rest_worth: float = 20.0
     """Deviance that model error must be worth for something to be missing: `decisive`, for each of force and moment."""
 
     at_bound: float = 4.0
-    """Cost (chi-square) that a candidate must gain which brings a parameter back from its bound: a bound lies two standard deviations from the
-    declared value where nothing else is said, and that is what the prior alone pays for the way back."""
+    """Cost (chi-square) that a candidate must gain which brings a parameter back from its bound: a bound lies two standard deviations from
+    the declared value where nothing else is said, and that is what the prior alone pays for the way back."""
     collinear: float = 0.95
     """Cosine between a candidate and a parameter beyond which one hides in the other."""
     empirical: float = 10.0
@@ -43,8 +45,8 @@ class Criteria:
 
     # how likely is it?
     temperature: float = 5.0
-    """By which differences of deviance are divided before they become odds: both models are approximate, and evidence between approximate models is
-    overconfident (Grunwald & van Ommen, Bayesian Analysis 12, 2017). On development flights 90 % then are about 90 %."""
+    """By which differences of deviance are divided before they become odds: both models are approximate, and evidence between approximate
+    models is overconfident (Grunwald & van Ommen, Bayesian Analysis 12, 2017). On development flights 90 % then are about 90 %."""
     unknown: float = 0.02
     """Probability that is kept for something else in any case: libraries are not complete."""
 

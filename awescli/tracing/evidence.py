@@ -22,11 +22,12 @@ class Suspect:
 
 @dataclass(frozen=True)
 class Evidence:
-    """search: of the library; bare: the declared model without model error; model: the answer, the declared model where there is none; rest: what
-    it leaves; rivals: accepted effect -> what the flight cannot tell from it; suspects: effects that a parameter at its bound stands for; bank:
-    the search of empirical terms, None where there was no reason for it; gusts: group -> level [m/s] beside the answer.
+    """search: of the library; bare: the declared model without model error; model: the answer, the declared model where there is none;
+    rest: what it leaves; rivals: accepted effect -> what the flight cannot tell from it; suspects: effects that a parameter at its bound
+    stands for; bank: the search of empirical terms, None where there was no reason for it; gusts: group -> level [m/s] beside the answer.
 
-    null_error, identified_error: mean NRMSE of the declared model and of the one that identify handed on, on validation loops; None without one.
+    null_error, identified_error: mean NRMSE of the declared model and of the one that identify handed on, on validation loops; None
+    without one.
     """
 
     search: Search
@@ -49,12 +50,12 @@ class Evidence:
 
     @property
     def deviances(self) -> dict[str, float]:
-        """Cause -> deviance of the model that stands for it: "none", "something_else" (model error alone; where none is seen, at the price that it
-        would have to be worth), every effect that was fitted in the round of the answer's last one, the answer and its rivals."""
+        """Cause -> deviance of the model that stands for it: "none", "something_else" (model error alone; where none is seen, at the price
+        that it would have to be worth), every effect that was fitted in the round of the answer's last one, the answer and its rivals."""
         null, bare = self.search.null, self.bare.deviance
         found = {"none": bare, "something_else": null.deviance if null.rest and null.deviance < bare else bare + CRITERIA.rest_worth}
         accepted = [r for r in self.search.rounds if r.accepted]
-        for r in (accepted[-1:] if self.model.keys else self.search.rounds[:1]):
+        for r in accepted[-1:] if self.model.keys else self.search.rounds[:1]:
             for t in r.contenders:
                 found["+".join((*r.base.keys, t.key))] = r.base.deviance - t.gain
         for key, rivals in self.rivals.items():

@@ -29,9 +29,9 @@ def trace_flight(
 ) -> Finding:
     """The finding on a flight cut into `parts` (train, validation, test; test is not touched).
 
-    declared gives the prior; start: name -> value to start the fit from; levels: of processes and noise, as an identification left them: the fit
-    begins where that one ended; identified_error: its mean NRMSE on validation loops, `horizon` ahead; candidates: keys of effects (default: the
-    whole library that the flight could show).
+    declared gives the prior; start: name -> value to start the fit from; levels: of processes and noise, as an identification left them:
+    the fit begins where that one ended; identified_error: its mean NRMSE on validation loops, `horizon` ahead; candidates: keys of effects
+    (default: the whole library that the flight could show).
     """
     keys = library_keys(declared, log, candidates)
     frame = Frame((TracedFlight(log, parts, declared),), horizon, tuple(outputs or log.measured))

@@ -34,8 +34,8 @@ BANK_ROUNDS = 3
 
 @dataclass(frozen=True)
 class RollGusts:
-    """Gusts that roll the kite. model: the declared one, fitted with them; worth: deviance; channels: chi-square of each on validation loops, without
-    and with them."""
+    """Gusts that roll the kite. model: the declared one, fitted with them; worth: deviance; channels: chi-square of each on validation
+    loops, without and with them."""
 
     model: FittedModel
     worth: float
@@ -59,9 +59,9 @@ class RollGusts:
 
 @dataclass(frozen=True)
 class Finding:
-    """verdict: see `verdict`; table: of the criteria; probability: cause -> probability; evidence: behind them; model: what is handed on: the
-    declared model where nothing was found, one with empirical terms where what is left has no name; implausible: a candidate that leads with a
-    size that nothing has, and its model without bounds; roll_gusts: None where there are none."""
+    """verdict: see `verdict`; table: of the criteria; probability: cause -> probability; evidence: behind them; model: what is handed on:
+    the declared model where nothing was found, one with empirical terms where what is left has no name; implausible: a candidate that
+    leads with a size that nothing has, and its model without bounds; roll_gusts: None where there are none."""
 
     frame: Frame
     verdict: str
@@ -137,7 +137,8 @@ def _finding(frame: Frame, evidence: Evidence, criteria: Criteria) -> Finding:
 
 
 def _implausible(frame: Frame, evidence: Evidence, criteria: Criteria) -> tuple[tuple[Tried, FittedModel], ...]:
-    """The candidate that led the first round with an implausible size, fitted with that size free, where it is not explained by what was found."""
+    """The candidate that led the first round with an implausible size, fitted with that size free, where it is not explained by what was
+    found."""
     lead = evidence.search.null.deviance - evidence.model.deviance if evidence.model.keys else 0.0
     first = evidence.search.rounds[0].contenders if evidence.search.rounds else []
     found = [t for t in first if not t.plausible and t.gain > max(lead, criteria.decisive)]
@@ -145,8 +146,8 @@ def _implausible(frame: Frame, evidence: Evidence, criteria: Criteria) -> tuple[
 
 
 def _roll_gusts(frame: Frame, null: FittedModel, criteria: Criteria = CRITERIA) -> RollGusts | None:
-    """Feedback hides roll gusts: a controller answers the roll that a gust makes, and a model without them sees surfaces that move and a kite that
-    does not follow. None where they are worth nothing."""
+    """Feedback hides roll gusts: a controller answers the roll that a gust makes, and a model without them sees surfaces that move and a
+    kite that does not follow. None where they are worth nothing."""
     model = fit_in(frame, null, ROLL_GUSTS)
     worth = null.deviance - model.deviance
     if worth < criteria.decisive:
@@ -178,8 +179,8 @@ def _beaten(library: Search) -> tuple[str, ...]:
 
 
 def suspects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Criteria = CRITERIA) -> tuple[Suspect, ...]:
-    """Effects with one strength that do what a parameter at its bound does, and bring it back: a constant moment hides in the derivative of a
-    surface that never moves; the fit is good, but the derivative is at the end of what its user thinks possible."""
+    """Effects with one strength that do what a parameter at its bound does, and bring it back: a constant moment hides in the derivative
+    of a surface that never moves; the fit is good, but the derivative is at the end of what its user thinks possible."""
     at_bound = [n for n in null.at_bound if n in frame.declared.parameters]
     effects = [e for e in (make_effect(k, frame.declared) for k in keys) if not e.probes and not e.shapes and len(e.parameters) == 1]
     if not at_bound or not effects:

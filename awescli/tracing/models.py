@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from awescli.estimation.fit import Fit, JointFit, fit
+from awescli.estimation.fit import Fit, JointFit, Share, fit_together
 from awescli.estimation.levels import opened, prior_deviance
 from awescli.estimation.misfit import DIVERGED_COST, Misfit
 from awescli.estimation.problem import EstimationProblem, build, simulator_of, without_record
@@ -24,6 +24,9 @@ WHOLE = (5, 0.2)
 """... and of one that is fitted to the end."""
 
 
+NEAR = 4.0
+"""Shift (its square, in standard deviations) that validation may ask of the parameters before it is judged anew there: the linearisation
+holds."""
 AT_END = 1e-6
 """Share of its range by which a parameter at an end of it may be away from the end."""
 BEYOND = 10.0
@@ -50,8 +53,8 @@ class Levels:
 
 @dataclass(frozen=True)
 class Frame:
-    """What all models of a trace share. flights: the plan's first; outputs: compared channels; per_flight: patterns of parameters that every
-    flight has for itself."""
+    """What all models of a trace share. flights: the plan's first; outputs: compared channels; per_flight: patterns of parameters that
+    every flight has for itself."""
 
     flights: tuple[TracedFlight, ...]
     horizon: float
@@ -77,10 +80,10 @@ class FittedModel:
     """keys: of the added effects; strengths: full names of their parameters that are fitted; fit: to the train loops of all flights;
     problems: with levels and noise as fitted; judged: what it makes of the validation loops, where only nuisances are fitted.
 
-    train, validation: deviance of every segment of all flights, parameters held; shift: (n,) what validation asks of the parameters beside train,
-    to first order, bounds kept; unseen: deviance of validation with what train leaves unknown of the parameters integrated out; deviance: of all
-    segments, the priors of parameters and levels and what integrating the parameters out adds (Laplace) included: -2 log evidence but for a
-    constant.
+    train, validation: deviance of every segment of all flights, parameters held; judged: on validation, near where all loops together want
+    the parameters, bounds kept; shift: (n,) from there to that place, to first order; unseen: deviance of validation with what train
+    leaves unknown of the parameters integrated out; deviance: of all segments, the priors of parameters and levels and what integrating
+    the parameters out adds (Laplace) included: -2 log evidence but for a constant.
     """
 
     keys: tuple[str, ...]
@@ -99,8 +102,7 @@ class FittedModel:
         """The model with its validation loops judged."""
         judged = tuple(judge(p, f.parameters) for p, f in zip(problems, fitted.flights, strict=True))
         train, validation = (np.concatenate([by_segment(f) for f in fits]) for fits in (fitted.flights, judged))
-        shift, gained, wider = _asked_of(fitted, judged)
-        unseen = float(validation.sum()) - gained + wider
+        judged, shift, unseen = _unseen(fitted, problems, judged)
         s, table = fitted.solution, fitted.prior
         std = np.array([table[n].prior_std for n in fitted.names])
         prior = float((((s.x - table.vector(fitted.names)) / std) ** 2).sum())
@@ -133,8 +135,8 @@ class FittedModel:
 
     @property
     def chi2(self) -> float:
-        """Of the validation loops per degree of freedom, with the parameters where all loops together want them: 1 is noise alone. Segments that
-        diverged count with their price."""
+        """Of the validation loops per degree of freedom, with the parameters where all loops together want them: 1 is noise alone.
+        Segments that diverged count with their price."""
         more, b, cost, dof = *_validation(self.fit, self.judged), 0.0, 0.0
         for f in self.judged:
             lost = np.count_nonzero(~f.flies)
@@ -182,18 +184,31 @@ def bounded(fitted: JointFit) -> list[str]:
     return [p.name for p in rows if min(p.value - p.lower, p.upper - p.value) < AT_END * min(p.upper - p.lower, 1e12)]
 
 
-def _asked_of(fitted: JointFit, judged: Sequence[Fit]) -> tuple[np.ndarray, float, float]:
-    """(change of the parameters (n,) that the validation loops ask for, deviance that they gain by it, log determinant of what they add): loops
-    that took no part in a fit differ from it by what the fit does not know of the parameters, too."""
-    H, n = fitted.solution.H, len(fitted.names)
-    more, b = _validation(fitted, judged)
-    held = bounded(fitted)
+def _unseen(fitted: JointFit, problems: Sequence[EstimationProblem], judged: tuple[Fit, ...]) -> tuple[tuple[Fit, ...], np.ndarray, float]:
+    """(validation judged near where all loops together want the parameters, what is left of the way, its deviance with the parameters
+    integrated out): loops that took no part in a fit differ from it by what the fit does not know of the parameters, too.
+
+    With H the information of train, the parameters x + s on validation cost s' H s beside what they gain there; Gauss-Newton steps from s
+    = 0.
+    """
+    H, held = fitted.solution.H, bounded(fitted)
     free = np.array([i for i, name in enumerate(fitted.names) if name not in held], int)
-    both = np.ix_(free, free)
-    shift = np.zeros(n)
-    shift[free] = np.linalg.solve(H[both] + more[both], b[free])
+    both, moved = np.ix_(free, free), np.zeros(len(fitted.names))
+    lower, upper = (np.array([getattr(fitted.parameters[n], end) for n in fitted.names]) - fitted.solution.x for end in ("lower", "upper"))
+    for again in (True, False):
+        more, b = _validation(fitted, judged)
+        asked, step = b - H @ moved, np.zeros(len(moved))
+        step[free] = np.linalg.solve(H[both] + more[both], asked[free])
+        if not again or step @ H @ step < NEAR:
+            break
+        moved = np.clip(moved + step, lower, upper)
+        judged = tuple(
+            judge(p, f.parameters.with_values(dict(zip(f.names, fitted.solution.x[place] + moved[place], strict=True))), j)
+            for p, f, place, j in zip(problems, fitted.flights, fitted.places, judged, strict=True)
+        )
     wider = np.linalg.slogdet(H[both] + more[both])[1] - np.linalg.slogdet(H[both])[1]
-    return shift, float(b @ shift), float(wider)
+    deviance = sum(float(by_segment(f).sum()) for f in judged)
+    return judged, step, deviance + float(moved @ H @ moved - asked @ step + wider)
 
 
 def _validation(fitted: JointFit, judged: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray]:
@@ -225,7 +240,7 @@ def fit_null(
         flights = [Flight(p, f.label) for p, f in zip(problems, frame.flights, strict=True)]
         found = fit_flights(flights, horizons, per_flight=frame.per_flight, start=dict(start), on_iteration=on_iteration)
         return FittedModel.of((), (), *found)
-    problems = [p.at(l.processes, l.factors) for p, l in zip(problems, levels, strict=True)]
+    problems = [p.at(left.processes, left.factors) for p, left in zip(problems, levels, strict=True)]
     tables = [p.simulator.kite.parameters.with_values(start) for p in problems]
     rounds, tolerance = WHOLE
     return FittedModel.of((), (), *fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, on_iteration))
@@ -234,8 +249,8 @@ def fit_null(
 def fit_added(
     frame: Frame, base: FittedModel, key: str, strengths: Mapping[str, float], shapes: Mapping[str, float], alone: bool = True
 ) -> FittedModel:
-    """The base model with one effect added. strengths: full name -> value to start from, fitted; shapes: full name -> value, held; alone: the
-    fit begins with next to no model error, so that the effect must follow the flight by itself."""
+    """The base model with one effect added. strengths: full name -> value to start from, fitted; shapes: full name -> value, held; alone:
+    the fit begins with next to no model error, so that the effect must follow the flight by itself."""
     free = tuple(dict.fromkeys((*base.strengths, *strengths)))
     return _fitted(frame, base, (*base.keys, key), free, {**strengths, **shapes}, QUICK, alone)
 
@@ -316,8 +331,8 @@ def _unbounded(p: Parameter) -> Parameter:
 
 
 def _slight(processes: Sequence[Process], share: float = SLIGHT) -> tuple[Process, ...]:
-    """The processes with a `share` of model error at most, and those that are certain as they are known beforehand: a new model must follow the
-    flight by itself, and what helped the one before is not what helps it. What it does not say opens again."""
+    """The processes with a `share` of model error at most, and those that are certain as they are known beforehand: a new model must
+    follow the flight by itself, and what helped the one before is not what helps it. What it does not say opens again."""
 
     def begun(p: Process) -> dict[str, float]:
         if p.name == MODEL_ERROR:
@@ -327,10 +342,12 @@ def _slight(processes: Sequence[Process], share: float = SLIGHT) -> tuple[Proces
     return tuple(p.at(begun(p)) for p in processes)
 
 
-def judge(problem: EstimationProblem, table: ParameterTable) -> Fit:
-    """What parameters make of the validation loops: only nuisances are fitted. Its information is that on the parameters."""
+def judge(problem: EstimationProblem, table: ParameterTable, before: Fit | None = None) -> Fit:
+    """What parameters make of the validation loops: only nuisances are fitted, from those of another fit to them or anew. Its information
+    is that on the parameters."""
     simulator = problem.simulator.holding(table)
-    found = fit(Misfit(simulator, problem.validation, (), problem.processes), table, prior=False, iterations=6, tolerance=1.0)
+    share = Share(Misfit(simulator, problem.validation, (), problem.processes), table, table, (), before and before.own)
+    found = fit_together([share], prior=False, iterations=6, tolerance=1.0).flights[0]
     misfit = Misfit(simulator, problem.validation, problem.names, problem.processes)
     links, trajectories = misfit.links(table.vector(problem.names), found.own)
     gram = links.gram()

@@ -1,5 +1,5 @@
-"""What a model leaves beside noise and the processes that are known to be there: is it worth anything, where does it stand, does it repeat from
-loop to loop?"""
+"""What a model leaves beside noise and the processes that are known to be there: is it worth anything, where does it stand, does it repeat
+from loop to loop?"""
 
 from dataclasses import dataclass
 
@@ -20,8 +20,8 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class Repetition:
-    """share: of the variance of the smoothed model error that repeats from loop to loop, p: with which chance would make it as large, by axis;
-    loops: that were compared."""
+    """share: of the variance of the smoothed model error that repeats from loop to loop, p: with which chance would make it as large, by
+    axis; loops: that were compared."""
 
     share: dict[str, float]
     p: dict[str, float]
@@ -39,15 +39,21 @@ class Repetition:
 
 @dataclass(frozen=True)
 class Rest:
-    """worth: deviance that model error is worth to a model (negative: nothing); chi2: of the model without it, on validation loops, per degree of
-    freedom; channels: the same per channel, over the noise that was found; levels: of the model error; repetition: of it, None where there is
-    none or too few loops."""
+    """worth: deviance that model error is worth to a model (negative: nothing); chi2: of the model without it, on validation loops, per
+    degree of freedom; channels: the same per channel, over the noise that was found; levels: of the model error; repetition: of it, None
+    where there is none or too few loops; samples: of all channels on validation."""
 
     worth: float
     chi2: float
     channels: dict[str, float]
     levels: dict[str, float]
     repetition: Repetition | None
+    samples: int
+
+    def floors(self, criteria: Criteria = CRITERIA) -> tuple[float, float]:
+        """(chi-square of all channels, of one) up to which nothing but noise is left."""
+        of_all, of_one = (criteria.sampling * np.sqrt(2 / max(n, 1.0)) for n in (self.samples, self.samples / max(len(self.channels), 1)))
+        return 1 + criteria.floor_error + float(of_all), 1 + criteria.channel_error + float(of_one)
 
     @property
     def largest(self) -> str:
@@ -58,14 +64,14 @@ class Rest:
 def rest_of(frame: Frame, model: FittedModel) -> tuple[FittedModel, Rest]:
     """(the model without model error, what is left)."""
     bare = fit_bare(frame, model) if model.rest else model
-    chi2 = bare.chi2
+    samples = int(sum(f.information.dof.sum() for f in bare.judged))
     repetition = repetition_of(model, find_loops(frame.flights[0].log)) if model.rest else None
-    return bare, Rest(bare.deviance - model.deviance if model.rest else 0.0, chi2, channels_of(bare), model.rest, repetition)
+    return bare, Rest(bare.deviance - model.deviance if model.rest else 0.0, bare.chi2, channels_of(bare), model.rest, repetition, samples)
 
 
 def channels_of(model: FittedModel) -> dict[str, float]:
-    """Channel -> mean square of the whitened residual on the first flight's validation loops, what is not known of starts, processes and parameters
-    included: 1 is noise alone."""
+    """Channel -> mean square of the whitened residual on the first flight's validation loops, what is not known of starts, processes and
+    parameters included: 1 is noise alone."""
     judged, place = model.judged[0], model.fit.places[0]
     if not len(judged.heard):
         return {}
@@ -89,8 +95,8 @@ def repetition_of(model: FittedModel, loops: Loops) -> Repetition | None:
 
 
 def repeated(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
-    """(share of the variance of the rows' mean, probability that rows turned by chance reach it). table: (loops, bins). Turning keeps how smooth
-    a row is."""
+    """(share of the variance of the rows' mean, probability that rows turned by chance reach it). table: (loops, bins). Turning keeps how
+    smooth a row is."""
     random, (rows, bins) = np.random.default_rng(seed), table.shape
     table = table - table.mean(axis=1, keepdims=True)
     total = float((table**2).mean()) or 1.0
@@ -99,7 +105,9 @@ def repeated(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
         return float((t.mean(axis=0) ** 2).mean())
 
     seen = mean_square(table)
-    turned = [mean_square(np.stack([np.roll(r, s) for r, s in zip(table, random.integers(0, bins, rows), strict=True)])) for _ in range(DRAWS)]
+    turned = [
+        mean_square(np.stack([np.roll(r, s) for r, s in zip(table, random.integers(0, bins, rows), strict=True)])) for _ in range(DRAWS)
+    ]
     # a mean of rows that do not repeat still has a rows-th of their variance
     share = (seen / total - 1 / rows) / (1 - 1 / rows)
     return float(np.clip(share, 0.0, 1.0)), float((1 + sum(t >= seen for t in turned)) / (1 + DRAWS))
@@ -128,4 +136,3 @@ def _by_loop(samples: np.ndarray, values: np.ndarray, loops: Loops) -> np.ndarra
         if (count > 0).all():
             rows.append(np.bincount(place, values[inside], BINS) / count)
     return np.array(rows).reshape(-1, BINS)
-

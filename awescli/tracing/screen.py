@@ -1,8 +1,8 @@
-"""Screen all candidates at once: score tests from exact sensitivities, orthogonal to what re-fitting can absorb, in the likelihood of the present
-model with its processes.
+"""Screen all candidates at once: score tests from exact sensitivities, orthogonal to what re-fitting can absorb, in the likelihood of the
+present model with its processes.
 
-Over a second a model stays near the flight, its model error at work, and what a candidate would do is nearly linear; over five seconds it is not
-where the effect is large.
+Over a second a model stays near the flight, its model error at work, and what a candidate would do is nearly linear; over five seconds it
+is not where the effect is large.
 """
 
 from collections.abc import Sequence
@@ -31,9 +31,9 @@ SHORT = 1.0
 class Score:
     """What the residual says about one candidate.
 
-    variant: the shape and probe that did best; moving: the strengths that are not absorbed; drop: predicted fall of the deviance; size, std:
-    one-step estimate of `moving` (in probes for a secant); p_value: of the likelihood ratio; inflation: least variance inflation of its
-    columns; place: of its columns in `Screening.joint`.
+    variant: the shape and probe that did best; moving: the strengths that are not absorbed; drop: predicted fall of the deviance; size,
+    std: one-step estimate of `moving` (in probes for a secant); p_value: of the likelihood ratio; inflation: least variance inflation of
+    its columns; place: of its columns in `Screening.joint`.
     """
 
     variant: Variant
@@ -105,7 +105,9 @@ def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
     return _scored(every, columns, joint, left, np.diag(whole)[n_free:], {**{p.name: p for k in keys for p in _rows(frame, k)}, **rows})
 
 
-def informed(frame: Frame, model: FittedModel, keys: Sequence[str], columns: "CandidateColumns", horizon: float) -> tuple[np.ndarray, np.ndarray]:
+def informed(
+    frame: Frame, model: FittedModel, keys: Sequence[str], columns: "CandidateColumns", horizon: float
+) -> tuple[np.ndarray, np.ndarray]:
     """(H, b) of all free parameters of a model, prior included, and behind them of the columns of candidates `keys`, from all flights in
     segments of `horizon` seconds."""
     names, n_free, n = model.fit.names, len(model.fit.names), len(columns)
@@ -152,7 +154,10 @@ class CandidateColumns:
             group = next((g for g in self.passes if all(o.key != v.key for o in g)), None)
             self.passes.append([v]) if group is None else group.append(v)
         self.secants = [v for v in every if v.secant]
-        self.labels = (*((v.label, m) for group in self.passes for v in group for m in v.moving), *((v.label, v.moving[0]) for v in self.secants))
+        self.labels = (
+            *((v.label, m) for group in self.passes for v in group for m in v.moving),
+            *((v.label, v.moving[0]) for v in self.secants),
+        )
         self._place = {name: i for i, name in enumerate((*self.names, *self.labels))}
 
     def __len__(self) -> int:

@@ -1,5 +1,5 @@
-"""Search the library: screen all effects, fit the best ones, accept the likeliest where it beats "something else", again; then go back over what
-was accepted."""
+"""Search the library: screen all effects, fit the best ones, accept the likeliest where it beats "something else", again; then go back
+over what was accepted."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,7 +21,8 @@ WORSE = 5.0
 @dataclass(frozen=True)
 class Tried:
     """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
-    the fit, "not fitted" or "failed"; gain: deviance by which the model leads the one before; plausible: no strength at the end of its range."""
+    the fit, "not fitted" or "failed"; gain: deviance by which the model leads the one before; plausible: no strength at the end of its
+    range."""
 
     score: Score
     significant: bool
@@ -88,16 +89,12 @@ def search(
 
 
 def admissible(before: FittedModel, after: FittedModel, criteria: Criteria = CRITERIA) -> bool:
-    """Is a model with further strengths decisively likelier than the one before, also without the segment that speaks loudest for it, and does
-    it gain on loops that it was not fitted to?"""
-    new = len(after.strengths) - len(before.strengths)
-    segments = np.concatenate([before.train - after.train, before.validation - after.validation])
-    unseen = before.validation - after.validation
-    return bool(
-        before.deviance - after.deviance >= criteria.decisive + criteria.per_parameter * new
-        and unseen.sum() > 0
-        and segments.sum() - segments.max() >= criteria.decisive
-    )
+    """Is a model with further strengths decisively likelier than the one before, also without the segment that speaks loudest for it, and
+    does it gain on loops that it was not fitted to?"""
+    new, gain = len(after.strengths) - len(before.strengths), before.deviance - after.deviance
+    loudest = max(np.concatenate([before.train - after.train, before.validation - after.validation]).max(), 0.0)
+    least = criteria.decisive + criteria.per_parameter * new
+    return bool(gain >= least and gain - loudest >= criteria.decisive and before.unseen > after.unseen)
 
 
 def plausible(model: FittedModel, key: str) -> bool:
@@ -174,8 +171,8 @@ def _best(
 
 
 def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> FittedModel:
-    """The model with the shapes of its last effect fitted too. One that stands where it was probed is as uncertain as the strength, and stays
-    free unless that does worse; one at null is freed only where the model is decisively likelier for it."""
+    """The model with the shapes of its last effect fitted too. One that stands where it was probed is as uncertain as the strength, and
+    stays free unless that does worse; one at null is freed only where the model is decisively likelier for it."""
     effect = make_effect(model.keys[-1], frame.declared)
     null = {p.name: p.value for p in effect.parameters}
     for shape in effect.shapes:
@@ -186,7 +183,7 @@ def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> 
         for start in (s for s in starts if s != null[shape]):
             trial = fit_on(frame, model, {name: start}, free=(name,))
             margin = criteria.decisive if probed else -criteria.decisive
-            if trial.deviance < best.deviance + margin and trial.validation.sum() < best.validation.sum() + max(margin, 0.0):
+            if trial.deviance < best.deviance + margin and trial.unseen < best.unseen + max(margin, 0.0):
                 best = trial
         model = best
     return model

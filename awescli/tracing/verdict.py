@@ -27,8 +27,8 @@ class Criterion:
 def verdict(table: Sequence[Criterion]) -> str:
     """The verdict that a table of criteria stands for.
 
-    A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient and alone; where
-    others do as well nobody can tell. What is left without a name is unexplained where it repeats.
+    A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient and
+    alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
@@ -55,80 +55,128 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     lost = 1 - null.flies / null.segments
     ratio = e.null_error / e.identified_error if e.identified_error else None
     return (
-        Criterion("null_flew", lost, c.lost_share, lost <= c.lost_share, "share of segments that diverged under the declared model", "criteria.py"),
         Criterion(
-            "null_converged", null.fit.solution.outcome, "converged or stalled", null.fit.solution.outcome in ("converged", "stalled"),
-            "how the fit of the declared model ended", "gauss_newton.py",
+            "null_flew", lost, c.lost_share, lost <= c.lost_share, "share of segments that diverged under the declared model", "criteria.py"
         ),
         Criterion(
-            "null_as_identified", "not compared" if ratio is None else ratio, c.worse_than_identified,
+            "null_converged",
+            null.fit.solution.outcome,
+            "converged or stalled",
+            null.fit.solution.outcome in ("converged", "stalled"),
+            "how the fit of the declared model ended",
+            "gauss_newton.py",
+        ),
+        Criterion(
+            "null_as_identified",
+            "not compared" if ratio is None else ratio,
+            c.worse_than_identified,
             None if ratio is None else ratio <= c.worse_than_identified,
-            "its error on validation loops over that of the model that identify handed on", "trial A2: another optimum is another question",
+            "its error on validation loops over that of the model that identify handed on",
+            "trial A2: another optimum is another question",
         ),
-    )  # fmt: skip
+    )
 
 
 def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     before, after = e.search.null, e.model
-    gain, unseen = before.deviance - after.deviance, float(before.validation.sum() - after.validation.sum())
+    gain, unseen = before.deviance - after.deviance, before.unseen - after.unseen
     least = c.decisive + c.per_parameter * (len(after.strengths) - len(before.strengths))
     there = bool(after.keys)
     return (
         Criterion(
-            "effect_likelier", gain if there else 0.0, least, there and gain >= least,
-            "deviance by which the answer leads the declared model with something else as model error", "Kass & Raftery 1995; Akaike",
+            "effect_likelier",
+            gain if there else 0.0,
+            least,
+            there and gain >= least,
+            "deviance by which the answer leads the declared model with something else as model error",
+            "Kass & Raftery 1995; Akaike",
         ),
         Criterion(
-            "effect_on_unseen_loops", unseen if there else 0.0, 0.0, there and unseen > 0, "its deviance gained on loops it was not fitted to",
+            "effect_on_unseen_loops",
+            unseen if there else 0.0,
+            0.0,
+            there and unseen > 0,
+            "its deviance gained on loops it was not fitted to",
             "criteria.py",
         ),
-    )  # fmt: skip
+    )
 
 
 def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     rest = e.rest
     worst = rest.channels.get(rest.largest, 1.0)
-    again = rest.repetition
+    again, (floor, of_one) = rest.repetition, rest.floors(c)
     return (
         Criterion(
-            "rest_is_noise", rest.worth, c.rest_worth, rest.worth < c.rest_worth, "deviance that model error is worth beside the answer", "criteria.py"
-        ),
-        Criterion(
-            "floor", rest.chi2, 1 + c.floor_error, rest.chi2 <= 1 + c.floor_error, "chi-square per degree of freedom left on validation loops",
+            "rest_is_noise",
+            rest.worth,
+            c.rest_worth,
+            rest.worth < c.rest_worth,
+            "deviance that model error is worth beside the answer",
             "criteria.py",
         ),
         Criterion(
-            "floor_by_channel", worst, 1 + c.channel_error, worst <= 1 + c.channel_error, f"the largest of a channel ({rest.largest})", "criteria.py"
+            "floor",
+            rest.chi2,
+            floor,
+            rest.chi2 <= floor,
+            "chi-square per degree of freedom left on validation loops",
+            "criteria.py",
         ),
+        Criterion("floor_by_channel", worst, of_one, worst <= of_one, f"the largest of a channel ({rest.largest})", "criteria.py"),
         Criterion(
-            "rest_repeats", 1.0 if again is None else again.least, c.repeats, None if again is None else again.repeats(c),
-            "probability that chance makes what is left repeat so much from loop to loop", "permutation of the loops' phases",
+            "rest_repeats",
+            1.0 if again is None else again.least,
+            c.repeats,
+            None if again is None else again.repeats(c),
+            "probability that chance makes what is left repeat so much from loop to loop",
+            "permutation of the loops' phases",
         ),
-    )  # fmt: skip
+    )
 
 
 def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     rivals = sorted({r.key for found in e.rivals.values() for r in found})
     failed, gusts = e.search.failed, max(e.gusts.values(), default=0.0)
     return (
-        Criterion("no_rival", ", ".join(rivals) or 0, c.decisive, not rivals, "effects that the flight cannot tell from the answer", "Kass & Raftery 1995"),
         Criterion(
-            "all_candidates_fitted", ", ".join(failed) or 0, 0, not failed, "significant candidates whose fit failed from every start", "trial A4"
+            "no_rival",
+            ", ".join(rivals) or 0,
+            c.decisive,
+            not rivals,
+            "effects that the flight cannot tell from the answer",
+            "Kass & Raftery 1995",
         ),
         Criterion(
-            "no_parameter_hides_it", ", ".join(s.key for s in e.suspects) or 0, c.at_bound, not e.suspects,
-            "effects that bring a parameter back from its bound", "criteria.py",
+            "all_candidates_fitted",
+            ", ".join(failed) or 0,
+            0,
+            not failed,
+            "significant candidates whose fit failed from every start",
+            "trial A4",
         ),
         Criterion(
-            "no_better_empirical_term", e.empirical_lead, c.empirical, e.empirical_lead < c.empirical,
-            "deviance by which as few empirical terms lead the answer", "criteria.py",
+            "no_parameter_hides_it",
+            ", ".join(s.key for s in e.suspects) or 0,
+            c.at_bound,
+            not e.suspects,
+            "effects that bring a parameter back from its bound",
+            "criteria.py",
+        ),
+        Criterion(
+            "no_better_empirical_term",
+            e.empirical_lead,
+            c.empirical,
+            e.empirical_lead < c.empirical,
+            "deviance by which as few empirical terms lead the answer",
+            "criteria.py",
         ),
         Criterion("calm_air", gusts, c.gusty, gusts < c.gusty, "level of the gusts that the flight shows [m/s]", "criteria.py"),
-    )  # fmt: skip
+    )
 
 
 def probabilities(e: Evidence, answer: str, criteria: Criteria = CRITERIA) -> dict[str, float]:
-    """Cause -> probability: every model that was fitted beside "none" and "something else", prior odds even, evidence tempered. Sums to 1."""
+    """Cause -> probability: every model that was fitted beside "none" and "something else"; prior odds even, evidence tempered; sum 1."""
     deviances = dict(e.deviances)
     if answer == "none":  # what is left beside noise is too little to be called missing
         deviances["something_else"] = max(deviances["something_else"], deviances["none"] + criteria.rest_worth)

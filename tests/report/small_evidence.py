@@ -98,10 +98,15 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
         ],
         "error": {"horizon_s": 5.0, "before": error, "after": error, "noise_floor": error, "split": "test",
                   "diverged_before": 0, "diverged_after": 1},
+        "criteria": [
+            {"name": "significant", "value": 41.2, "threshold": 10.0, "pass": True, "says": f"it is seen{evil}", "source": f"K&R{evil}"},
+            {"name": "repeats", "value": f"0.2{evil}", "threshold": "-", "pass": None, "says": "it repeats", "source": "permutation"},
+        ],
+        "probability": {f"actuator_lag:rudder{evil}": 0.9, "something_else": 0.1},
         "chi2": {"train_before": 2.0, "train_after": 1.0}, "detectable": {"wind_shear": 0.001}, "separate": [f"fly otherwise{evil}"],
         "parameter_shifts": {f"Ca{evil}": {"prior": 1, "before": 2, "after": 1.1, "before_in_prior_std": 2.0, "after_in_prior_std": 0.1}},
         "roll_gusts": {
-            "std_rad_s": 0.14, "lasts_s": 0.3, "split": "test", "chi2": {"before": 49.0, "after": 18.0},
+            "std_rad_s": 0.14, "worth": 45.0, "lasts_s": 0.3, "split": "test", "chi2": {"before": 49.0, "after": 18.0},
             "channels": {n: {"before": 200.0, "after": 4.0} for n in ("p", "phi")},
             "parameter_shifts": {f"Clp{evil}": {"prior": 1, "before": 2, "after": 1, "before_in_prior_std": 2, "after_in_prior_std": 0}},
         },

@@ -233,7 +233,7 @@ def test_every_verdict_has_its_headline(verdict, added):
     links_lead_somewhere(text)
     assert ("nothing added" in text) is False  # a model that is the one before it again is not shown twice
     title = re.search(r"<h1>(.*?)</h1>", text)[1]
-    assert {"none": "Nothing", "found": "lacked", "cannot_tell": "cannot tell", "unexplained": "repeats", "not_deterministic": "gusts"}[
+    assert {"none": "Nothing", "found": "lacked", "cannot_tell": "cannot tell", "unexplained": "left", "not_deterministic": "repeat"}[
         verdict
     ] in title
 

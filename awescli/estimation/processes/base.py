@@ -115,7 +115,12 @@ def axes_of(processes: Sequence[Process], acting: Sequence[str], drifting: Seque
     `drifting`; an axis on a channel that is not compared is left out."""
     groups = {g.name: g for g in active(processes)}
     rows = [
-        (acting.index(axis) if axis in acting else -1, -1 if axis in acting else drifting.index(axis), groups[name].level, groups[name].memory)
+        (
+            acting.index(axis) if axis in acting else -1,
+            -1 if axis in acting else drifting.index(axis),
+            groups[name].level,
+            groups[name].memory,
+        )
         for name, axis in labels_of(processes, acting, drifting)
     ]
     columns = list(zip(*rows, strict=True)) or [()] * 4

@@ -14,10 +14,16 @@ class AirspeedScale(Effect):
         Parameter("b", 0.0, "m/s", -5.0, 5.0, source="pressure offset"),
     )
 
-    slips = {"s": {
-        1.94384: "is the airspeed in kt, and read as m/s?", 3.6: "is the airspeed in km/h, and read as m/s?", 2.23694: "is it in mph, and read as m/s?",
-        0.51444: "is the airspeed in m/s, and read as kt?", 0.27778: "is it in m/s, and read as km/h?", 0.44704: "is it in m/s, and read as mph?",
-    }}  # fmt: skip
+    slips = {
+        "s": {
+            1.94384: "is the airspeed in kt, and read as m/s?",
+            3.6: "is the airspeed in km/h, and read as m/s?",
+            2.23694: "is it in mph, and read as m/s?",
+            0.51444: "is the airspeed in m/s, and read as kt?",
+            0.27778: "is it in m/s, and read as km/h?",
+            0.44704: "is it in m/s, and read as mph?",
+        }
+    }
 
     def report(self, reported, at, own):
         return {**reported, "V_a": own.s * reported["V_a"] + own.b}

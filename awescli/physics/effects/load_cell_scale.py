@@ -15,11 +15,18 @@ class LoadCellScale(Effect):
         Parameter("b", 0.0, "N", -500.0, 500.0, source="zero drift"),
     )
 
-    slips = {"s": {
-        2.2046: "is the load in lbf, and read as kgf?", 0.45359: "is the load in kgf, and read as lbf?", 9.80665: "is the load in N, and read as kgf?",
-        0.10197: "is the load in kgf, and read as N?", 4.44822: "is the load in N, and read as lbf?", 0.22481: "is the load in lbf, and read as N?",
-        10.0: "is the load in daN, and read as N, or the other way round?", 0.1: "is the load in daN, and read as N?",
-    }}  # fmt: skip
+    slips = {
+        "s": {
+            2.2046: "is the load in lbf, and read as kgf?",
+            0.45359: "is the load in kgf, and read as lbf?",
+            9.80665: "is the load in N, and read as kgf?",
+            0.10197: "is the load in kgf, and read as N?",
+            4.44822: "is the load in N, and read as lbf?",
+            0.22481: "is the load in lbf, and read as N?",
+            10.0: "is the load in daN, and read as N, or the other way round?",
+            0.1: "is the load in daN, and read as N?",
+        }
+    }
 
     def report(self, reported, at, own):
         return {**reported, "tension": own.s * reported["tension"] + own.b}
