@@ -47,7 +47,7 @@ def development(folder: Path):
 
 def rows_of(name: str, log, kite) -> tuple[list[tuple], str]:
     """(a row of the table per kind, a line on features, steering and the small-gain condition)."""
-    parts, direction = split(find_loops(log)), wind_direction(log)
+    parts, direction = split(find_loops(log), log=log), wind_direction(log)
     known = (*parts.train, *parts.validation)
 
     def fly(law) -> float:

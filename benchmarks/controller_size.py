@@ -87,7 +87,7 @@ def fitted(folder: Path, samples: int | None) -> dict:
     n = len(signals["p_n"])
     log = FlightLog("long", 0.0, 0.02, 0.02 * np.arange(n), {k: v for k, v in signals.items() if k not in names},
                     {k: signals[k] for k in names}, np.ones(n, bool))  # fmt: skip
-    parts = split(find_loops(log))
+    parts = split(find_loops(log), log=log)
     train = sum(last - first for first, last in parts.train)
     config = ControllerConfig()
     if samples is not None:

@@ -101,7 +101,7 @@ def identification(rounds: int) -> tuple[float, int, int]:
     from awescli.simulation.campaign_flights import dev_like
 
     flight = dev_like(read_kite(KITE), 2)
-    parts = split(find_loops(flight.log))
+    parts = split(find_loops(flight.log), log=flight.log)
     seconds = []
     for _ in range(rounds):
         begun = time.perf_counter()

@@ -147,8 +147,10 @@ def _winch(names: Names, world: World, scene: Scene) -> Iterator[str]:
     names = names.also(numbers={"l_0": reel.length, "speed": reel.speed, "swing": reel.swing, "rate": 2 * math.pi / reel.period})
     yield names.component("si/winch_length", "l_0 + speed * t + swing / rate * (1 - cos(rate * t))")
     yield names.component("si/winch_speed", "speed + swing * sin(rate * t)")
+    yield names.component("si/winch_acceleration", "swing * rate * cos(rate * t)")
     yield names.component("si/length", f"winch_length + ({world.line.length})")
     yield names.component("si/reel", f"winch_speed + ({world.line.length_rate})")
+    yield names.component("si/reel_acceleration", f"winch_acceleration + ({world.line.length_acceleration})")
 
 
 def _actuators(names: Names, world: World) -> Iterator[str]:

@@ -41,7 +41,7 @@ def answered(folder: Path) -> dict[str, Any]:
 
     try:
         log, declared = read_flight(folder), read_kite(folder / "kite.yaml")
-        parts = split(find_loops(log))
+        parts = split(find_loops(log), log=log)
         finding, before = trace_flight(declared, log, parts)
         return account(finding, log, parts, 5.0, before, finding.after())
     except AwesError as e:

@@ -79,6 +79,7 @@ class Line(_Frozen):
     weight: str = Field("0", description="mass per length [kg/m]: half the weight on the kite, a third of the mass moved with it")
     length: str = Field("0", description="true minus logged length [m]")
     length_rate: str = Field("0", description="its rate [m/s]")
+    length_acceleration: str = Field("0", description="the rate's rate [m/s2]")
     late: str = Field("0", description="s by which the winch's clock stamps late, a number")
 
 

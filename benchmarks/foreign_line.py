@@ -2,12 +2,13 @@
 
 The same as in our model (awescli/physics/effects/tether.py, law `exact`): the tension is what keeps the distance at the line's length,
 
-    T = max(0, p_hat . R^T (f_a + f_g) + m (|pdot|^2 - (p_hat . pdot)^2) / |p| + k_v (|p| - (l_t + dl)) + c_v (p_hat . pdot - l_t_dot)),
+    T = max(0, p_hat . R^T (f_a + f_g) + m ((|pdot|^2 - (p_hat . pdot)^2) / |p| - l_t_ddot)
+               + k_v (|p| - (l_t + dl)) + c_v (p_hat . pdot - l_t_dot)),
 
 with k_v, c_v of the kite file; a quarter of the line's drag, F_tD = rho d_t C_tD l_t V_a^2 / 8, tilts the force about body y by
-arcsin(-F_tD / T), and it acts at r_t. The winch's acceleration is neglected, as there. What differs: these are functions that JSBSim
-evaluates, with its own attitude, air data and aerodynamic forces; the line holds loads that the world adds too; a heavy line also has
-inertia, mu l_t / 3 across itself, by the acceleration of the frame before.
+arcsin(-F_tD / T), and it acts at r_t. What differs: these are functions that JSBSim evaluates, with its own attitude, air data and
+aerodynamic forces; the line holds loads that the world adds too; a heavy line also has inertia, mu l_t / 3 across itself, by the
+acceleration of the frame before.
 
 The log is KM1's: its load is T at the kite (`LoadFiltered`, of whose filter nothing is published: none is flown), its length is that of
 the drum's revolutions, and it has no flow angles and no sag, which the kite has neither.
@@ -56,8 +57,8 @@ def _formulas(world: World) -> dict[str, str]:
         "last_along": "last_a_x * hat_x + last_a_y * hat_y + last_a_z * hat_z",
         **{f"heavy_{axis}": f"mu * length * g / 2 * R3{i} - {inertia[axis]}" for i, axis in axes},
         **{f"others_{axis}": f"lbf * aero_{axis} + mass * g * R3{i} + more_f_{axis} + heavy_{axis}" for i, axis in axes},
-        "centripetal": "mass * (v_n * v_n + v_e * v_e + v_d * v_d - range_rate * range_rate) / distance",
-        "pull": "others_x * hat_x + others_y * hat_y + others_z * hat_z + centripetal",
+        "inertial": "mass * ((v_n * v_n + v_e * v_e + v_d * v_d - range_rate * range_rate) / distance - reel_acceleration)",
+        "pull": "others_x * hat_x + others_y * hat_y + others_z * hat_z + inertial",
         "tension": "max(0, pull + k_v * (distance - (length + dl)) + c_v * (range_rate - reel))",
         "drag": f"rho * d_t * (CtD + ({world.line.drag})) * length * V_a * V_a / 8",
         "share": f"drag / where(tension * {STEEPEST} - drag > 0, tension, drag / {STEEPEST} + 0.000000001)",

@@ -28,13 +28,13 @@ STEP = 1 / 400
 
 MOVING = (
     "t", "p_n", "p_e", "p_d", "u", "v", "w", "v_n", "v_e", "v_d", "V_a", "qS", "rho", "height", "distance", "length", "reel", "elevation",
-    "phase", "heading", "winch_length", "winch_speed", "last_a_x", "last_a_y", "last_a_z",
+    "phase", "heading", "winch_length", "winch_speed", "winch_acceleration", "reel_acceleration", "last_a_x", "last_a_y", "last_a_z",
     "wind_n", "wind_e", "wind_d", *(f"R{i}{j}" for i in "123" for j in "123"),
 )  # fmt: skip
 """Signals in SI that the flight control computes first in every frame, as si/NAME. t: s from the log's first row; qS: dynamic pressure
-times wing area [N]; length, reel: what the line does; winch_length, winch_speed: what the winch says it does; elevation: height over
-distance, as the bank of empirical terms has it; phase: place in the loop, 0 at its top, growing to the right; heading: yaw from downwind;
-wind_n ...: the air's velocity at the kite; Rij: body to NED; last_a_x: a_x of the frame before."""
+times wing area [N]; length, reel, reel_acceleration: what the line does; winch_length, winch_speed, winch_acceleration: what the winch
+says it does; elevation: height over distance, as the bank of empirical terms has it; phase: place in the loop, 0 at its top, growing to
+the right; heading: yaw from downwind; wind_n ...: the air's velocity at the kite; Rij: body to NED; last_a_x: a_x of the frame before."""
 SIGNALS = {
     "alpha": "aero/alpha-rad", "beta": "aero/beta-rad", "phi": "attitude/phi-rad", "theta": "attitude/theta-rad", "psi": "attitude/psi-rad",
     "p": "velocities/p-rad_sec", "q": "velocities/q-rad_sec", "r": "velocities/r-rad_sec", "p_air": "velocities/p-aero-rad_sec",

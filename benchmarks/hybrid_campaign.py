@@ -122,7 +122,7 @@ def run_case(name: str, case: Mapping) -> dict:
     truth = read_kite(HERE.parent / "data" / "kites" / "development.yaml")
     effects = {f"{Outside.name}:{case['form']}": {"k": SIZES[case["form"]]}} if case["form"] else {}
     flight = dev_like(truth, case["seed"], effects)
-    log, parts, began = flight.log, split(find_loops(flight.log)), time.time()
+    log, parts, began = flight.log, split(find_loops(flight.log), log=flight.log), time.time()
     simulator = simulator_of(flight.declared, log)
     question = ask(simulator, log, parts, HORIZON, tuple(log.measured))
     fitted, question = fit_in_stages(question, log, parts, (1.0, 2.5))

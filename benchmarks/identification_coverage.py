@@ -30,7 +30,7 @@ def run_fit(name: str, seed: int) -> dict:
 
     truth = read_kite(HERE.parent / "data" / "kites" / "development.yaml")
     flight = dev_like(truth, seed, {}, air=("table", "power")[seed % 2], turn=(-1.0, 1.0)[seed // 2 % 2])
-    parts = split(find_loops(flight.log), 0.7, 0.1, 0.2)
+    parts = split(find_loops(flight.log), 0.7, 0.1, 0.2, log=flight.log)
     simulator = simulator_of(flight.declared, flight.log)
     question = ask(simulator, flight.log, parts, 5.0, tuple(flight.log.measured))
     fit, _ = fit_flights([Flown(question, flight.log, parts)], (1.0, 2.5))

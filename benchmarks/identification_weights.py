@@ -37,7 +37,7 @@ def run_flight(name: str, case: dict) -> dict:
 
     truth = read_kite(HERE.parent / "data" / "kites" / "development.yaml")
     flight = dev_like(truth, case["seed"], AIRS[case["air"]])
-    parts, simulator = split(find_loops(flight.log)), simulator_of(flight.declared, flight.log)
+    parts, simulator = split(find_loops(flight.log), log=flight.log), simulator_of(flight.declared, flight.log)
     true, result = flight.flown.table(), {"initial": score_parts(simulator, flight.log, parts, 5.0)["nrmse"]["test"]["mean"]}
     for weights in WEIGHTS:
         outputs = outputs_of(flight.log, IdentifyConfig(weights=weights))

@@ -3,9 +3,9 @@
 Two plans of a small run of all stages (small_run.py) whose settings, and so all numbers, differ are run undisturbed. Then, for every
 kill, the stages before one are laid out as the one plan left them, that stage and those after it as the other did, and `awes run` of the
 first plan is ended by SIGINT, SIGTERM or SIGKILL at a random moment of that stage. Every folder must then hold exactly what the one or
-the other plan left. Every fourth time the stage is run again, goes on where it was killed, and must end with the bytes of the
-undisturbed run; every twentieth time the whole plan. Then the disk fills, the folder is read-only, and two runs want one folder. Writes
-results/interruptions.md.
+the other plan left. BLAS is given 1, 2 and 3 threads in turn, which must change nothing. Every fourth time the stage is run again, goes
+on where it was killed, and must end with the bytes of the undisturbed run; every twentieth time the whole plan. Then the disk fills, the
+folder is read-only, and two runs want one folder. Writes results/interruptions.md.
 """
 
 import argparse
@@ -45,6 +45,10 @@ OTHER = (
 
 PLANS = {"first": (), "second": tuple(x for setting in OTHER for x in ("--set", setting))}
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
+THREADS = (1, 2, 3)
+"""Threads that BLAS is given, in turn."""
+
 
 def cpu_seconds(pid: int) -> float:
     """CPU time that a process has used: a moment by this clock is the same stretch of work on a busy machine and on an idle one."""
@@ -56,18 +60,25 @@ Artifacts = dict[str, dict[str, str]]
 """Stage -> file -> hash."""
 
 
-def awes(folder: Path, *arguments: str, **options) -> subprocess.Popen:
-    """Start the command line in a folder."""
-    return subprocess.Popen([*AWES, *arguments], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
+def awes(folder: Path, *arguments: str, threads: int = 1, **options) -> subprocess.Popen:
+    """Start the command line in a folder. threads: what the environment says that BLAS may have."""
+    own = {name: str(threads) for name in BLAS}
+    return subprocess.Popen(
+        [*AWES, *arguments], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | own, **options
+    )
 
 
 class Forked:
-    """The command line in a fork of this process, which has imported all that awes imports: only that start-up is saved."""
+    """The command line in a fork of this process, which has imported all that awes imports: only that start-up is saved.
 
-    def __init__(self, folder: Path, *arguments: str):
+    threads: what BLAS has in it when the command line begins.
+    """
+
+    def __init__(self, folder: Path, *arguments: str, threads: int = 1):
         self.said = [tempfile.TemporaryFile("w+"), tempfile.TemporaryFile("w+")]
         self.pid, self.code = os.fork(), None
         if self.pid == 0:
+            signal.signal(signal.SIGINT, lambda number, frame: os._exit(130))  # what comes before awes is no part of it
             os.chdir(folder)
             for stream, file in zip((1, 2), self.said, strict=True):
                 os.dup2(file.fileno(), stream)
@@ -75,8 +86,12 @@ class Forked:
             code = 70
             try:
                 sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1), os.fdopen(2, "w", buffering=1)
+                from threadpoolctl import threadpool_limits
+
                 from awescli.cli import main
 
+                threadpool_limits(limits=threads, user_api="blas")
+                signal.signal(signal.SIGINT, signal.default_int_handler)
                 main()
             except SystemExit as e:
                 code = e.code or 0
@@ -177,7 +192,7 @@ def wrong_with(out: Path, references: dict[str, Artifacts]) -> list[str]:
     for name, files in artifacts(out).items():
         if not any(files == reference[name] for reference in references.values()):
             found.append(f"{name} is neither plan's")
-        kept = read_json(out / name / PROVENANCE)["artifacts"]
+        kept = read_json(out / name / PROVENANCE, any_form=True)["artifacts"]
         if kept != artifact_hashes(out / name):
             found.append(f"{name} is not what its provenance says")
     return found + [f"{name} is gone" for name in NAMES if not (out / name).is_dir()]
@@ -188,6 +203,7 @@ class Tally:
     """What the campaign counted."""
 
     kills: Counter = field(default_factory=Counter)
+    threads: Counter = field(default_factory=Counter)
     moments: Counter = field(default_factory=Counter)
     codes: Counter = field(default_factory=Counter)
     whole: int = 0
@@ -207,9 +223,10 @@ def campaign(folder: Path, references: dict[str, Artifacts], kills: int, seed: i
     while tally.killed < kills:
         number, stage = SIGNALS[tally.killed % len(SIGNALS)], NAMES[tally.killed // len(SIGNALS) % len(NAMES)]
         goal, other = rng.sample(list(PLANS), 2)
+        threads = THREADS[tally.killed // 2 % len(THREADS)]
         _lay_out(folder, stage, goal, other)
         fresh = tally.killed % 10 == 0  # every tenth in a process of its own, from its first instant on
-        process = (awes if fresh else Forked)(folder, "run", *PLANS[goal])
+        process = (awes if fresh else Forked)(folder, "run", *PLANS[goal], threads=threads)
         moment = rng.uniform(0.0, took[stage] + (2.0 if fresh else 0.0))
         while process.poll() is None and cpu_seconds(process.pid) < moment:
             time.sleep(0.005)
@@ -219,12 +236,14 @@ def campaign(folder: Path, references: dict[str, Artifacts], kills: int, seed: i
         if code == 0:
             continue  # the run was faster than the signal
         tally.kills[number.name] += 1
+        tally.threads[threads] += 1
         tally.codes[f"{number.name} -> {code}"] += 1
         tally.moments[_moment(said)] += 1
         wrong = _complaints(out, references, code, err)
         if tally.killed % 4 == 0:
             whole = tally.killed % 20 == 0
-            wrong += _gone_on(folder, references[goal], "run" if whole else stage, *PLANS[goal])
+            other_threads = THREADS[(THREADS.index(threads) + 1) % len(THREADS)]  # goes on with others than it began with
+            wrong += _gone_on(folder, references[goal], "run" if whole else stage, *PLANS[goal], threads=other_threads)
             tally.whole, tally.stages = tally.whole + whole, tally.stages + (not whole)
         tally.wrong += [f"kill {tally.killed} ({number.name}, {stage}): {what}" for what in wrong]
         tally.seconds = time.monotonic() - began
@@ -232,14 +251,14 @@ def campaign(folder: Path, references: dict[str, Artifacts], kills: int, seed: i
     return tally
 
 
-def _gone_on(folder: Path, reference: Artifacts, command: str, *settings: str) -> list[str]:
+def _gone_on(folder: Path, reference: Artifacts, command: str, *settings: str, threads: int = 1) -> list[str]:
     """What is wrong after a killed stage, or the whole plan, is run to its end."""
     out = folder / "out"
-    code, _, err = ended(Forked(folder, command, "--quiet", *settings))
+    code, _, err = ended(Forked(folder, command, "--quiet", *settings, threads=threads))
     checked, now = NAMES if command == "run" else (command,), artifacts(out)
-    left = {p.name for p in out.iterdir()} - {*NAMES, ".lock"}
-    if command != "run":  # checkpoints of a stage that has not gone on yet stay
-        left -= {f".{name}.scratch" for name in NAMES if name != command}
+    left = {p.name for p in out.iterdir()} - {*NAMES, ".awes"} | {p.name for p in (out / ".awes" / "partial").glob("*")}
+    scratch = {p.name for p in (out / ".awes" / "scratch").glob("*")}
+    left |= scratch if command == "run" else scratch & {command}  # checkpoints of a stage that has not gone on yet stay
     return [
         *([f"going on ended with code {code}: {err}"] if code else []),
         *(f"{name} ended with other numbers" for name in checked if now.get(name) != reference[name]),
@@ -287,7 +306,6 @@ def read_only(folder: Path, references: dict[str, Artifacts]) -> list[str]:
     """A folder that may not be written: one error, nothing changed."""
     out = folder / "out"
     out.chmod(0o555)
-    (out / ".lock").unlink()
     try:
         code, _, err = ended(awes(folder, "run", "--force", preexec_fn=_like_any_user))
     finally:
@@ -324,7 +342,8 @@ def page(tally: Tally, command: str, places: dict[str, list[str]]) -> str:
     """The results as text."""
     lines = [
         "# Interruptions", "", f"`{command}`", "",
-        f"{tally.killed} runs killed ({', '.join(f'{n} {k}' for k, n in sorted(tally.kills.items()))}); after {tally.stages} the stage, "
+        f"{tally.killed} runs killed ({', '.join(f'{n} {k}' for k, n in sorted(tally.kills.items()))}; "
+        f"{', '.join(f'{n} with {k}' for k, n in sorted(tally.threads.items()))} BLAS threads); after {tally.stages} the stage, "
         f"after {tally.whole} the whole plan was run to its end and compared with the undisturbed run; {tally.seconds:.0f} s.", "",
         "| killed in | times |", "|---|---|",
         *(f"| {name} | {tally.moments[name]} |" for name in ("before the first stage", *NAMES, "between stages")),

@@ -37,7 +37,7 @@ def run_flight(name: str, seed: int) -> dict:
     spec.loader.exec_module(demo)
     log = demo.flown(seed, {})
     declared, published = read_kite(DATA / "kites" / "km1_initial.yaml"), read_kite(DATA / "kites" / "km1_identified.yaml").table()
-    parts, simulator = split(find_loops(log)), simulator_of(declared, log)
+    parts, simulator = split(find_loops(log), log=log), simulator_of(declared, log)
     question = ask(simulator, log, parts, 5.0, tuple(log.measured))
     fit, _ = fit_flights([Flown(question, log, parts)], (1.0, 2.5))
     answer = describe(fit, question.kite.record)

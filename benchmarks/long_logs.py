@@ -26,7 +26,7 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from awescli.artifacts import write_text
 from awescli.flightlog.kitemill_csv import to_kitemill_csv
 from awescli.flightlog.log import FlightLog, WindRecord
-from awescli.flightlog.resample import wrap
+from awescli.notation.angles import wrap
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 
 HERE = Path(__file__).parent

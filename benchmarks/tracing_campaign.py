@@ -150,7 +150,7 @@ def run_case(name: str, case: dict) -> dict:
         declared = flight.declared.model_copy(update={"aerodynamics": truth.aerodynamics})
         if case["set"].startswith("wrong bounds"):
             declared = with_wrong_bounds(declared, truth, BOUNDED, case["seed"])
-        parts = split(find_loops(flight.log))
+        parts = split(find_loops(flight.log), log=flight.log)
         finding, before = trace_flight(declared, flight.log, parts)
         told = account(finding, flight.log, parts, 5.0, before, finding.after())
     except AwesError as e:

@@ -27,7 +27,7 @@ SECONDS = 60.0
 
 def main(picture: Path, flight: Path = DATA / "km1_demo", kite_file: Path = DATA / "kites" / "km1_identified.yaml") -> dict[str, float]:
     log, kite = read_flight(flight), read_kite(kite_file)
-    parts, direction = split(find_loops(log)), wind_direction(log)
+    parts, direction = split(find_loops(log), log=log), wind_direction(log)
     known = (*parts.train, *parts.validation)
     config = ControllerConfig(surfaces=("rudder",), compare=True)
     fitted = fit_controller(
@@ -40,7 +40,8 @@ def main(picture: Path, flight: Path = DATA / "km1_demo", kite_file: Path = DATA
         f"closed loop: flown of {SECONDS:g} s, by start",
     )
     figure = make_subplots(3, 1, subplot_titles=titles, vertical_spacing=0.09, row_heights=[0.42, 0.3, 0.28])
-    first, last = parts.test[0][0], min(parts.test[-1][1], parts.test[0][0] + int(20 / log.dt))
+    first, last = max(parts.test, key=lambda stretch: stretch[1] - stretch[0])
+    last = min(last, first + int(20 / log.dt))
     time, flown = log.time[first:last], np.degrees(log["rudder"][first:last])
     figure.add_scatter(x=time, y=flown, name="flown", line={"width": 5, "color": "lightgrey"}, row=1, col=1)
     print("kind       test NRMSE  noise alone  terms  closed loop")

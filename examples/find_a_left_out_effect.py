@@ -20,7 +20,7 @@ LEFT_OUT = {"airspeed_scale": {"s": 0.94}}
 def main() -> dict:
     truth = read_kite(Path(__file__).parent.parent / "data" / "kites" / "development.yaml")
     flight = dev_like(truth, seed=11, effects=LEFT_OUT)
-    parts = split(find_loops(flight.log))
+    parts = split(find_loops(flight.log), log=flight.log)
     finding, before = trace_flight(flight.declared, flight.log, parts)
     answer = account(finding, flight.log, parts, 5.0, before, finding.after())
     print(f"verdict: {answer['verdict']}")

@@ -70,6 +70,16 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "position_latency": {"tau": 0.15},
     "heading_bias": {"b": 0.035},
     "imu_bias": {"bx": 0.02, "by": -0.03, "bz": 0.3},
+    "hinge_blowback": {"k": 1.5e-4},
+    "airspeed_lag": {"tau": 0.2},
+    "pitot_position_error": {"k_a": 0.3, "k_b": 1.0},
+    "attitude_latency": {"tau": 0.06},
+    "antenna_arm": {"x": 0.4, "z": -0.3},
+    "reynolds_drag": {"n": 0.17},
+    "downwash_lag": {"Cm_adot": -20.0, "arm": 5.0},
+    "lift_drift": {"rate": -4e-4, "step": -0.05, "at": 20.0},
+    "surface_backlash": {"width": 0.03},
+    "winch_tracking": {"tau": 0.5},
     "custom_term": {"k": 0.02},
 }
 """effect -> its parameters by short name, at a size that effects.md lists as typical."""

@@ -2,8 +2,11 @@
 
 import math
 import os
+import re
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from awescli import artifacts
+from awescli.artifacts import files, folders
 from awescli.notation.errors import BadInput, NumericalFailure
 
 
@@ -37,7 +41,7 @@ json_like = st.recursive(
 def test_json_there_and_back(obj):
     import json
 
-    assert json.loads(artifacts._render(artifacts._plain(obj, "f"), 0)) == obj
+    assert json.loads(files._render(files._plain(obj, "f"), 0)) == obj
 
 
 def test_arrays_there_and_back_and_byte_identical(tmp_path):
@@ -103,25 +107,28 @@ def test_a_staged_folder_takes_the_old_ones_place_as_a_whole(tmp_path):
     folder = tmp_path / "identify"
     for value in (1, 2):
         with artifacts.staged_folder(folder) as staged:
-            artifacts.write_json(staged / "params.json", value)
+            artifacts.write_json(staged / "fitted.json", value)
     with pytest.raises(KeyboardInterrupt), artifacts.staged_folder(folder) as staged:
-        artifacts.write_json(staged / "params.json", 3)
+        artifacts.write_json(staged / "fitted.json", 3)
         raise KeyboardInterrupt
-    assert artifacts.read_json(folder / "params.json") == 2
-    assert os.listdir(tmp_path) == ["identify"]
+    assert artifacts.read_json(folder / "fitted.json") == 2
+    assert sorted(os.listdir(tmp_path)) == [".awes", "identify"] and os.listdir(tmp_path / ".awes" / "partial") == []
 
 
 def test_without_an_exchanging_rename(tmp_path, monkeypatch):
-    monkeypatch.setattr(artifacts, "_exchange", lambda a, b: False)
+    monkeypatch.setattr(folders, "_exchange", lambda a, b: False)
     test_a_staged_folder_takes_the_old_ones_place_as_a_whole(tmp_path)
 
 
 def test_the_lock_keeps_a_second_run_out_and_cleans_up(tmp_path):
-    (tmp_path / ".identify.partial-1").mkdir()
-    (tmp_path / ".simulate.old-1").mkdir()  # killed between two renames
-    (tmp_path / ".x.json.tmp-1").write_text("half")
     with artifacts.locked(tmp_path):
-        assert sorted(os.listdir(tmp_path)) == [".lock", "simulate"]
+        pass
+    partial = tmp_path / ".awes" / "partial"
+    (partial / "identify-1").mkdir()
+    (partial / "simulate.old").mkdir()  # killed between two renames
+    (partial / "x.json").write_text("half")
+    with artifacts.locked(tmp_path):
+        assert sorted(os.listdir(tmp_path)) == [".awes", "simulate"] and os.listdir(partial) == []
         code = f"from pathlib import Path; from awescli.artifacts import locked\nwith locked(Path({str(tmp_path)!r})): pass"
         second = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert f"another awes (process {os.getpid()}) is running in this folder" in second.stderr
@@ -147,23 +154,43 @@ def _pieces_until_the_disk_is_full():
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
-def test_content_hash_is_of_contents(tmp_path):
-    a, b = tmp_path / "a", tmp_path / "b"
-    for folder in (a, b):
-        (folder / "sub").mkdir(parents=True)
-        (folder / "sub" / "x.csv").write_text("1")
-    assert artifacts.content_hash(a) == artifacts.content_hash(b)
-    (b / "out").mkdir()
-    (b / "out" / "y").write_text("2")
-    assert artifacts.content_hash(a) == artifacts.content_hash(b, exclude=[b / "out"]) != artifacts.content_hash(b)
-    (b / "sub" / "x.csv").rename(b / "sub" / "z.csv")
-    assert artifacts.content_hash(a) != artifacts.content_hash(b, exclude=[b / "out"])
-    with pytest.raises(BadInput, match="none"):
-        artifacts.content_hash(tmp_path / "none")
-
-
 def test_scratch_comes_back_only_for_the_same_key(tmp_path):
-    folder = artifacts.scratch_folder(tmp_path / ".s", "key 1")
+    folder = artifacts.scratch_folder(tmp_path, "identify", "key 1")
     (folder / "checkpoint").write_text("x")
-    assert (artifacts.scratch_folder(tmp_path / ".s", "key 1") / "checkpoint").is_file()
-    assert not (artifacts.scratch_folder(tmp_path / ".s", "key 2") / "checkpoint").exists()
+    assert (artifacts.scratch_folder(tmp_path, "identify", "key 1") / "checkpoint").is_file()
+    assert not (artifacts.scratch_folder(tmp_path, "identify", "key 2") / "checkpoint").exists()
+
+
+def test_versions_name_everything_that_numbers_come_from():
+    """Guards a new dependency (daqp was forgotten once): only what draws on the terminal is no part of a result."""
+    declared = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]["dependencies"]
+    needed = {re.split(r"[ =<>!~;\[]", d)[0].lower() for d in declared} - {"rich", "typer"}
+    assert needed <= set(artifacts.versions()) and {"awes", "python"} <= set(artifacts.versions())
+
+
+def test_a_file_is_written_through_no_link_and_over_no_file_of_somebody_else(tmp_path):
+    """A planted link with the name of the temporary file used to have its target overwritten."""
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    for n in range(3):
+        (tmp_path / f".x.txt.tmp-{os.getpid()}").unlink(missing_ok=True)
+        (tmp_path / f".x.txt.tmp-{os.getpid()}").symlink_to(victim)
+        (tmp_path / f".x.txt.{os.getpid()}-{n}.tmp").symlink_to(victim)
+    (tmp_path / "x.txt").symlink_to(victim)
+    artifacts.write_text(tmp_path / "x.txt", "new")
+    assert victim.read_text() == "mine" and (tmp_path / "x.txt").read_text() == "new" and not (tmp_path / "x.txt").is_symlink()
+
+
+def test_only_regular_files_are_read_and_hashed(tmp_path):
+    """A named pipe used to be waited for, and /dev/zero to be read until the memory was full."""
+    os.mkfifo(tmp_path / "x.json")
+    for path in (tmp_path / "x.json", Path("/dev/zero"), tmp_path):
+        for read in (artifacts.read_json, artifacts.read_arrays, artifacts.read_tensors, artifacts.file_hash):
+            with pytest.raises(BadInput, match="this is (a named pipe|a device|a folder), a file is needed"):
+                read(path)
+
+
+def test_json_that_is_nested_without_end_is_refused(tmp_path):
+    (tmp_path / "x.json").write_text("[" * 500 + "]" * 500)
+    with pytest.raises(BadInput, match="nested deeper"):
+        artifacts.read_json(tmp_path / "x.json")

@@ -59,6 +59,17 @@ def test_an_effect_acts_at_exactly_one_place(key):
     own_motion = [getattr(type(effect), n) is not getattr(Effect, n) for n in ("rates", "initial")]
     assert own_motion == [bool(effect.states)] * 2
     assert effect.name == key.partition(":")[0] and effect.doc and all(p.source for p in effect.parameters)
+    assert len(effect.start_spread) == len(effect.states) and all(s > 0 for s in effect.start_spread)
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_an_effect_writes_nothing_into_the_instant(key):
+    """Guards the pure contract: the states of an instant are those of the vector, whatever an effect wants to remember for its rates."""
+    kite = Kite(DEVELOPMENT, extra=(key,)).with_values(sizes(key))
+    x, u, c = at_point(kite)
+    at = kite.instant(x, u, c)
+    assert at.states == dict(zip(kite.state_names[12:], x[12:], strict=False))
+    assert at.inputs == dict(zip(kite.input_names, u, strict=True)) and at.values == dict(zip(kite.parameter_names, c, strict=True))
 
 
 def test_the_tables_of_the_tests_are_complete():

@@ -1,15 +1,21 @@
 """Floor 8: the command line, built from STAGES; the only room that prints or exits."""
 
+import signal
 import sys
 
 
 def main() -> None:
-    """Entry point of the `awes` command. Ctrl-C while modules still load ends it as quietly as Ctrl-C later."""
-    try:
-        from awescli.cli.app import main as run
-    except KeyboardInterrupt:
-        sys.exit(130)
+    """Entry point of the `awes` command. Ctrl-C while modules still load, or commands are built, ends it as quietly as Ctrl-C later: from
+    there on `shell` handles it."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _leave)
+    from awescli.cli.app import main as run
+
     run()
+
+
+def _leave(number: int, frame: object) -> None:
+    sys.exit(130)
 
 
 def build_app(stages):

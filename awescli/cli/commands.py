@@ -55,20 +55,23 @@ def run(
 
 
 def _write_figures(screen: Screen, files: Iterable[tuple[str, str | bytes]], to: Path) -> None:
-    """The figures of a stage, in a folder of the user's, beside what may lie there."""
-    from awescli.artifacts import write_content
+    """The figures of a stage, in a folder of the user's, beside what may lie there. All are drawn before the first is written."""
+    from awescli.artifacts import put_beside
 
-    task, count = screen.task("drawing figures"), 0
-    for count, (name, content) in enumerate(files, 1):  # noqa: B007 - told below
-        write_content(to / name, content)
+    task, drawn = screen.task("drawing figures"), {}
+    for name, content in files:
+        drawn[name] = content.encode() if isinstance(content, str) else content
         task.advance()
     screen.close()
-    screen.line(f"figures: {count} files in {to}")
+    put_beside(to, drawn)
+    screen.line(f"figures: {len(drawn)} files in {to}")
 
 
 def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:
     """Everything that can be wrong before hours are spent; all complaints together."""
+    from awescli.engine.object_cache import why_unused
     from awescli.flightlog.quality import data_quality
+    from awescli.physics.doubts import doubts
     from awescli.physics.kite import needed_by
     from awescli.stages.base import Inputs
     from awescli.stages.checking import raise_all, refused
@@ -76,12 +79,16 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
 
     plan = read_plan(file, stages, _overrides(settings))
     screen.paragraph(f"plan    {plan.file}: good, runs {', '.join(plan.planned) or 'nothing'}")
+    if why := why_unused():
+        screen.paragraph(f"cache   compiled code is not kept, each start takes seconds longer: {why}")
     inputs = Inputs(plan.flight, plan.kite, plan.split)
     errors: list[BadInput] = []
     log = needed = None
     try:
         needed = needed_by(inputs.declared)
         screen.line(f"kite    {plan.kite}: good, {sum(row.free for row in inputs.declared.parameters.values())} free parameters")
+        for doubt in doubts(inputs.declared):
+            screen.paragraph(f"but {doubt}", 8 * " ")
     except BadInput as e:
         errors += e.errors if isinstance(e, BadInputs) else [e]
     try:
@@ -90,7 +97,11 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     except BadInput as e:
         errors += e.errors if isinstance(e, BadInputs) else [e]
     if log is not None:
-        quality = data_quality(log, needed)
+        try:
+            parts = inputs.parts
+        except BadInput:  # a stage says what is wrong, below
+            parts = None
+        quality = data_quality(log, needed, parts)
         for title, content in quality_sections(quality).items():
             screen.section(title, content)
         screen.answer({"plan": str(plan.file), "quality": json_safe(quality.as_dict())})
@@ -106,6 +117,8 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
 
 def quality_sections(quality: Any) -> dict[str, Any]:
     """A DataQuality (flightlog/quality.py) as title -> table, list or sentence."""
+    from awescli.flightlog.split import PARTS
+
     sections: dict[str, Any] = {
         "signals": {
             c.name: {"unit": c.unit, "low": c.low, "high": c.high, "noise": "" if c.noise is None else c.noise, "clock": c.group}
@@ -114,6 +127,10 @@ def quality_sections(quality: Any) -> dict[str, Any]:
         "checks": {
             c.name: {"value": c.value, "limit": c.threshold, "unit": c.unit, "": "good" if c.ok else "NOT GOOD", "means": c.sentence}
             for c in quality.checks
+        },
+        "ranges of the parts": {
+            r.name: {"unit": r.unit, **{p: between(getattr(r, p)) for p in PARTS}, "test goes": f"{r.test_reach:.2f} x"}
+            for r in quality.ranges
         },
         "phases [s]": dict(quality.phases),
         "left out [s]": dict(quality.left_out),
@@ -126,6 +143,11 @@ def quality_sections(quality: Any) -> dict[str, Any]:
     bad = [c.name for c in quality.checks if not c.ok]
     sections["verdict"] = "good" if quality.ok else "look at " + ", ".join([*bad, *(["what is missing"] if quality.missing else [])])
     return sections
+
+
+def between(ends: tuple[float, float]) -> str:
+    """A range in a cell."""
+    return "{:.4g} to {:.4g}".format(*(round(end, 1) for end in ends))
 
 
 def effects(screen: Screen) -> None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from awescli.cli.tables import table_lines, text_of, wrapped
+from awescli.cli.tables import printable, table_lines, text_of, wrapped
 from awescli.stages.answers import ANSWER, lines_of
 
 
@@ -44,11 +44,11 @@ class Screen:
 
     def line(self, text: str) -> None:
         if not self.quiet:
-            self.console.print(text, markup=False, soft_wrap=True)
+            self.console.print(printable(text), markup=False, soft_wrap=True)
 
     def paragraph(self, text: str, indent: str = "") -> None:
         """A sentence in lines that fit, the further ones indented."""
-        for line in wrapped(text, self.width, indent, f"{indent}  "):
+        for line in wrapped(printable(text), self.width, indent, f"{indent}  "):
             self.line(line)
 
     def table(self, content: Mapping[str, Any]) -> None:
@@ -58,7 +58,7 @@ class Screen:
 
     def error(self, text: str) -> None:
         self.close()
-        print(text, file=sys.stderr)
+        print(printable(text), file=sys.stderr)
 
     def answer(self, obj: Any) -> None:
         """The machine-readable answer, with --json."""
@@ -109,7 +109,7 @@ class Screen:
         columns = TextColumn("  {task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
         self.bars = Progress(*columns, TextColumn("{task.fields[text]}", markup=False), console=self.console, transient=True)
         self.bars.start()
-        return _Bar(self.bars, self.bars.add_task(description, total=total, text=""))
+        return _Bar(self.bars, self.bars.add_task(printable(description), total=total, text=""))
 
     def note(self, text: str) -> None:
         self.line(f"  {text}")
@@ -162,7 +162,7 @@ class _Bar:
         self.bars.advance(self.id, n)
 
     def update(self, text: str) -> None:
-        self.bars.update(self.id, text=text)
+        self.bars.update(self.id, text=printable(text))
 
 
 class _PlainTask:

@@ -22,7 +22,7 @@ def shell(as_json: bool = False, quiet: bool = False) -> Iterator[Screen]:
     """A screen to print on; errors become messages and exit codes, signals become interruptions."""
     screen = Screen(as_json, quiet)
     code = 0
-    before = _terminate_like_ctrl_c()
+    before = _interruptible()
     try:
         yield screen
     except AwesError as e:
@@ -45,22 +45,27 @@ def shell(as_json: bool = False, quiet: bool = False) -> Iterator[Screen]:
         screen.error(f"error: {_last_place(e)}: {type(e).__name__}: {e}\n  This is a fault of awes. AWES_DEBUG=1 shows where it happened.")
     finally:
         screen.close()
-        if before is not None:
-            signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
     if code:
         raise typer.Exit(code)
 
 
-def _terminate_like_ctrl_c() -> Any:
-    """SIGTERM stops a run as cleanly as Ctrl-C does. Returns the handler before, None outside the main thread."""
+def _interruptible() -> dict[int, Any]:
+    """SIGTERM stops a run as cleanly as Ctrl-C does. Returns signal -> its handler before; nothing outside the main thread."""
 
     def interrupt(number: int, frame: Any) -> None:
         raise KeyboardInterrupt
 
-    try:
-        return signal.signal(signal.SIGTERM, interrupt)
-    except ValueError:
-        return None
+    before = {}
+    for number in (signal.SIGTERM, signal.SIGINT):
+        # what runs in the background of a shell is deaf to Ctrl-C, and stays so
+        if number == signal.SIGTERM or signal.getsignal(number) is not signal.SIG_IGN:
+            try:
+                before[number] = signal.signal(number, interrupt)
+            except ValueError:
+                return {}
+    return before
 
 
 def _last_place(e: BaseException) -> str:

@@ -25,8 +25,8 @@ def table_lines(content: Mapping[str, Any], width: int = 80) -> list[str]:
     A table that is too wide is turned (its rows become columns) where that helps; else sentences are broken or put below their rows, and
     what is left is cut into blocks of columns.
     """
-    columns = list(dict.fromkeys(str(key) for row in content.values() if isinstance(row, Mapping) for key in row)) or [""]
-    rows = [(str(name), _cells(row, columns)) for name, row in content.items()]
+    columns = list(dict.fromkeys(text_of(key) for row in content.values() if isinstance(row, Mapping) for key in row)) or [""]
+    rows = [(text_of(name), _cells(row, columns)) for name, row in content.items()]
     if _natural(rows, columns) > width:
         turned = [(c, {name: row[c] for name, row in rows}) for c in columns]
         names = [name for name, _ in rows]
@@ -40,7 +40,7 @@ def table_lines(content: Mapping[str, Any], width: int = 80) -> list[str]:
 def _cells(row: Any, columns: Sequence[str]) -> dict[str, str]:
     """A row as text; a value that is no row stands in the first column."""
     if isinstance(row, Mapping):
-        found = {str(key): text_of(value) for key, value in row.items()}
+        found = {text_of(key): text_of(value) for key, value in row.items()}
         return {c: found.get(c, "") for c in columns}
     return {c: text_of(row) if i == 0 else "" for i, c in enumerate(columns)}
 
@@ -132,13 +132,23 @@ def wrapped(text: str, width: int, first: str = "", further: str = "") -> list[s
     return textwrap.wrap(text, width, initial_indent=first, subsequent_indent=further, break_on_hyphens=False)
 
 
+def printable(text: str) -> str:
+    """Text that a terminal only shows: what would move its cursor, colour it, ring or turn its writing round stands there as \\x1b.
+
+    Names, cells and notes come from users' files. Line ends and tabs stay.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c in "\n\t" or c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def text_of(value: Any) -> str:
-    """A number with four figures, a truth value as a word, all else as it is."""
+    """A number with four figures, a truth value as a word, all else as it is, but printable."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if hasattr(value, "item") and getattr(value, "ndim", 1) == 0:
         value = value.item()
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else printable(str(value))
 
 
 def json_safe(value: Any) -> Any:

@@ -62,13 +62,3 @@ def design(X: np.ndarray, centres: np.ndarray, width: float) -> np.ndarray:
     g = 1.0 / (2.0 * float(width) ** 2)
     e = X @ (2.0 * g * centres.T) - g * (centres**2).sum(axis=1) - g * (X**2).sum(axis=1)[:, None]
     return np.concatenate([np.exp(np.maximum(e, LOWEST_EXPONENT)), np.ones((X.shape[0], 1)), X], axis=1)
-
-
-def design_slope(X: np.ndarray, centres: np.ndarray, width: float, j: int) -> np.ndarray:
-    """d design / d x_j at X (N, F): (N, M + 1 + F)."""
-    D = design(X, centres, width)
-    m = centres.shape[0]
-    slope = np.zeros_like(D)
-    slope[:, :m] = D[:, :m] * (centres[:, j][None, :] - X[:, j : j + 1]) / float(width) ** 2
-    slope[:, m + 1 + j] = 1.0
-    return slope

@@ -12,6 +12,7 @@ import numpy as np
 
 from awescli.control.features import check_features, evaluate
 from awescli.control.pattern import Pattern
+from awescli.notation.angles import mean_direction
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import SURFACES
 from awescli.notation.scalars import select
@@ -86,7 +87,7 @@ def state_mapping(log, wind_direction: float | None = None) -> dict[str, np.ndar
     z |= {name: log.inputs[name] for name in ("tether_length", "reel_out_speed") if name in log.inputs}
     wind = getattr(log, "wind", None)
     if wind_direction is None and wind is not None:
-        wind_direction = float(np.arctan2(np.sin(wind.direction).mean(), np.cos(wind.direction).mean()))
+        wind_direction = mean_direction(wind.direction)
     return z if wind_direction is None else z | {"wind_direction": wind_direction}
 
 

@@ -1,11 +1,9 @@
 """Compile printed IR with LLVM and hand out addresses of the functions.
 
-A compiled object is cached on disk by the hash of what it was made from, the processor and LLVM's version. The cache may be deleted at
-any time.
+A compiled object is kept on disk under the hash of what it was made from, the processor and LLVM's version (object_cache.py).
 """
 
 import hashlib
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -14,6 +12,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 import numpy as np
 
+from awescli.engine import object_cache
 from awescli.engine.linearised import print_linearised
 from awescli.engine.llvm_ir import calls_of, print_functions, print_value
 from awescli.engine.record import record
@@ -98,17 +97,21 @@ def _machine():
     return _target_machine
 
 
+def _made_for() -> str:
+    """What an object is made by, and the machine that it is made for."""
+    features = llvm.get_host_cpu_features().flatten()
+    return f"{llvm.llvm_version_info}{llvm.get_default_triple()}{llvm.get_host_cpu_name()}{features}"
+
+
 def _compile(text: str | Callable[[], str], key: str = ""):
     """The engine that holds the functions of an IR text. key: what decides the text, where it is known without printing it."""
     machine = _machine()
-    key = hashlib.sha256(
-        f"{key or text}{llvm.llvm_version_info}{llvm.get_host_cpu_name()}{llvm.get_host_cpu_features().flatten()}".encode()
-    ).hexdigest()
+    key = hashlib.sha256(f"{key or text}{_made_for()}".encode()).hexdigest()
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-    code = _load(key)
+    code = object_cache.load(key)
     if code is None:
         code = _emit(text if isinstance(text, str) else text(), machine)
-        _store(key, code)
+        object_cache.store(key, code)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     _KEPT.append(engine)
@@ -123,26 +126,6 @@ def _emit(text: str, machine) -> bytes:
     builder = llvm.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return machine.emit_object(module)
-
-
-def cache_folder() -> Path:
-    return Path(os.environ.get("AWES_CACHE") or Path.home() / ".cache" / "awes")
-
-
-def _load(key: str):
-    path = cache_folder() / f"{key}.o"
-    return path.read_bytes() if path.is_file() else None
-
-
-def _store(key: str, code: bytes) -> None:
-    folder = cache_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        temporary = folder / f".{key}.{os.getpid()}"
-        temporary.write_bytes(code)
-        temporary.replace(folder / f"{key}.o")
-    except OSError:
-        pass  # a cache that cannot be written costs a second at the next start, nothing else
 
 
 def evaluate(program: Program, x: np.ndarray, u: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -22,10 +22,11 @@ def fit_network(problem: Problem, config, holds: Iterable) -> Iterator[tuple[dic
 def _fit_held(problem: Problem, config, hold) -> tuple[dict, dict]:
     train = thin(problem.rows, 2500)
     trials = []
-    if problem.ahead.size:
+    ahead_rows = problem.ahead[problem.unseen]
+    if ahead_rows.size:
         for decay in DECAYS:
             fields = _train(problem, train, decay, config, hold, config.network_iterations // 2)
-            error = _forward(fields, problem.M[problem.ahead]) - problem.U[problem.ahead]
+            error = _forward(fields, problem.M[ahead_rows]) - problem.U[ahead_rows]
             trials.append((float(np.mean(np.sqrt((error**2).mean(axis=0)) / problem.span)), decay))
         ahead, decay = min(trials)
     else:

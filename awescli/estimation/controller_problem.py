@@ -10,7 +10,7 @@ from awescli.estimation.controller_ridge import solve_ridge, triangle
 from awescli.estimation.controller_samples import Samples, feature_matrix, loop_folds, standardisation
 
 EARLY = 0.6
-"""Share of the train part that has to predict the validation part, over the rest of the train part: further ahead than the test part is."""
+"""Share of the train part, its earliest, that has to predict the latest known flight: further ahead than the test part is."""
 BLOCK = 20_000
 """Rows handled at once where all samples are used: 20,000 x 90 doubles are 15 MB."""
 
@@ -21,7 +21,8 @@ class Problem:
 
     X, M: (N, F) smoothed and measured features; U: (N, S) [rad]; span: (S,) max - min of U in train and validation [rad];
     rows: (n,) at most `most` train rows, evenly thinned; fold: (n,) fold of each; early: (n,) bool, in the first EARLY of the train part;
-    ahead: (m,) thinned validation rows;
+    ahead: (m,) thinned rows to be predicted: `unseen` (m,) bool those of the validation part, `late` (m,) bool the latest known ones, as
+    many (where loops are dealt in the order of time these are the same);
     train: all train rows; everything: (K,) all train and validation rows; loop: (N,).
     """
 
@@ -36,6 +37,8 @@ class Problem:
     fold: np.ndarray
     early: np.ndarray
     ahead: np.ndarray
+    unseen: np.ndarray
+    late: np.ndarray
     train: np.ndarray
     everything: np.ndarray
     loop: np.ndarray
@@ -48,18 +51,23 @@ def pose(samples: Samples, features: tuple[str, ...], folds: int, most: int) -> 
     M = X if samples.measured is samples.smoothed else feature_matrix(samples.measured, features, samples.pattern, centre, scale)
     rows = thin(np.flatnonzero(samples.train), most)
     known = samples.train | samples.validation
+    early = np.arange(rows.size) < EARLY * rows.size
+    after = np.flatnonzero(known)
+    after = after[after > rows[early].max(initial=-1)]
+    unseen = thin(np.flatnonzero(samples.validation), most // 2)
+    late = thin(after[after.size - min(int(samples.validation.sum()), after.size) :], most // 2)
+    ahead = np.union1d(unseen, late)
     return Problem(
         features, centre, scale, X, M, samples.set_points, np.ptp(samples.set_points[known], axis=0), rows,
-        loop_folds(samples.loop[rows], folds), np.arange(rows.size) < EARLY * rows.size,
-        thin(np.flatnonzero(samples.validation), most // 2), np.flatnonzero(samples.train),
+        loop_folds(samples.loop[rows], folds), early, ahead, np.isin(ahead, unseen), np.isin(ahead, late), np.flatnonzero(samples.train),
         np.flatnonzero(known), samples.loop,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Score:
-    """NRMSE on held-out loops (cv), on the validation part (ahead) and on the same from the early train part alone (far), None without
-    one; all with measured states, mean over surfaces."""
+    """NRMSE on held-out loops (cv), on the validation part (ahead) and on the latest known flight from the early train part alone (far),
+    None without one; all with measured states, mean over surfaces."""
 
     cv: float
     ahead: float | None
@@ -98,7 +106,8 @@ def score_linear(
     result = {}
     for ridge in ridges:
         missed = [measured[f] @ solve_ridge(R, n_u, ridge)[0] - u[f] for f, R in zip(folds, left_out, strict=True)]
-        beyond = [ahead @ solve_ridge(R, n_u, ridge)[0] - v if v.size else None for R in (whole, early)]
+        asked = ((whole, problem.unseen), (early, problem.late))
+        beyond = [(ahead @ solve_ridge(R, n_u, ridge)[0] - v)[rows] if rows.any() else None for R, rows in asked]
         result[ridge] = Score(*(None if e is None else _nrmse(e, problem.span) for e in (np.concatenate(missed), *beyond)))
     return result
 

@@ -13,6 +13,8 @@ from awescli.notation.parameters import ParameterTable
 
 EXCITED = 0.5
 """A parameter whose standard deviation is still more than this share of its prior's was hardly seen by the flight."""
+MOVED = 1.0
+"""Prior standard deviations beyond which a parameter is not near its prior any more."""
 COLLINEAR = 0.95
 """Correlation beyond which two parameters are named as a pair that only their combination is known of."""
 
@@ -45,7 +47,8 @@ def describe_one(fit: Fit, prior: ParameterTable, constraints: Sequence[LinearCo
 
 
 def describe(fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str, str] | None = None) -> dict:
-    """Per free parameter: value, std, prior, shift, flags, advice.
+    """Per free parameter: value, std, prior, shift, flags, advice, and `determined`: "well" (excited), "hardly" (near its prior still), or
+    "poorly" (it moved by more than MOVED, or to a bound, though the flight does not say where it is).
 
     std is that of the fit's covariance (`staged_fit` has added what coloured residuals do); excited: std < half of the prior's;
     interval: 95 %; at_bound: it sits at an end of its range; partners: parameters correlated by more than 0.95. record: names of nuisance
@@ -65,12 +68,14 @@ def describe(fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str
         partners = [fit.names[j] for j in np.flatnonzero(np.abs(correlation[i]) > COLLINEAR) if j != i]
         at_bound = bool(np.isfinite(width) and min(p.value - p.lower, p.upper - p.value) < 1e-6 * width)
         excited = bool(std[i] < EXCITED * before.prior_std)
+        shift = float((p.value - before.value) / before.prior_std)
+        determined = "well" if excited else "poorly" if at_bound or abs(shift) > MOVED else "hardly"
         rows[name] = {
             "value": p.value, "std": float(std[i]), "interval": interval(p.value, float(std[i])), "unit": p.unit,
             "prior": before.value, "prior_std": float(before.prior_std),
-            "shift_in_prior_std": float((p.value - before.value) / before.prior_std),
-            "excited": excited, "at_bound": at_bound, "partners": partners,
-            "advice": _advice(excited, at_bound, partners), **whose,
+            "shift_in_prior_std": shift,
+            "excited": excited, "at_bound": at_bound, "determined": determined, "partners": partners,
+            "advice": _advice(determined, at_bound, partners), **whose,
         }  # fmt: skip
     return {
         "parameters": rows,
@@ -82,8 +87,12 @@ def describe(fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str
 
 
 def _correlation(covariance: np.ndarray) -> np.ndarray:
-    std = np.sqrt(np.diag(covariance))
-    return covariance / np.outer(std, std) if len(std) else np.zeros((0, 0))
+    """Correlations; of a parameter that equalities leave no freedom none with any other."""
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    both = np.outer(std, std)
+    correlation = np.divide(covariance, both, out=np.zeros_like(both), where=both > 0)
+    np.fill_diagonal(correlation, 1.0)
+    return correlation
 
 
 def _constraints(fit: JointFit) -> list[dict]:
@@ -99,10 +108,14 @@ def _constraints(fit: JointFit) -> list[dict]:
     return rows
 
 
-def _advice(excited: bool, at_bound: bool, partners: list[str]) -> str:
+def _advice(determined: str, at_bound: bool, partners: list[str]) -> str:
     if at_bound:
-        return "at its bound: the bound is wrong, or the model lacks an effect that this parameter stands in for (see trace-residual)"
-    if not excited:
+        poorly = ", though this flight hardly sees it" if determined == "poorly" else ""
+        return f"at its bound{poorly}: the bound is wrong, or the model lacks an effect that it stands in for (see trace-residual)"
+    if determined == "poorly":
+        moved = "more than one prior standard deviation off, though this flight hardly sees it"
+        return f"{moved}: it follows other parameters or stands in for a missing effect, and says little by itself"
+    if determined == "hardly":
         return "hardly seen by this flight: kept near its prior; a manoeuvre that moves what it multiplies would show it"
     if partners:
         return f"known only together with {', '.join(partners)}"

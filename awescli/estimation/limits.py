@@ -3,15 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import linprog
 
 from awescli.estimation.quadratic_program import Limits
-from awescli.notation.constraints import LinearConstraint
+from awescli.notation.constraints import LinearConstraint, contradiction
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
-
-SLACK = 1e-7
-"""Violation, in prior standard deviations, below which a linear program counts a constraint as kept."""
 
 
 def scaling(constraint: LinearConstraint, table: ParameterTable) -> float:
@@ -34,34 +30,10 @@ def limits_of(table: ParameterTable, names: Sequence[str], constraints: Sequence
             if name in place:
                 A[row, place[name]] = factor / unit
         low[row], high[row] = (constraint.lower - fixed) / unit, (constraint.upper - fixed) / unit
-    limits = Limits(*(np.array([getattr(table[n], end) for n in names]) for end in ("lower", "upper")), A, low, high)
-    if held and not _together(limits, range(len(held))):
+    rows = {name: table[name] for c in held for name in c.factors}
+    if clash := contradiction(held, {n: (p.lower, p.upper) if n in place else (p.value, p.value) for n, p in rows.items()}):
         raise BadInput(
-            f"no parameter values inside their bounds satisfy {_named([held[i].text for i in _conflict(limits)])}",
+            f"no parameter values inside their bounds satisfy {' and '.join(repr(c.text) for c in clash)}",
             "constraints", "Widen the bounds of the parameters, or drop a constraint.",
         )  # fmt: skip
-    return limits
-
-
-def _together(limits: Limits, rows: Sequence[int]) -> bool:
-    """Can these rows hold together, inside the bounds?"""
-    rows = list(rows)
-    A, upper, lower = limits.A[rows], limits.high[rows] + SLACK, limits.low[rows] - SLACK
-    both = np.vstack([A, -A])
-    right = np.r_[upper, -lower]
-    kept = np.isfinite(right)
-    bounds = list(zip(limits.lower, limits.upper, strict=True))
-    return linprog(np.zeros(A.shape[1]), both[kept], right[kept], bounds=bounds, method="highs").status != 2
-
-
-def _conflict(limits: Limits) -> list[int]:
-    """Rows that cannot hold together although all but any one of them can (deletion filter)."""
-    rows = list(range(len(limits.low)))
-    for row in list(rows):
-        if not _together(limits, others := [r for r in rows if r != row]):
-            rows = others
-    return rows
-
-
-def _named(texts: Sequence[str]) -> str:
-    return " and ".join(f"'{text}'" for text in texts)
+    return Limits(*(np.array([getattr(table[n], end) for n in names]) for end in ("lower", "upper")), A, low, high)

@@ -11,6 +11,7 @@ import numpy as np
 from awescli.estimation.fit import fit
 from awescli.estimation.misfit import Misfit
 from awescli.flightlog.split import segments as segment_starts
+from awescli.notation.errors import BadInput
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, STATES
 from awescli.physics.declaration import Noise
@@ -69,10 +70,13 @@ def predict(
     """Predict `horizon` seconds ahead, again and again through the sample `ranges`, and compare.
 
     values: parameter name -> value where it differs from the simulator's kite; every: [s] between predictions, default one after the
-    other. Divergence is counted, never raised.
+    other. Divergence is counted, never raised. Raises BadInput where no range is long enough.
     """
     before, ahead = int(round(warm_up / log.dt)), int(round(horizon / log.dt))
     begin = prediction_starts(log, ranges, horizon, warm_up, every)
+    if not begin.size:
+        what = f"no prediction of {horizon:g} s fits into the loops of flight '{log.name}' that it is to be scored on"
+        raise BadInput(what, do="Use a shorter horizon, or a longer flight; `awes check` lists what was left out and why.")
     observed = observe(log, simulator.kite, begin, before + ahead, MEASURED)
     trajectories = simulator.rollout(warmed_up(simulator, observed, before, values), values)
     return compare(log, trajectories, begin + before, before, ranges, simulator.kite.declaration.noise)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from awescli.estimation.mechanical_power import mechanical_power
 from awescli.estimation.prediction import Prediction, predict, prediction_starts
 from awescli.flightlog.split import PARTS, Split
 from awescli.notation.quantities import STATES
@@ -34,7 +35,17 @@ def scored(
         "one_step": ahead(simulator, log, parts.test, log.dt, every=ONE_STEP_EVERY),
         "by_loop": [row for part, p in predictions.items() for row in by_loop(p, log, loops, part)],
     }
+    if power := power_of(simulator.kite, test, log, loops):
+        block["power"] = power
     return block, predictions
+
+
+def power_of(kite, prediction: Prediction, log, loops: np.ndarray) -> dict | None:
+    """`mechanical_power` of a tethered flight; None without a line or a load cell, or where the model is given the measured tension."""
+    tethered = any(e.name == "tether" for e in kite.effects) and kite.declaration.tether.tension == "constraint"
+    if not tethered or "tension" not in prediction.simulated or "reel_out_speed" not in log:
+        return None
+    return mechanical_power(prediction, log["reel_out_speed"], loops)
 
 
 RELATIVES = {

@@ -72,11 +72,20 @@ def motor_lateness(log) -> float | None:
 
 
 def moving_average(x: np.ndarray, width: int) -> np.ndarray:
-    """Centred mean over `width` samples, (N,); at the ends over what there is."""
-    total = np.concatenate([[0.0], np.cumsum(x)])
-    i = np.arange(x.size)
-    low, high = np.maximum(i - (width - 1) // 2, 0), np.minimum(i + width // 2 + 1, x.size)
-    return (total[high] - total[low]) / (high - low)
+    """Centred mean over `width` samples, (N,); at the ends over what there is.
+
+    Each window is added up from its own samples (the end of a block of `width` and the beginning of the next, van Herk 1992): differences
+    of one running sum would carry the rounding of a huge sample through all that comes after it.
+    """
+    n, i = x.size, np.arange(x.size)
+    low, last = np.maximum(i - (width - 1) // 2, 0), np.minimum(i + width // 2, n - 1)
+    blocks = np.zeros((-(-n // width), width))
+    blocks.reshape(-1)[:n] = x
+    begins = np.cumsum(blocks, axis=1).reshape(-1)  # from the beginning of a block on
+    ends = np.cumsum(blocks[:, ::-1], axis=1)[:, ::-1].reshape(-1)  # up to its end; behind x there are zeros
+    within = np.where(low % width == 0, begins[last], ends[low])
+    total = np.where(low // width == last // width, within, ends[low] + begins[last])
+    return total / (last - low + 1)
 
 
 def _overlap_norm(a: np.ndarray, b: np.ndarray, lag: int) -> float:

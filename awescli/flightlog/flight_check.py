@@ -19,8 +19,10 @@ OF_GEODETIC = {"latitude": "rad", "longitude": "rad", "altitude": "m"}
 ATTITUDE = ("phi", "theta", "psi")
 CSV_ONLY = ("time", "position", "velocity", "acceleration", "signals", "wind")
 """Keys that belong to format csv."""
-LOGS = ("*.csv", "*.mat", "*.ulg", "*.[bB][iI][nN]")
-"""What a flight.yaml that names no file may read."""
+LOGS = {
+    "csv": "*.csv", "kitemill": "kite.csv", "ampyx": "*.mat", "umn": "*.mat", "px4": "*.ulg", "ardupilot": "*.[bB][iI][nN]",
+}  # fmt: skip
+"""Format -> the log beside a flight.yaml that does not name it."""
 MIXED = ("csv", "umn", "px4", "ardupilot")
 """Formats whose quantities may be sums of columns or channels."""
 
@@ -30,7 +32,7 @@ Where = Callable[..., str]
 
 @dataclass(frozen=True)
 class Declared:
-    """A checked flight.yaml. log: the CSV that it maps, None for other formats; where: names the place of a key."""
+    """A checked flight.yaml. log: the log that it describes, None where only its text was checked; where: names the place of a key."""
 
     path: Path
     file: FlightFile
@@ -61,32 +63,14 @@ def read_flight_file(path: Path, text: str | None = None) -> Declared:
     log = None
     if file is not None:
         errors += contradictions(file, document.where)
-        if text is None and file.format == "csv":
+        if text is None:
             log, more = _log_file(path, file, document.where)
-            errors += [*more, *_missing_columns(path, file, log, document.where)]
+            errors += more
+            if file.format == "csv":
+                errors += _missing_columns(path, file, log, document.where)
     if errors:
         raise errors[0] if len(errors) == 1 else BadInputs(errors)
     return Declared(path, file, log, document.where)
-
-
-def opened_by(path: Path) -> list[Path]:
-    """The files that reading `path` may open and that do not lie in it: log and weather that its flight.yaml names, and their neighbours.
-
-    path: a flight's folder, its flight.yaml, or anything else, of which nothing is told.
-    """
-    declaration = path / "flight.yaml" if path.is_dir() else path
-    if declaration.suffix not in (".yaml", ".yml") or not declaration.is_file():
-        return []
-    try:
-        file = open_document(declaration).check(FlightFile)
-    except BadInput:
-        return []
-    weather = file.wind.file if file.wind is not None else None
-    named = [declaration.parent / name for name in (file.file, weather) if name]
-    folders = {p.parent.resolve() for p in (*named, declaration)}
-    found = {p.resolve() for folder in folders for pattern in LOGS for p in folder.glob(pattern)}
-    found |= {p.resolve() for p in named if p.is_file()}
-    return sorted(p for p in found if not (path.is_dir() and p.is_relative_to(path.resolve())))
 
 
 def uses(file: FlightFile) -> Iterator[Use]:
@@ -205,22 +189,23 @@ def _wrong_wind(wind: Wind, where: Where) -> Iterator[BadInput]:
 
 
 def _log_file(path: Path, file: FlightFile, where: Where) -> tuple[Path | None, list[BadInput]]:
-    """The CSV: named, or the only one beside the declaration that is not the weather."""
+    """The log: named, or the only one beside the declaration that is not the weather."""
+    pattern = LOGS[file.format]
     if file.file is not None:
-        return _named(path, file.file, where("file"))
+        return _named(path, file.file, pattern, where("file"))
     weather = path.parent / file.wind.file if file.wind is not None and file.wind.file else None
-    found = [p for p in sorted(path.parent.glob("*.csv")) if p != weather]
+    found = [p for p in sorted(path.parent.glob(pattern)) if p != weather]
     if len(found) == 1:
         return found[0], []
-    what = "there is no CSV file beside it" if not found else f"several CSV files: {', '.join(p.name for p in found[:8])}"
-    return None, [BadInput(what, str(path), "Say which one: `file: NAME.csv`.")]
+    what = f"there is no {pattern} beside it" if not found else f"several logs: {', '.join(p.name for p in found[:8])}"
+    return None, [BadInput(what, str(path), "Say which one: `file: NAME`.")]
 
 
-def _named(path: Path, name: str, place: str) -> tuple[Path | None, list[BadInput]]:
+def _named(path: Path, name: str, pattern: str, place: str) -> tuple[Path | None, list[BadInput]]:
     """A file that the declaration names."""
     if (named := path.parent / name).is_file():
         return named, []
-    near = [p.name for p in path.parent.glob("*.csv")]
+    near = [p.name for p in path.parent.glob(pattern)]
     return None, [BadInput(f"there is no file {named}", place, did_you_mean(name, near) if near else "Check the path.")]
 
 
@@ -228,7 +213,7 @@ def _missing_columns(path: Path, file: FlightFile, log: Path | None, where: Wher
     """Columns that the log, or the weather file, does not have; each with the nearest that it has."""
     errors, weather = [], None
     if file.wind is not None and file.wind.file is not None:
-        weather, errors = _named(path, file.wind.file, where("wind", "file"))
+        weather, errors = _named(path, file.wind.file, "*.csv", where("wind", "file"))
     headers = {}
     for of_wind, source in ((False, log), (True, weather)):
         if source is not None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from awescli.flightlog.kitemill_wind import find_weather, read_wind, wind_csv_text
+from awescli.flightlog.kitemill_wind import read_wind, wind_csv_text
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.plausible_frames import check_frames
 from awescli.flightlog.plausible_units import check_clock, check_units
@@ -59,21 +59,21 @@ CURE = (
 
 
 def read_kitemill(
-    folder: Path,
+    path: Path,
+    weather: Path | None,
     max_gap: float = 0.2,
     units: Mapping[str, str] | None = None,
     station_height: float = 10.0,
-    file: str = "kite.csv",
     late: Mapping[str, float] | None = None,
 ) -> FlightLog:
-    """A Kitemill folder as a flight log.
+    """The log `path` and the weather file that belongs to it as a flight log.
 
     units: column -> unit, where the file does not use the format's own (`flight.yaml: units`); such columns are believed.
     station_height: height of a weather station without a `height` column [m above the winch]. late: clock group -> s by
     which its records come late.
     Raises BadInput (BadInputs) for missing columns, wrong units, cut-off or unreadable files.
     """
-    path, units = folder / file, dict(units or {})
+    folder, units = path.parent, dict(units or {})
     _, header = read_header(path)
     _refuse_missing(path, header)
     _refuse_unknown_units(folder, header, units)
@@ -92,7 +92,6 @@ def read_kitemill(
     signals, spikes = without_spikes(signals, usable_stamps(seconds)[0])
     check_frames(seconds, signals, places, units, {}, "Columns in other frames are mapped in a flight.yaml (`format: csv`).")
     check_units(seconds, signals, places, units, CURE)
-    weather = find_weather(folder)
     notes = list(table.notes)
     if others := [name for name in table.others if name not in WITHOUT_QUANTITY]:
         notes.append(f"{path.name}: columns without a quantity: {', '.join(others[:20])}{' ...' if len(others) > 20 else ''}.")

@@ -17,20 +17,8 @@ REQUIRED = {"_time", "direction", "speed"}
 FAR = 7200.0
 """s between flight and the nearest weather sample: beyond, it is the weather of another flight."""
 
-MAX_CELLS = 20_000_000
-"""times x heights of a profile: more is a file whose height column is no height."""
-
-
-def find_weather(folder: Path) -> Path | None:
-    """The weather file of a Kitemill folder, or None; several wind*.csv are an error, since one would be ignored."""
-    if (folder / "lista_fyr_lighthouse.csv").is_file():
-        return folder / "lista_fyr_lighthouse.csv"
-    found = sorted(folder.glob("wind*.csv"))
-    if len(found) > 1:
-        raise BadInput(
-            f"several weather files: {', '.join(p.name for p in found)}", str(folder), "Keep the one that belongs to the flight."
-        )
-    return found[0] if found else None
+MAX_CELLS = 2_000_000
+"""times x heights of a profile: three hours of a lidar at 1 Hz and 100 heights have half of it; more is a height column of no heights."""
 
 
 def read_wind(path: Path, start: float, flight: tuple[float, float], station_height: float) -> tuple[WindRecord, list[str]]:

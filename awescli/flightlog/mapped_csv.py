@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from awescli.flightlog.clocks import clock_offset
-from awescli.flightlog.flight_check import Declared, uses
+from awescli.flightlog.files import FlightFiles
+from awescli.flightlog.flight_check import uses
 from awescli.flightlog.flight_file import OF_VECTOR, FlightFile, Vector
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.mapped_columns import columns_in, mapped_signals, stamps_in_seconds
@@ -22,9 +23,10 @@ CURE = "Correct the unit, sign or frame of column {column} in flight.yaml; if al
 """What to do about a column that contradicts its unit."""
 
 
-def read_mapped(declared: Declared, max_gap: float = 0.2) -> FlightLog:
+def read_mapped(found: FlightFiles, max_gap: float = 0.2) -> FlightLog:
     """The log that a flight.yaml describes. Raises BadInput (BadInputs) for numbers that contradict their units or frames."""
-    mapping, path = declared.file, declared.log
+    declared, path = found.declared, found.log
+    mapping = declared.file
     _, header = read_header(path)
     table = read_table(path, columns_in(use for use in uses(mapping) if not use.of_wind_file))
     stamps = stamps_in_seconds(table, mapping.time)
@@ -41,7 +43,7 @@ def read_mapped(declared: Declared, max_gap: float = 0.2) -> FlightLog:
     signals, spikes = without_spikes(signals, usable_stamps(seconds)[0])
     check_frames(seconds, signals, places, mapping.believe, _frames(mapping), CURE)
     check_units(seconds, signals, places, believed, CURE)
-    wind, notes = mapped_wind(declared, table, seconds, start)
+    wind, notes = mapped_wind(found, table, seconds, start)
     if wind is not None:
         groups["wind"] = "weather"
         wind = replace(wind, time=wind.time - _number(mapping.clocks.get("weather", 0.0)))

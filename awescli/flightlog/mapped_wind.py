@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from awescli.flightlog.files import FlightFiles
 from awescli.flightlog.flight_check import Declared, columns_of_wind, uses
 from awescli.flightlog.flight_file import Column
-from awescli.flightlog.kitemill_wind import FAR, find_weather, profile, read_wind
+from awescli.flightlog.kitemill_wind import FAR, profile, read_wind
 from awescli.flightlog.log import WindRecord
 from awescli.flightlog.mapped_columns import column_in_si, columns_in, stamps_in_seconds
 from awescli.flightlog.plausible_units import is_unix
@@ -18,37 +19,33 @@ DRY_AIR = 287.05287
 """[J/(kg K)] gas constant of dry air (ISO 2533); humid air is up to 1 % lighter."""
 
 
-def mapped_wind(declared: Declared, table: Table, seconds: np.ndarray, start: float) -> tuple[WindRecord | None, list[str]]:
+def mapped_wind(found: FlightFiles, table: Table, seconds: np.ndarray, start: float) -> tuple[WindRecord | None, list[str]]:
     """(the wind record, or None; notes). seconds: (N,) stamps of the log from its first one, which is `start` on its own clock [s]."""
+    declared, path = found.declared, found.weather
     wind = declared.file.wind
     span = float(np.nanmin(seconds)), float(np.nanmax(seconds))
     if wind is None:
-        return _beside(declared, start, span)
+        return _beside(found, start, span)
     if wind.file is None:
         return _in_the_log(declared, table, seconds), []
-    path = declared.path.parent / wind.file
     if columns_of_wind(wind):
         return _mapped_file(declared, path, start, span)
     height = wind.height if isinstance(wind.height, float) else declared.file.station_height
     return read_wind(path, start, span, height)
 
 
-def _beside(declared: Declared, start: float, span: tuple[float, float]) -> tuple[WindRecord | None, list[str]]:
+def _beside(found: FlightFiles, start: float, span: tuple[float, float]) -> tuple[WindRecord | None, list[str]]:
     """A weather file that nobody mapped: used where it is in Kitemill's weather format, named where it is not."""
-    for folder in dict.fromkeys((declared.log.parent, declared.path.parent)):
-        try:
-            path = find_weather(folder)
-        except BadInput as e:
-            return None, [f"{e.what}; none is used. Name one in flight.yaml: `wind: {{file: ...}}`."]
-        if path is None or path == declared.log:
-            continue
-        try:
-            record, notes = read_wind(path, start, span, declared.file.station_height)
-        except BadInput as e:
-            do = f"Map it in flight.yaml: `wind: {{file: {path.name}, time: ..., direction: ..., speed: ...}}`."
-            return None, [f"{path.name} lies beside the log and is not used: {e.what}. {do}"]
-        return record, [f"{path.name} lies beside the log in Kitemill's weather format: used as its wind.", *notes]
-    return None, []
+    path = found.weather
+    if path is None:
+        why = found.why_no_weather
+        return None, [f"{why}; none is used. Name one in flight.yaml: `wind: {{file: ...}}`."] if why else []
+    try:
+        record, notes = read_wind(path, start, span, found.declared.file.station_height)
+    except BadInput as e:
+        do = f"Map it in flight.yaml: `wind: {{file: {path.name}, time: ..., direction: ..., speed: ...}}`."
+        return None, [f"{path.name} lies beside the log and is not used: {e.what}. {do}"]
+    return record, [f"{path.name} lies beside the log in Kitemill's weather format: used as its wind.", *notes]
 
 
 def _in_the_log(declared: Declared, table: Table, seconds: np.ndarray) -> WindRecord:

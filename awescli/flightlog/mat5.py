@@ -12,9 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from awescli.notation.errors import BadInput
+from awescli.notation.regular_files import open_regular
 
-MAX_BYTES = 500_000_000
-"""Of a file, and of what a compressed variable may unpack to: two hours at 50 Hz take about a tenth."""
+MAX_BYTES = 300_000_000
+"""Of a file."""
+MAX_UNPACKED = 160_000_000
+"""Bytes that a compressed variable may unpack to, and that all its numbers may take as float64: three hours at 50 Hz take 130 million. A
+file of half a megabyte can hold four gigabytes of zeros."""
+MAX_VARIABLES = 1000
 
 MAX_DEPTH = 8
 """Structs in structs."""
@@ -57,21 +62,23 @@ def read_mat(path: Path, wanted: str, do: str) -> tuple[dict[str, str], Value | 
     Raises BadInput, with `do` as the cure, for files that are damaged, too large, or hold objects.
     """
     try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise BadInput(f"the file is larger than {MAX_BYTES / 1e6:g} MB", str(path), do)
-        raw = memoryview(path.read_bytes())
+        with open_regular(path, MAX_BYTES) as file:
+            raw = memoryview(file.read())
+        if _is_hdf5(raw):
+            raise BadInput("this is a MATLAB 7.3 file (HDF5), which awes does not read", str(path), "Save it with save(..., '-v7').")
         order = _byte_order(raw)
         kinds: dict[str, str] = {}
         value = None
-        for kind, body in _elements(raw[128:], order):
+        for number, (kind, body) in enumerate(_elements(raw[128:], order)):
+            if number >= MAX_VARIABLES:
+                raise _Damaged(f"more than {MAX_VARIABLES} variables")
             # what it is and what it is called stands in the first bytes: the rest is unpacked only where it is wanted
             start = _unpacked(body, 4096)[:4096] if kind == COMPRESSED else None
             header = _matrix_header(_inside(start, order) if start is not None else body, order)
             kinds[header.name] = header.kind
             if header.name == wanted and header.kind not in REFUSED:
-                whole = _inside(_unpacked(body, MAX_BYTES), order) if start is not None else body
-                value = _matrix(whole, order, 0)
+                whole = _inside(_unpacked(body, MAX_UNPACKED), order) if start is not None else body
+                value = _matrix(whole, order, 0, _Room(MAX_UNPACKED))
     except OSError as e:
         raise BadInput(f"cannot be read ({e.strerror or e})", str(path), "Check the path and its permissions.") from None
     except _Damaged as e:
@@ -87,12 +94,30 @@ def variables(path: Path) -> dict[str, str]:
     return read_mat(path, "", "Is the file complete?")[0]
 
 
+@dataclass
+class _Room:
+    """Bytes that numbers may still take."""
+
+    left: int
+
+    def take(self, size: int) -> None:
+        """Raises _Damaged before memory is asked for."""
+        self.left -= size
+        if self.left < 0:
+            raise _Damaged(f"its numbers take more than {MAX_UNPACKED / 1e6:g} MB")
+
+
+def _is_hdf5(raw: memoryview) -> bool:
+    """Whether it is of MATLAB 7.3: the same first line as version 5 has, then HDF5, with or without a block of the user's before it."""
+    return bytes(raw[:10]) == b"MATLAB 7.3" or any(bytes(raw[at : at + 8]) == b"\x89HDF\r\n\x1a\n" for at in (0, 512))
+
+
 def _byte_order(raw: memoryview) -> str:
     if len(raw) < 136:
         raise _Damaged("too short")
     order = {b"IM": "<", b"MI": ">"}.get(bytes(raw[126:128]))
     if order is None:
-        raise _Damaged("it is a MATLAB 7.3 file" if bytes(raw[1:4]) == b"HDF" or bytes(raw[:10]) == b"MATLAB 7.3" else "no MATLAB 5 header")
+        raise _Damaged("no MATLAB 5 header")
     return order
 
 
@@ -115,13 +140,13 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
 
 
 def _unpacked(body: memoryview, most: int) -> memoryview:
-    """The first `most` bytes of a compressed element; more than MAX_BYTES are refused."""
+    """The first `most` bytes of a compressed element; more than MAX_UNPACKED are refused."""
     try:
         unpacked = zlib.decompressobj().decompress(body, most + 1)
     except zlib.error as e:
         raise _Damaged(str(e)) from None
-    if len(unpacked) > MAX_BYTES:
-        raise _Damaged(f"a variable unpacks to more than {MAX_BYTES / 1e6:g} MB")
+    if len(unpacked) > MAX_UNPACKED:
+        raise _Damaged(f"a variable unpacks to more than {MAX_UNPACKED / 1e6:g} MB")
     return memoryview(unpacked)
 
 
@@ -161,7 +186,7 @@ def _matrix_header(body: memoryview, order: str) -> _Header:
     return _Header(CLASSES[word & 0xFF], bool(word & 0x800), sizes, bytes(name).decode("latin-1"), parts)
 
 
-def _matrix(body: memoryview, order: str, depth: int) -> Value:
+def _matrix(body: memoryview, order: str, depth: int, room: _Room) -> Value:
     """The value of a matrix element."""
     if depth > MAX_DEPTH:
         raise _Damaged(f"structs more than {MAX_DEPTH} deep")
@@ -169,13 +194,13 @@ def _matrix(body: memoryview, order: str, depth: int) -> Value:
         return np.empty(0)
     header = _matrix_header(body, order)
     if header.kind in NUMERIC and not header.complex:
-        return _numbers(header, order)
+        return _numbers(header, order, room)
     if header.kind == "struct" and all(n == 1 for n in header.shape):
-        return _struct(header, order, depth)
+        return _struct(header, order, depth, room)
     return Unread(header.kind)
 
 
-def _numbers(header: _Header, order: str) -> np.ndarray:
+def _numbers(header: _Header, order: str, room: _Room) -> np.ndarray:
     """float64 of the header's shape, axes of length 1 left out."""
     kind, data = next(header.parts, (0, memoryview(b"")))
     if kind not in NUMBERS:
@@ -186,10 +211,11 @@ def _numbers(header: _Header, order: str) -> np.ndarray:
         count *= n
     if count * stored.itemsize != len(data):
         raise _Damaged("a matrix whose size is not that of its numbers")
+    room.take(8 * count)
     return np.squeeze(np.frombuffer(data, stored).astype(float).reshape(header.shape, order="F"))
 
 
-def _struct(header: _Header, order: str, depth: int) -> dict[str, Value]:
+def _struct(header: _Header, order: str, depth: int, room: _Room) -> dict[str, Value]:
     (length_type, length), (names_type, names) = next(header.parts, (0, b"")), next(header.parts, (0, b""))
     if length_type != 5 or len(length) != 4 or names_type != 1:
         raise _Damaged("a struct without field names")
@@ -202,5 +228,5 @@ def _struct(header: _Header, order: str, depth: int) -> dict[str, Value]:
         kind, body = next(header.parts, (0, memoryview(b"")))
         if kind != MATRIX:
             raise _Damaged(f"field '{field[:40]}' is no matrix")
-        found[field] = _matrix(body, order, depth + 1)
+        found[field] = _matrix(body, order, depth + 1, room)
     return found

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from awescli.flightlog.resample import usable_stamps
 from awescli.flightlog.units import factor_to_si
 from awescli.notation.errors import BadInput, BadInputs
 from awescli.notation.quantities import CONTROL_SURFACES
@@ -87,17 +88,15 @@ def check_units(
     seconds: (N,) stamps; signals: quantity -> (N,) SI as converted, NaN where missing; places: quantity -> (where, column);
     believed: columns whose unit is not to be doubted; cure: what to do, with {column} and {unit} to be filled in.
     """
-    step = np.diff(seconds)
-    # only steps of an ordinary length: neither repeated stamps nor gaps
-    typical = float(np.median(step[step > 0])) if (step > 0).any() else np.nan
-    ordinary = np.flatnonzero((step > 0.5 * typical) & (step < 1.5 * typical))
-    if ordinary.size < 50:
+    rows = usable_stamps(seconds)[0]  # repeated and swapped rows would look like other speeds
+    seconds, signals = seconds[rows], {name: values[rows] for name, values in signals.items()}
+    if rows.size < 50:
         return
     s = {name: values for name, values in signals.items() if np.isfinite(values).mean() > 0.5}
     found = [
         *_angles(s),
-        *_rates(s, ordinary, step),
-        *_positions(s, ordinary, step),
+        *_rates(s, seconds),
+        *_positions(s, seconds),
         *_height(s),
         *_airspeed(s),
         *_tension(s),
@@ -154,16 +153,24 @@ def _counts_turns(s) -> bool:
     return bool(flying.sum() > 50 and np.median(moved[flying] / turned[flying]) < UNWRAPPED)
 
 
-def _rates(s, ordinary: np.ndarray, step: np.ndarray) -> list[Finding]:
+def _apart(seconds: np.ndarray, apart: float) -> tuple[np.ndarray, np.ndarray]:
+    """(i, j): pairs of samples at least `apart` [s] from each other, and not much more: by the clock, whatever bursts rows come in."""
+    i = np.arange(seconds.size)
+    j = np.searchsorted(seconds, seconds + (1 - 1e-9) * apart)
+    i, j = i[j < seconds.size], j[j < seconds.size]
+    near = seconds[j] - seconds[i] < max(1.5 * apart, 2.5 * float(np.median(np.diff(seconds))))
+    return i[near], j[near]
+
+
+def _rates(s, seconds: np.ndarray) -> list[Finding]:
     """Body rates against what the Euler angles do: a factor of 57 is a unit."""
     if not {"phi", "theta", "psi", "p", "q", "r"} <= s.keys():
         return []
     # over many samples, so that the noise of the angles does not pass for rotation
-    stride = max(1, int(round(0.4 / float(np.median(step[ordinary])))))
-    i = np.arange(0, s["phi"].size - stride, stride)
-    i = i[np.isfinite(s["phi"][i] + s["theta"][i] + s["psi"][i] + s["phi"][i + stride] + s["theta"][i + stride] + s["psi"][i + stride])]
-    elapsed = np.median(step[ordinary]) * stride
-    turn = [np.angle(np.exp(1j * (s[n][i + stride] - s[n][i]))) / elapsed for n in ("phi", "theta", "psi")]
+    i, j = _apart(seconds, 0.4)
+    known = np.isfinite(sum(s[n][i] + s[n][j] for n in ("phi", "theta", "psi")))
+    i, j = i[known], j[known]
+    turn = [np.angle(np.exp(1j * (s[n][j] - s[n][i]))) / (seconds[j] - seconds[i]) for n in ("phi", "theta", "psi")]
     phi, theta = s["phi"][i], s["theta"][i]
     seen = [
         turn[0] - turn[2] * np.sin(theta),
@@ -182,17 +189,17 @@ def _rates(s, ordinary: np.ndarray, step: np.ndarray) -> list[Finding]:
     return []
 
 
-def _positions(s, ordinary: np.ndarray, step: np.ndarray) -> list[Finding]:
+def _positions(s, seconds: np.ndarray) -> list[Finding]:
     """Way over ground against speed; tether length against range."""
     found: list[Finding] = []
     speed = _speed(s)
     if speed is None or not {"p_n", "p_e", "p_d"} <= s.keys():
         return found
-    stride = max(1, int(round(1.0 / float(np.median(step[ordinary])))))
-    way = np.sqrt(sum((s[n][stride:] - s[n][:-stride]) ** 2 for n in ("p_n", "p_e", "p_d"))) / (np.median(step[ordinary]) * stride)
-    flying = np.flatnonzero((speed[:-stride] > 3.0) & np.isfinite(way))
-    if flying.size > 50:
-        ratio = float(np.median(way[flying] / speed[flying]))
+    i, j = _apart(seconds, 1.0)
+    way = np.sqrt(sum((s[n][j] - s[n][i]) ** 2 for n in ("p_n", "p_e", "p_d"))) / (seconds[j] - seconds[i])
+    flying = (speed[i] > 3.0) & np.isfinite(way)
+    if flying.sum() > 50:
+        ratio = float(np.median(way[flying] / speed[i][flying]))
         if unit := _confused(ratio, LENGTHS):
             why = f"positions change {ratio:.3g} times as fast as the velocity says"
             found += [(n, unit, why) for n in ("p_n", "p_e", "p_d")]

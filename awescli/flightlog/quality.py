@@ -10,7 +10,9 @@ from awescli.flightlog.consistency import Check, consistency_checks
 from awescli.flightlog.log import FlightLog, runs_of
 from awescli.flightlog.loops import Loops, find_loops
 from awescli.flightlog.phases import phase_durations, phases
+from awescli.flightlog.ranges import PartRanges, loop_ranges, part_ranges, ranges_check
 from awescli.flightlog.read import missing_for_model
+from awescli.flightlog.split import Split
 from awescli.notation.quantities import UNITS
 
 DISPLAY = {"rad": ("deg", 180 / np.pi), "rad/s": ("deg/s", 180 / np.pi)}
@@ -49,7 +51,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class DataQuality:
-    """What a log holds and how good it is; every number finite."""
+    """What a log holds and how good it is; every number finite. ranges: of the parts, where it is known how loops are dealt."""
 
     name: str
     rate: float
@@ -65,6 +67,7 @@ class DataQuality:
     stretches: tuple[Stretch, ...]
     missing: tuple[str, ...]
     notes: tuple[str, ...]
+    ranges: tuple[PartRanges, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -76,10 +79,11 @@ class DataQuality:
         return {**asdict(self), "ok": self.ok}
 
 
-def data_quality(log: FlightLog, needed: Iterable[str] | None = None) -> DataQuality:
+def data_quality(log: FlightLog, needed: Iterable[str] | None = None, parts: Split | None = None) -> DataQuality:
     """Rate, gaps, ranges, noise, faults, consistency, phases, loops and what is missing, of a log as `read_flight` gives it.
 
-    needed: channels that the kite needs (`missing_for_model`).
+    needed: channels that the kite needs (`missing_for_model`); parts: how loops are dealt: then also whether validation and test leave what
+    train has flown.
     """
     labels = phases(log)
     loops = find_loops(log, labels)
@@ -91,6 +95,9 @@ def data_quality(log: FlightLog, needed: Iterable[str] | None = None) -> DataQua
         _sensor_faults(log),
         *consistency_checks(log, airborne),
     )
+    ranges = part_ranges(loop_ranges(log, loops.bounds), loops.bounds, parts) if parts else ()
+    if parts:
+        checks += (ranges_check(ranges),)
     channels = []
     for name in (*log.measured, *log.inputs):
         unit, factor = DISPLAY.get(UNITS[name], (UNITS[name], 1.0))
@@ -119,7 +126,7 @@ def data_quality(log: FlightLog, needed: Iterable[str] | None = None) -> DataQua
         name=log.name, rate=1 / log.dt, duration=len(log) * log.dt, samples=len(log), counters=dict(log.counters), channels=tuple(channels),
         checks=checks, phases=phase_durations(labels, log.dt), loops=loops.sentence,
         loop_count=len(loops) if loops.kind == "loops" else 0, left_out=left_out,
-        stretches=_stretches(log, loops), missing=tuple(missing_for_model(log, needed)), notes=log.notes,
+        stretches=_stretches(log, loops), missing=tuple(missing_for_model(log, needed)), notes=log.notes, ranges=ranges,
     )  # fmt: skip
 
 
@@ -143,6 +150,8 @@ def white_noise(signal: np.ndarray, valid: np.ndarray | None = None, order: int 
 
     Differences of order n of white noise have the variance C(2n, n). The median keeps jumps (wraps, gaps) out of it.
     """
+    if signal.size <= order:
+        return None
     difference = np.diff(signal, order)
     if valid is not None:
         bad = np.convolve(~valid, np.ones(order + 1), "valid") > 0

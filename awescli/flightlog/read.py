@@ -1,6 +1,6 @@
 """read_flight: a folder -> FlightLog, by the reader that what is in it calls for."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from awescli.flightlog.ardupilot_bin import read_ardupilot
 from awescli.flightlog.autopilot import Autopilot
 from awescli.flightlog.clocks import motor_lateness
 from awescli.flightlog.faults import mark_faults
-from awescli.flightlog.flight_check import read_flight_file
+from awescli.flightlog.files import MATLAB, FlightFiles, find_flight
 from awescli.flightlog.kitemill_csv import read_kitemill
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.mapped_csv import read_mapped
@@ -19,7 +19,6 @@ from awescli.flightlog.mat5 import variables
 from awescli.flightlog.phases import phases
 from awescli.flightlog.px4_ulog import read_px4
 from awescli.flightlog.umn_mat import STRUCT, read_umn
-from awescli.notation.errors import BadInput
 
 NEEDED_BY_MODEL = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 """What no model of a rigid wing can do without, besides a surface that moves and the wind."""
@@ -33,28 +32,8 @@ def read_flight(flight: Path, max_gap: float = 0.2) -> FlightLog:
 
     max_gap: longest gap that may be interpolated [s]. Raises BadInput, with its place and cure, for all that cannot be read.
     """
-    flight = Path(flight)
-    if not flight.exists():
-        near = sorted(p.name for p in flight.parent.iterdir() if p.is_dir()) if flight.parent.is_dir() else []
-        raise BadInput("there is no such flight folder", str(flight), f"Beside it: {', '.join(near[:8])}." if near else "Check the path.")
-    if flight.is_file() and flight.suffix in (".yaml", ".yml"):
-        return mark_faults(airborne(_declared(flight, max_gap)))
-    if not flight.is_dir():
-        raise BadInput("a flight is a folder, this is a file", str(flight), f"Give its folder: {flight.parent}.")
-    for pattern, read in READERS:
-        if found := sorted(flight.glob(pattern)):
-            if len(found) > 1:
-                names = ", ".join(p.name for p in found[:8])
-                raise BadInput(
-                    f"several logs: {names}", str(flight), "Say which one in a flight.yaml (`file: NAME`), or give each its folder."
-                )
-            return mark_faults(airborne(read(found[0], max_gap)))
-    there = ", ".join(sorted(p.name for p in flight.iterdir())[:12]) or "nothing"
-    raise BadInput(
-        "no flight log that awes knows",
-        str(flight),
-        f"Looked for {', '.join(p for p, _ in READERS)}; there is: {there}. Map a CSV in flight.yaml.",
-    )
+    found = find_flight(Path(flight))
+    return mark_faults(airborne(READERS[found.format](found, max_gap)))
 
 
 def airborne(log: FlightLog) -> FlightLog:
@@ -95,41 +74,44 @@ def missing_for_model(log: FlightLog, needed: Iterable[str] | None = None) -> li
     return missing
 
 
-def _declared(path: Path, max_gap: float) -> FlightLog:
-    """The log that a flight.yaml describes."""
-    declared = read_flight_file(path)
-    mapping = declared.file
-    if mapping.format == "csv":
-        return read_mapped(declared, max_gap)
-    late = {group: float(value) for group, value in mapping.clocks.items() if value != "auto"}
-    pattern = mapping.file or PATTERNS[mapping.format]
-    found = sorted(path.parent.glob(pattern)) if mapping.file is None else [path.parent / mapping.file]
-    if len(found) != 1 or not found[0].is_file():
-        raise BadInput(f"there is no single {pattern} for format {mapping.format}", f"{path}: file", "Name the log: `file: NAME`.")
-    if mapping.format == "ampyx":
-        return read_ampyx(found[0], max_gap, late)
-    if mapping.format in OF_AUTOPILOTS:
-        how = Autopilot(mapping.mix, mapping.navigation, str(path), late)
-        return OF_AUTOPILOTS[mapping.format](found[0], max_gap, how)
-    return read_kitemill(found[0].parent, max_gap, mapping.units, mapping.station_height, found[0].name, late)
+def _late(found: FlightFiles) -> dict[str, float]:
+    """Clock group -> s by which it records late, as the flight.yaml says."""
+    clocks = found.declared.file.clocks if found.declared else {}
+    return {group: float(value) for group, value in clocks.items() if value != "auto"}
 
 
-def _matlab(path: Path, max_gap: float) -> FlightLog:
+def _kitemill(found: FlightFiles, max_gap: float) -> FlightLog:
+    if found.declared is None:
+        return read_kitemill(found.log, found.weather, max_gap)
+    mapping = found.declared.file
+    return read_kitemill(found.log, found.weather, max_gap, mapping.units, mapping.station_height, _late(found))
+
+
+def _matlab(found: FlightFiles, max_gap: float) -> FlightLog:
     """A .mat file of either layout, by the struct that it holds."""
-    return (read_umn if STRUCT in variables(path) else read_ampyx)(path, max_gap)
+    return (read_umn if STRUCT in variables(found.log) else read_ampyx)(found.log, max_gap)
 
 
-OF_AUTOPILOTS = {"umn": read_umn, "px4": read_px4, "ardupilot": read_ardupilot}
-"""Formats of logs that an autopilot writes, whose channels flight.yaml may mix and choose from."""
+def _autopilot(read: Callable[[Path, float, Autopilot | None], FlightLog]) -> Callable[[FlightFiles, float], FlightLog]:
+    """The reader of logs that an autopilot writes, whose channels a flight.yaml may mix and choose from."""
 
-PATTERNS = {"kitemill": "kite.csv", "ampyx": "*.mat", "umn": "*.mat", "px4": "*.ulg", "ardupilot": "*.[bB][iI][nN]"}
-"""Format -> the file that is looked for where flight.yaml names none."""
+    def reader(found: FlightFiles, max_gap: float) -> FlightLog:
+        how = None
+        if found.declared is not None:
+            mapping = found.declared.file
+            how = Autopilot(mapping.mix, mapping.navigation, str(found.declared.path), _late(found))
+        return read(found.log, max_gap, how)
 
-READERS: tuple[tuple[str, Callable[[Path, float], FlightLog]], ...] = (
-    ("flight.yaml", _declared),
-    ("*.mat", _matlab),
-    ("kite.csv", lambda path, max_gap: read_kitemill(path.parent, max_gap)),
-    ("*.ulg", read_px4),
-    (PATTERNS["ardupilot"], read_ardupilot),
-)
-"""What to look for in a folder, in this order, and who reads it."""
+    return reader
+
+
+READERS: Mapping[str, Callable[[FlightFiles, float], FlightLog]] = {
+    "csv": read_mapped,
+    "ampyx": lambda found, max_gap: read_ampyx(found.log, max_gap, _late(found)),
+    MATLAB: _matlab,
+    "kitemill": _kitemill,
+    "umn": _autopilot(read_umn),
+    "px4": _autopilot(read_px4),
+    "ardupilot": _autopilot(read_ardupilot),
+}
+"""Format -> its reader."""

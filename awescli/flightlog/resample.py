@@ -8,6 +8,7 @@ from scipy.ndimage import median_filter
 
 from awescli.flightlog.clocks import moving_average
 from awescli.flightlog.log import FlightLog, WindRecord, runs_of
+from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES, MEASURED, SURFACES
 
@@ -25,6 +26,9 @@ INDISPENSABLE = (*MEASURED[:12], *SURFACES)
 
 MAX_STRETCH = 20
 """A grid with more points than this per sample is a wrong clock, not a log with gaps (and would fill the memory)."""
+
+MAX_VALUES = 60_000_000
+"""Points of a grid times signals: six hours at 100 Hz with 27 signals, half a gigabyte."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,9 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
             raw.where,
             "Check the unit of the time column; cut the log into its flights.",
         )
+    if count * len(raw.signals) > MAX_VALUES:
+        what = f"{len(raw.signals)} signals at {count} points of {dt:g} s are too many (limit {MAX_VALUES} values)"
+        raise BadInput(what, raw.where, "Cut the log into its flights.")
     origin, time = stamps[0], np.arange(count) * dt
     max_gap = max(max_gap, 1.5 * dt)
     between = _place(time, stamps - origin, dt, max_gap)
@@ -201,12 +208,6 @@ def sample_interval(stamps: np.ndarray) -> float:
     if rate >= 1 and abs(round(rate) / rate - 1) < 0.01:
         return 1.0 / round(rate)
     return round(mean, 4) if mean >= 0.01 else mean
-
-
-def wrap(angle: np.ndarray) -> np.ndarray:
-    """Angle [rad] in (-pi, pi]; values already there keep every bit."""
-    outside = (angle > np.pi) | (angle <= -np.pi)
-    return np.where(outside, np.pi - np.mod(np.pi - angle, 2 * np.pi), angle) if outside.any() else angle
 
 
 def _place(time: np.ndarray, stamps: np.ndarray, dt: float, max_gap: float) -> _Placement:

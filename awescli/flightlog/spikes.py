@@ -1,11 +1,12 @@
-"""Spikes: one or two samples that leap away and come back, faster than anything that flies. Found before units are judged, then missing."""
+"""Spikes: one or two samples that leap away and come back, faster than anything that flies, and numbers that no sensor reports, however
+many in a row. Found before units are judged, then missing."""
 
 from collections.abc import Mapping
 
 import numpy as np
 from scipy.ndimage import median_filter
 
-from awescli.notation.quantities import ANGLES, MEASURED
+from awescli.notation.quantities import ANGLES, MEASURED, UNITS
 
 WINDOW = 5
 """Samples of the running median: it does not follow up to two samples in a row."""
@@ -18,6 +19,12 @@ SPAN = 0.2
 
 COMMAND = 0.5
 """Set-points may jump: their spikes leave the whole range, and by at least this much (SI: 29 deg, 0.5 m, 0.5 m/s)."""
+
+BROKEN = 100.0
+"""A number so many times larger than 98 % of a signal, ..."""
+
+REACH = {"m": 1e4, "m/s": 1e3, "rad": 10.0, "rad/s": 1e3, "m/s2": 1e4, "N": 1e6}
+"""... and larger than this, is of a broken cell: beyond what flies, in any unit that a signal may have been mistaken for."""
 
 ENOUGH = 20_000
 """Samples from which a scale is taken."""
@@ -36,7 +43,10 @@ def without_spikes(signals: Mapping[str, np.ndarray], rows: np.ndarray) -> tuple
         index = rows[np.isfinite(column[rows])]
         if index.size < FEWEST:
             continue
-        spikes = index[_spiked(name, column[index])]
+        size = np.abs(column[index])
+        broken = size > max(BROKEN * usual(size, 0.98), REACH.get(UNITS[name], np.inf))
+        left = index[~broken]
+        spikes = np.concatenate([index[broken], left[_spiked(name, column[left])]])
         if spikes.size:
             clean[name] = column.copy()
             clean[name][spikes] = np.nan

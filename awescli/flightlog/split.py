@@ -1,16 +1,19 @@
 """Loops -> train, validation, test; sample ranges -> segments to predict. Whole loops only: no sample serves two parts."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from awescli.flightlog.log import runs_of
+from awescli.flightlog.log import FlightLog, runs_of
 from awescli.flightlog.loops import Loops
+from awescli.flightlog.ranges import FARTHEST, LoopRanges, farthest, loop_ranges
 from awescli.notation.errors import BadInput
 
 PARTS = ("train", "validation", "test")
+ORDERS = ("balanced", "chronological", "interleaved")
+Order = Literal["balanced", "chronological", "interleaved"]
 
 Range = tuple[int, int]
 
@@ -31,18 +34,23 @@ def split(
     train: float = 0.5,
     validation: float = 0.2,
     test: float = 0.3,
-    order: Literal["chronological", "interleaved"] = "chronological",
+    order: Order = "balanced",
+    log: FlightLog | None = None,
 ) -> Split:
     """Whole loops dealt to the three parts by their shares (of their sum), at least one each.
 
-    chronological: first train, then validation, then test. interleaved: spread over the flight. Raises BadInput for fewer
-    than three loops, shares that are not positive, or an unknown order.
+    balanced: train, validation, test, train, and the same backwards, in as few stretches as make the parts' ranges alike (see `_balanced`;
+    without a `log` nothing is known of ranges, and the fewest are taken). chronological: first train, then validation, then test.
+    interleaved: spread over the flight. Raises BadInput for fewer than three loops, shares that are not positive, or an unknown order.
+
+    What balanced costs: test loops lie between loops that were fitted and share slow disturbances with them, the wind above all. Their
+    error is that of a model between flown states, on this flight; how it does later, on a longer line, is asked by chronological.
     """
     shares = np.array([train, validation, test], dtype=float)
     if not (np.isfinite(shares).all() and (shares > 0).all()):
         raise BadInput(f"shares {train:g}, {validation:g}, {test:g} of train, validation and test", do="Each must be above zero.")
-    if order not in ("chronological", "interleaved"):
-        raise BadInput(f"unknown order '{order}'", do="Use chronological or interleaved.")
+    if order not in ORDERS:
+        raise BadInput(f"unknown order '{order}'", do=f"Use {', '.join(ORDERS[:-1])} or {ORDERS[-1]}.")
     count = len(loops)
     if count < 3:
         raise BadInput(
@@ -50,7 +58,10 @@ def split(
             do="At least 3 are needed: use a longer flight, or check in `awes check` which phases were found.",
         )
     counts = _counts(count, shares / shares.sum())
-    part = np.repeat(np.arange(3), counts) if order == "chronological" else _dealt(counts)
+    if order == "balanced":
+        part = _balanced(counts, loop_ranges(log, loops.bounds) if log is not None else ())
+    else:
+        part = np.repeat(np.arange(3), counts) if order == "chronological" else _dealt(counts)
     ranges = [_merged(loops.bounds[part == k]) for k in range(3)]
     return Split(*ranges, counts=(int(counts[0]), int(counts[1]), int(counts[2])), of=loops.kind)
 
@@ -86,6 +97,49 @@ def _counts(count: int, shares: np.ndarray) -> np.ndarray:
     while counts.sum() > count:
         counts[np.argmax(np.where(counts > 1, counts - shares * count, -np.inf))] -= 1
     return counts
+
+
+def _balanced(counts: np.ndarray, ranges: Sequence[LoopRanges]) -> np.ndarray:
+    """Part of every loop (K,): the fewest mirrored stretches in which validation and test leave nowhere what train has flown.
+
+    Two stretches (train, validation, test, train, test, validation, train) make every trend alike in the parts, a line that gets longer
+    above all, and train holds both ends of the flight; they depend on nothing but the number of loops. Where a range still differs by more
+    than FARTHEST, more stretches are tried, down to single loops, then the same half a stretch on; if none will do, the nearest is taken.
+    """
+    tried = [_mirrored(counts, m, shift) for shift in (0.0, 0.5) for m in range(2, max(int(counts.sum()) // 2, 2) + 1)]
+    reached = []
+    for part in tried:
+        reached.append(farthest(ranges, part))
+        if reached[-1] <= FARTHEST:
+            return part
+    return tried[int(np.argmin(reached))]
+
+
+def _mirrored(counts: np.ndarray, stretches: int, shift: float = 0.0) -> np.ndarray:
+    """Part of every loop (K,): equal stretches, each train - validation - test - train, every other one backwards; `shift` moves where
+    they begin, in stretches. The stretches take turns, so that none has more of a part than another but for one loop."""
+    total = int(counts.sum())
+    at = (np.arange(total) + 0.5) / total * stretches + shift
+    stretch = at.astype(int)
+    # place within the stretch, -1/2 to 1/2, forwards or backwards; of equal places the one nearer to the flight's middle comes first
+    place = np.round((at % 1 - 0.5) * np.where(stretch % 2, -1, 1), 9)
+    nearer = np.abs(np.arange(total) - (total - 1) / 2)
+    # the middle of every stretch is not train, and its beginning is validation
+    turn = _turns(stretch, np.lexsort((nearer, np.abs(place))))
+    middle = np.lexsort((nearer, turn))[: total - counts[0]]
+    turn = _turns(stretch[middle], np.argsort(place[middle], kind="stable"))
+    middle = middle[np.argsort(turn, kind="stable")]
+    part = np.zeros(total, dtype=int)
+    part[middle[: counts[1]]], part[middle[counts[1] :]] = 1, 2
+    return part
+
+
+def _turns(stretch: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """(K,) the how manieth of its own stretch each is, in the given order."""
+    turn, seen = np.empty(len(order), dtype=int), {}
+    for k in order:
+        turn[k] = seen[stretch[k]] = seen.get(stretch[k], -1) + 1
+    return turn
 
 
 def _dealt(counts: np.ndarray) -> np.ndarray:

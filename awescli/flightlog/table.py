@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from awescli.flightlog.rows import Rows, read_rows
 from awescli.notation.errors import BadInput
+from awescli.notation.regular_files import open_regular
 
 HEADER_LIMIT = 65536
 """Bytes: a longer first line is not a header."""
@@ -21,13 +23,16 @@ ABSURD = 1e20
 GARBAGE_SHARE = 0.05
 """A column with more unreadable cells than this is not a column of numbers; with fewer, those cells are dropouts."""
 
+LOOKED_AT = 20
+"""Lines after the header in which a table has a number."""
+
 
 @dataclass(frozen=True)
 class Table:
     """Columns of one CSV file.
 
-    path: where it came from; columns: name -> (N,) float64, NaN where the cell is empty or unreadable; others: names in
-    the file that were not asked for; notes: what was odd, one sentence each.
+    path: where it came from; columns: name -> (N,) float64, NaN where the cell is empty or unreadable, and in whole rows that have
+    another number of cells than the others; others: names in the file that were not asked for; notes: what was odd, one sentence each.
     """
 
     path: Path
@@ -42,8 +47,9 @@ class Table:
 def read_header(path: Path) -> tuple[str, tuple[str, ...]]:
     """(separator, column names) of a CSV file; raises BadInput where the file is not a CSV with a header."""
     try:
-        with open(path, "rb") as file:
+        with open_regular(path) as file:
             first = file.readline(HEADER_LIMIT + 1)
+            after = [file.readline(HEADER_LIMIT) for _ in range(LOOKED_AT)]
     except (OSError, ValueError) as e:
         raise BadInput(f"cannot be read ({getattr(e, 'strerror', None) or e})", str(path), "Check the path and its permissions.") from None
     if not first.strip():
@@ -57,6 +63,11 @@ def read_header(path: Path) -> tuple[str, tuple[str, ...]]:
     names = tuple(name.strip().strip('"') for name in text.split(separator))
     if all(_is_number(name) for name in names):
         raise BadInput("the first line holds numbers, not column names", f"{path}:1", "Put a line with the column names on top.")
+    # what no log looks like is not quoted in messages: it may be any file of the machine
+    cells = (cell for row in after for cell in row.decode("utf-8", errors="replace").split(separator))
+    if len(names) < 2 or not any(_is_number(cell.strip().strip('"').replace(",", ".")) for cell in cells):
+        what = "there is a header but no samples" if not any(row.strip() for row in after) else "this is no table of numbers"
+        raise BadInput(what, str(path), "Expected text: a line of column names, then one row a sample. Is it the right file, and complete?")
     return separator, names
 
 
@@ -71,45 +82,50 @@ def read_table(path: Path, wanted: Iterable[str]) -> Table:
         if names.count(name) > 1:
             raise BadInput(f"{names.count(name)} columns are called '{name}'", f"{path}:1", "Rename or remove all but one.")
     _refuse_truncated(path, separator, len(names))
-    frame = _read_columns(path, separator, names, wanted, pl.Float64)
-    if frame.height == 0:
-        raise BadInput("there is a header but no samples", str(path), "Is the file complete? Copy it again.")
-    notes: list[str] = []
+    rows = read_rows(path, separator, len(names))
+    frame = _read_columns(path, separator, names, wanted, pl.Float64, rows)
+    notes = list(rows.notes)
     columns = {}
     series = dict(zip(wanted, frame.get_columns(), strict=True))
-    incomplete = [name for name in wanted if series[name].null_count()]
+    whole = rows.whole[rows.first :]
+    incomplete = [name for name in wanted if (series[name].is_null().to_numpy() & whole).any()]
     texts = {}
     if incomplete:
-        texts = dict(zip(incomplete, _read_columns(path, separator, names, incomplete, pl.String).get_columns(), strict=True))
+        texts = dict(zip(incomplete, _read_columns(path, separator, names, incomplete, pl.String, rows).get_columns(), strict=True))
     for name, column in series.items():
         if name in texts:
-            notes += _explain_missing(path, name, column, texts[name])
-        values = column.to_numpy().astype(float, copy=True)
-        values[~(np.abs(values) < ABSURD)] = np.nan
+            notes += _explain_missing(path, name, column, texts[name], rows)
+        values = np.full(rows.whole.size, np.nan)
+        values[rows.first :] = column.to_numpy()
+        values[~(np.abs(values) < ABSURD) | ~rows.whole] = np.nan
         columns[name] = values
     return Table(path, columns, tuple(n for n in names if n not in wanted), tuple(notes))
 
 
 def read_text(path: Path, name: str) -> list[str]:
-    """The cells of one column as they stand in the file, empty ones as "". Raises BadInput as `read_table` does."""
+    """The cells of one column as they stand in the file, in the rows of `read_table`: "" where the cell is empty, or where the row has
+    another number of cells than the others. Raises BadInput as `read_table` does."""
     separator, names = read_header(path)
     if names.count(name) != 1:
         raise BadInput(f"{names.count(name) or 'no'} columns are called '{name}'", f"{path}:1", "One is needed.")
-    return _read_columns(path, separator, names, [name], pl.String).get_columns()[0].fill_null("").to_list()
+    _refuse_truncated(path, separator, len(names))
+    rows = read_rows(path, separator, len(names))
+    cells = _read_columns(path, separator, names, [name], pl.String, rows).get_columns()[0].fill_null("").to_list()
+    return [cell if whole else "" for cell, whole in zip([""] * rows.first + cells, rows.whole, strict=True)]
 
 
-def _read_columns(path: Path, separator: str, names: tuple[str, ...], wanted: list[str], dtype) -> pl.DataFrame:
-    """The wanted columns, in that order, under the names column_i; cells that are not of `dtype` become null."""
+def _read_columns(path: Path, separator: str, names: tuple[str, ...], wanted: list[str], dtype, rows: Rows) -> pl.DataFrame:
+    """The wanted columns from the first whole row on, in that order, under the names column_i; what is not of `dtype` becomes null."""
     # the file's own names may repeat; a schema by position cannot clash, and keeps a short first row from hiding columns
-    schema = {f"column_{i}": pl.String for i in range(len(names))}
+    schema = {f"column_{i}": pl.String for i in range(rows.cells)}
     picked = [f"column_{names.index(name)}" for name in wanted]
     schema.update(dict.fromkeys(picked, dtype))
-    first = _first_row(path)
+    first = rows.text
     try:
         frame = pl.read_csv(
             path,
             has_header=False,
-            skip_lines=1,
+            skip_lines=1 + rows.first,
             schema=schema,
             columns=picked,
             separator=separator,
@@ -117,21 +133,15 @@ def _read_columns(path: Path, separator: str, names: tuple[str, ...], wanted: li
             truncate_ragged_lines=True,
             encoding="utf8-lossy",
             decimal_comma=separator == ";" and dtype == pl.Float64 and b"," in first,
-            # a stray quote in a file of bare numbers must not swallow the rows after it
-            quote_char='"' if first.count(b'"') and first.count(b'"') % 2 == 0 else None,
+            quote_char='"' if rows.quoted else None,
         )
     except (pl.exceptions.PolarsError, OSError, ValueError, OverflowError) as e:
         raise BadInput(
             f"not a readable CSV file ({str(e).splitlines()[0][:120]})", str(path), "Open it in an editor; export it again."
         ) from None
+    if frame.height != rows.whole.size - rows.first:
+        raise BadInput("the rows cannot be told apart (quotes that do not close)", str(path), "Export it without quotes.")
     return frame.select(picked)
-
-
-def _first_row(path: Path) -> bytes:
-    """The line after the header: it shows how the file writes its cells."""
-    with open(path, "rb") as file:
-        file.readline(HEADER_LIMIT)
-        return file.readline(HEADER_LIMIT)
 
 
 def _refuse_truncated(path: Path, separator: str, width: int) -> None:
@@ -153,17 +163,15 @@ def _refuse_truncated(path: Path, separator: str, width: int) -> None:
         )
 
 
-def _explain_missing(path: Path, name: str, column: pl.Series, text: pl.Series) -> list[str]:
-    """Notes about the null cells of a column, by its text: empty ones, and unreadable ones with the line of the first."""
-    if len(text) != len(column):
-        raise BadInput("the rows cannot be told apart (quotes that do not close)", f"{path}: column {name}", "Export it without quotes.")
-    missing = column.is_null()
+def _explain_missing(path: Path, name: str, column: pl.Series, text: pl.Series, rows: Rows) -> list[str]:
+    """Notes about the null cells of a column in whole rows, by its text: empty ones, and unreadable ones with the line of the first."""
+    missing = column.is_null() & pl.Series(rows.whole[rows.first :])
     cells = text.filter(missing).fill_null("").str.strip_chars()
     unreadable = ~cells.str.to_lowercase().is_in(list(MISSING))
     bad = int(unreadable.sum())
     if not bad:
         return [f"{path.name}: column {name} has {int(missing.sum())} empty cells."]
-    at = int(np.flatnonzero(missing.to_numpy())[int(unreadable.arg_max() or 0)])
+    at = rows.first + int(np.flatnonzero(missing.to_numpy())[int(unreadable.arg_max() or 0)])
     example = str(cells.filter(unreadable)[0])[:30]
     if bad > GARBAGE_SHARE * len(column):
         raise BadInput(

@@ -13,15 +13,13 @@ ISO = "iso"
 
 
 def read_stamps(path: Path, name: str) -> np.ndarray:
-    """(N,) s: unix time of dates with times (UTC where no zone is named), seconds since midnight of times of day; NaN where a cell cannot
-    be read. Raises BadInput where most cells are neither."""
+    """(N,) s: unix time of dates with times (UTC where no zone is named), seconds since midnight of times of day; NaN where a cell is empty
+    or cannot be read. Raises BadInput where too many are neither."""
     cells = read_text(path, name)
     stamps = np.array([_seconds(cell) for cell in cells], dtype=float)
-    known = np.isfinite(stamps)
-    if not stamps.size:
-        raise BadInput("there is a header but no samples", str(path), "Is the file complete? Copy it again.")
-    if (~known).mean() > GARBAGE_SHARE:
-        at = int(np.argmin(known))
+    unreadable = ~np.isfinite(stamps) & np.array([bool(cell.strip()) for cell in cells])
+    if unreadable.mean() > GARBAGE_SHARE:
+        at = int(np.argmax(unreadable))
         what = f"'{cells[at][:40]}' is no date and time"
         raise BadInput(what, f"{path}:{at + 2}: column {name}", "Expected 2022-04-15T05:20:00.040 or 05:20:00.040.")
     return stamps

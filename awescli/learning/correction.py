@@ -162,7 +162,7 @@ class HybridKite:
         self._inputs = inputs_of_instant(correction.inputs)
         self.declaration, self.heights, self.effects, self.by_place = kite.declaration, kite.heights, kite.effects, kite.by_place
         self.state_names, self.x_names, self.input_names = kite.state_names, kite.x_names, kite.input_names
-        self.constraints, self.tether = kite.constraints, kite.tether
+        self.constraints, self.tether, self.start_spread = kite.constraints, kite.tether, kite.start_spread
 
     def instant(self, x, u, c):
         """The instant of the physics, its derivative corrected; `at.correction` holds the six corrections."""
@@ -206,8 +206,7 @@ class HybridKite:
 
 def hybrid_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log) -> Simulator:
     """The simulator of what train-hybrid left (network.json, network.safetensors) on the kite file beside them."""
-    heights = log.wind.height if log.wind is not None else (10.0,)
-    return Simulator(kite_from_artifact(description, arrays, declaration, heights), tuple(map(even, GUSTS)))
+    return Simulator(kite_from_artifact(description, arrays, declaration, log.wind.height), tuple(map(even, GUSTS)))
 
 
 def kite_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, heights) -> Kite | HybridKite:

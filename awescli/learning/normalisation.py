@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import savgol_filter
 
+from awescli.flightlog.smoothing import local_quadratic
 from awescli.learning.correction import ROWS, Correction, initial_weights
 from awescli.learning.network_inputs import check_inputs, inputs_of_instant
 from awescli.notation.errors import BadInput
@@ -18,6 +18,8 @@ MARGIN = 0.2
 """Share by which the box is wider than the training range on either side: a range seen in a minute is not the whole range."""
 DRIFT = 0.1
 """An input that lies outside its box on more than this share of the validation samples is not used."""
+TIME = 0.9
+"""An input whose rank correlation with time is larger tells the time."""
 SLOW = 0.5
 """[s] the residual acceleration is averaged over this before its size is taken: what is faster is mostly differentiated noise."""
 SMALLEST = (1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)
@@ -54,25 +56,33 @@ def input_signals(log, kite: Kite, names: Sequence[str]) -> np.ndarray:
 def residual_acceleration(log, kite: Kite) -> np.ndarray:
     """(N, 6) measured less modelled derivatives of (u, v, w, p, q, r), by a local quadratic through the measured states."""
     at, *_ = instants(log, kite)
-    window = max(5, 2 * int(round(SMOOTHING / log.dt / 2)) + 1)
-    measured = savgol_filter(np.stack([log[STATES[r]] for r in ROWS], axis=1), window, 2, deriv=1, delta=log.dt, axis=0)
+    measured = local_quadratic(np.stack([log[STATES[r]] for r in ROWS], axis=1), log.dt, SMOOTHING, derivative=1)
     modelled = np.stack([np.broadcast_to(np.asarray(at.derivative[r], dtype=float), (len(log),)) for r in ROWS], axis=1)
     return measured - modelled
 
 
 def drifting(log, kite: Kite, names: Sequence[str], train, validation) -> tuple[str, ...]:
-    """Inputs that leave their training range on the validation flight: a line that only gets longer tells the time, nothing else.
+    """Inputs that leave their training range on the validation flight, or run through the known flight as time does.
 
-    Kept, they would either be extrapolated or let the correction fade everywhere but in training.
+    Kept, the first would be extrapolated, or let the correction fade everywhere but in training. The others (a line that only gets longer)
+    tell the time and nothing else, also where validation lies between training loops: a network would learn the wind of the day from them.
     """
-    use, later = samples_of(train, log.valid), samples_of(validation, log.valid)
-    if not (use.any() and later.any()):
+    use, other = (np.flatnonzero(samples_of(ranges, log.valid)) for ranges in (train, validation))
+    if not (use.size and other.size):
         return ()
     signals = input_signals(log, kite, names)
     low, high = signals[use].min(0), signals[use].max(0)
     room = MARGIN * (high - low) + 1e-9 * np.abs(high)
-    outside = ((signals[later] < low - room) | (signals[later] > high + room)).mean(0)
-    return tuple(n for n, share in zip(names, outside, strict=True) if share > DRIFT)
+    outside = ((signals[other] < low - room) | (signals[other] > high + room)).mean(0)
+    order = _order_in_time(signals[np.sort(np.concatenate([use, other]))])
+    return tuple(n for n, share, r in zip(names, outside, order, strict=True) if share > DRIFT or abs(r) > TIME)
+
+
+def _order_in_time(signals: np.ndarray) -> np.ndarray:
+    """(n,) Spearman's rank correlation of signals (N, n) with time; 0 for one that never changes."""
+    rank = np.argsort(np.argsort(signals, axis=0, kind="stable"), axis=0) - (len(signals) - 1) / 2
+    time = np.arange(len(signals)) - (len(signals) - 1) / 2
+    return np.where(np.ptp(signals, axis=0) > 0, time @ rank / (time @ time), 0.0)
 
 
 def untrained(log, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[int], seed: int, validation=()) -> Correction:

@@ -9,13 +9,14 @@ from awescli.learning.correction import ROWS, Correction, HybridKite
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
 from awescli.learning.orthogonality import Parametric
 from awescli.learning.starts import Own, estimated_starts, own_unknowns
+from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES, STATES
 from awescli.physics.disturbances import GUSTS, even
 from awescli.physics.kite import Kite
 from awescli.simulation.hybrid import CorrectedSimulator, Prepared
 from awescli.simulation.rollout import Simulator
-from awescli.simulation.segments import Observed, noise_std, observe, wrap
+from awescli.simulation.segments import Observed, noise_std, observe
 
 MEASURED_STATE = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 """The whole state as it is measured: what starts are estimated from."""

@@ -181,7 +181,7 @@ def train(
 def usable_inputs(kite, log, train_ranges, validation_ranges, names) -> tuple[tuple[str, ...], dict[str, str]]:
     """(names to use, left out: name -> reason)"""
     drift = drifting(log, kite, names, train_ranges, validation_ranges)
-    return tuple(n for n in names if n not in drift), {n: "leaves its training range on validation" for n in drift}
+    return tuple(n for n in names if n not in drift), {n: "leaves its training range on validation, or runs with time" for n in drift}
 
 
 def _usable(horizons, log, train_ranges, validation_ranges, config) -> list[float]:

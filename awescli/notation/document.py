@@ -18,6 +18,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
+from awescli.notation.regular_files import open_regular
 from awescli.notation.yaml_text import MAX_CHARACTERS, MAX_DEPTH, Loc, parse_yaml
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -124,7 +125,11 @@ class Document:
     def _translate(self, error: ValidationError, model: type[BaseModel]) -> list[BadInput]:
         """One BadInput per place; the branches of a union complain together ("must be a number or must be 'auto'")."""
         found: dict[str, BadInput] = {}
-        for e in error.errors(include_url=False):
+        raw = error.errors(include_url=False)
+        for e in raw:
+            # a list with a wrong entry is told to be too short as well
+            if e["type"] == "too_short" and any(o["loc"][: len(e["loc"])] == e["loc"] != o["loc"] for o in raw):
+                continue
             loc = self._real(e["loc"], e["type"] == "missing")
             where = self.where(*loc)
             what, do = _say(e, loc, model, self.omit)
@@ -150,13 +155,11 @@ class Document:
 def _read_text(path: Path) -> str:
     """The file's text, or what is wrong with the file."""
     try:
-        with open(path, "rb") as file:
+        with open_regular(path) as file:
             raw = file.read(4 * MAX_CHARACTERS + 1)
         return raw.decode("utf-8")
     except FileNotFoundError:
         raise BadInput("there is no such file", str(path), "Check the path; `awes init DIR` writes a plan to start from.") from None
-    except IsADirectoryError:
-        raise BadInput("this is a folder, a YAML file is needed", str(path), "Name the file inside it.") from None
     except UnicodeDecodeError as e:
         if len(raw) > 4 * MAX_CHARACTERS:
             raise BadInput("this is too large for a settings file", str(path), "Is this the file you meant?") from None
@@ -320,6 +323,7 @@ def _say(e: Mapping[str, Any], loc: Loc, model: type[BaseModel], omit: tuple[str
     message = e["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
     message = re.sub(r"^Input should (be|have)", r"must \1", message)
     message = re.sub(r"^must be a valid (dictionary|mapping)\b.*", "must be a mapping (key: value)", message)
+    message = re.sub(r"^(Tuple|List|Value) should have at (least|most) (\d+) items?.*", r"must have at \2 \3 of them", message)
     message = re.sub(r"^Input is not a valid path.*", "must be a path", message).replace(", unable to parse string as a number", "")
     if e["type"] in ("value_error", "assertion_error"):
         return message, _described(model, loc)

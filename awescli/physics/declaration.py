@@ -140,7 +140,9 @@ def row_of(p: Parameter) -> ParameterRow:
 
 def read_kite(path: Path) -> KiteDeclaration:
     """Read and check a kite file. Raises BadInput (BadInputs: all mistakes at once) with file:line, also for numbers that are still to be
-    filled in, for unknown effects, and for parameters that effects need; a file that is no kite file is one mistake."""
+    filled in, for unknown effects, for parameters that effects need, and for what is not of this world (admissible.py); a file that is no
+    kite file is one mistake."""
+    from awescli.physics.admissible import all_told, mistakes
     from awescli.physics.kite import check_declaration
     from awescli.physics.unfilled import unfilled
 
@@ -149,15 +151,18 @@ def read_kite(path: Path) -> KiteDeclaration:
         found = ", ".join(list(document.data)[:6])
         do = "A kite file has `parameters` and `aerodynamics`; `awes init DIR --flight LOG` writes one to fill in."
         raise BadInput(f"this is no kite file (it holds: {found})", document.where(), do)
-    document, errors = unfilled(document)
-    declaration = None
+    # before numbers that are still to be filled in get their stand-ins, which are of no kite
+    errors, declaration = mistakes(document.data, document.where), None
+    document, unknown = unfilled(document)
+    errors += unknown
     try:
         declaration = document.check(KiteDeclaration)
         check_declaration(declaration, document.where)
     except BadInput as e:
         errors += e.errors if isinstance(e, BadInputs) else [e]
     if errors:
-        raise errors[0] if len(errors) == 1 else BadInputs(errors)
+        told = all_told(errors)
+        raise told[0] if len(told) == 1 else BadInputs(told)
     return declaration
 
 

@@ -45,12 +45,13 @@ class Coefficients(NamedTuple):
 class Line(NamedTuple):
     """The line as the tether law sees it.
 
-    length [m] and speed [m/s] paid out by the winch, drag coefficient C_tD, share of the drag's lateral part (0 or 1),
+    length [m], speed [m/s] and acceleration [m/s2] paid out by the winch, drag coefficient C_tD, share of the drag's lateral part (0 or 1),
     attachment from the reference point [m, FRD], axial stiffness EA [N] (0: inextensible) with damping [N s/m], sag weight [N/m].
     """
 
     length: Number
     speed: Number
+    acceleration: Number
     drag_coefficient: Number
     lateral_drag: Number
     attachment: tuple[Number, Number, Number]
@@ -60,10 +61,12 @@ class Line(NamedTuple):
 
 
 class Load(NamedTuple):
-    """Force [N] and moment about the reference point [N m], body axes."""
+    """Force [N] and moment about the reference point [N m], body axes; and what answers the kite's own acceleration: the mass [kg] that
+    moves with it across the line, but not along it. It resists, and weighs nothing (its weight, if any, is part of `force`)."""
 
     force: tuple[Number, Number, Number]
     moment: tuple[Number, Number, Number]
+    mass_across: Number = 0.0
 
 
 @dataclass
@@ -71,7 +74,7 @@ class Instant:
     """One instant, filled from top to bottom by `kite.Kite`; effects read what stands above their place.
 
     z: the 12 states; R: rows of body-to-NED; v_ned [m/s]; inputs: the exogenous inputs by name; values: all parameters by name;
-    line, tension: None and 0 on a kite that flies free.
+    received: key of an effect -> what stood at its place before it acted; line, tension: None and 0 on a kite that flies free.
     """
 
     z: SimpleNamespace
@@ -83,6 +86,7 @@ class Instant:
     distance: Number
     p_hat: tuple
     states: dict[str, Number] = field(default_factory=dict)
+    received: dict[str, Any] = field(default_factory=dict)
     deflections: dict[str, Number] = field(default_factory=dict)
     wind: Wind | None = None
     V_a: Number = None
@@ -95,4 +99,5 @@ class Instant:
     line: Line | None = None
     applied: Load | None = None
     tension: Number = 0.0
+    acceleration: tuple = ()
     derivative: tuple = ()

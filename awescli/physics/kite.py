@@ -8,7 +8,7 @@ import numpy as np
 
 from awescli.notation.constraints import parse_constraint
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
-from awescli.notation.frames import add, cross, dot, rotate, rotation_body_to_ned, scale
+from awescli.notation.frames import add, cross, dot, rotate, rotate_back, rotation_body_to_ned, scale
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.notation.scalars import sqrt
@@ -20,12 +20,12 @@ from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.aerodynamics import body_axes, parse_monomial
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Body, Coefficients, Instant, Load
-from awescli.physics.rigid_body import state_derivative
+from awescli.physics.rigid_body import acceleration, state_derivative
 
 REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz")
 """Parameters of every kite file: mass, gravity, geometry, inertia. Effects require more (`Effect.requires`): the tether its line's."""
 _SIGNALS = (
-    "density", "turbulence_n", "turbulence_e", "turbulence_d", "turbulence_p", *DISTURBANCES, PHASE,
+    "density", "turbulence_n", "turbulence_e", "turbulence_d", "turbulence_p", *DISTURBANCES, PHASE, "time",
 )  # fmt: skip
 """Exogenous inputs of every kite; `Effect.inputs` are those of the effects that are there."""
 
@@ -183,6 +183,13 @@ class Kite:
     def _at(self, place: str):
         return self.by_place.get(place, ())
 
+    def _through(self, place: str, value, at: Instant):
+        """What the effects at a place make of what stands there, one after the other; each keeps what it received."""
+        for e in self._at(place):
+            at.received[e.key] = value
+            value = getattr(e, place)(value, at, e.own(at))
+        return value
+
     def instant(self, x, u, c) -> Instant:
         """Fill one instant, from the state down to the loads' sum about the reference point."""
         values = dict(zip(self.parameter_names, c, strict=True))
@@ -194,17 +201,12 @@ class Kite:
         position = (z.p_n, z.p_e, z.p_d)
         distance = sqrt(dot(position, position))
         at = Instant(z, R, rotate(R, (z.u, z.v, z.w)), inputs, values, setpoints, distance, scale(1 / distance, position), states)
-        # surfaces
-        at.deflections = setpoints
-        for e in self._at("actuate"):
-            at.deflections = e.actuate(at.deflections, at, e.own(at))
         # air
         stations = inputs | {
             f"wind_{n.removeprefix('record.')}": inputs[f"wind_{n.removeprefix('record.')}"] + values[n] for n in self.record
         }
         wind = wind_vector(*declared_wind(self.declaration.wind, self.heights, -z.p_d, stations), inputs["density"])
-        for e in self._at("airflow"):
-            wind = e.airflow(wind, at, e.own(at))
+        wind = self._through("airflow", wind, at)
         # gusts last, so that no effect scales them
         beside = disturbances(inputs, values)
         gusts = {axis: getattr(wind, axis) + beside[gust] for axis, gust in zip("ned", GUSTS, strict=True)}
@@ -212,41 +214,38 @@ class Kite:
         at.wind = wind
         at.air_velocity, at.V_a, at.alpha, at.beta = air_data(R, at.v_ned, wind)
         at.dynamic_pressure = wind.density * at.V_a * at.V_a / 2
+        # surfaces
+        at.deflections = self._through("actuate", setpoints, at)
         # kite
         v = values
         body = Body(v["m"], 0.0, v["Jx"], v["Jy"], v["Jz"], v["Jxz"], (0.0, 0.0, 0.0))
-        for e in self._at("body"):
-            body = e.body(body, at, e.own(at))
-        at.body = body
-        coefficients = Coefficients(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        for e in self._at("coefficients"):
-            coefficients = e.coefficients(coefficients, at, e.own(at))
-        at.coefficients = coefficients
+        at.body = self._through("body", body, at)
+        at.coefficients = self._through("coefficients", Coefficients(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), at)
         # line, where there is one
         if self.tether is not None:
-            at.line = self.tether.declared_line(at)
-            for e in self._at("line"):
-                at.line = e.line(at.line, at, e.own(at))
+            at.line = self._through("line", self.tether.declared_line(at), at)
         # loads, each seeing the sum of those before it
         at.applied = aerodynamic_load(at)
-        at.applied = at.applied._replace(force=add(at.applied.force, scale(body.mass, tuple(beside[f] for f in FORCES))))
+        at.applied = at.applied._replace(force=add(at.applied.force, scale(at.body.mass, tuple(beside[f] for f in FORCES))))
         for e in self._at("load"):
             load = e.load(at, e.own(at))
-            at.applied = Load(add(at.applied.force, load.force), add(at.applied.moment, load.moment))
-        derivative = state_derivative(z, R, body, self._about_centre_of_mass(at))
+            force, moment = add(at.applied.force, load.force), add(at.applied.moment, load.moment)
+            at.applied = Load(force, moment, at.applied.mass_across + load.mass_across)
+        at.acceleration = acceleration(at.body, at.applied, rotate_back(R, at.p_hat))
+        derivative = state_derivative(z, R, at.body, at.acceleration, self._about_centre_of_mass(at))
         at.derivative = (*derivative[:9], *(rate + beside[m] for rate, m in zip(derivative[9:], MOMENTS, strict=True)))
         return at
 
     @staticmethod
-    def _about_centre_of_mass(at: Instant) -> Load:
+    def _about_centre_of_mass(at: Instant) -> tuple:
         """Moment about the centre of mass: M - cg x F (weight, which acts there, contributes nothing by itself)."""
         x, _, z = at.body.cg
         if isinstance(x, float) and isinstance(z, float) and x == z == 0.0:
-            return at.applied
+            return at.applied.moment
         weight = scale(at.body.mass * at.values["g"], (at.R[2][0], at.R[2][1], at.R[2][2]))
         surface = tuple(f - w for f, w in zip(at.applied.force, weight, strict=True))
         arm = cross(at.body.cg, surface)
-        return Load(at.applied.force, tuple(m - a for m, a in zip(at.applied.moment, arm, strict=True)))
+        return tuple(m - a for m, a in zip(at.applied.moment, arm, strict=True))
 
     def derivative(self, x, u, c) -> list:
         """d/dt of the 12 states and the effects' states (the set-points are held)."""
@@ -261,16 +260,15 @@ class Kite:
     def outputs(self, x, u, c) -> list:
         """What the sensors report and what was commanded, in the order of `quantities.OUTPUTS`."""
         at = self.instant(x, u, c)
-        z, f, m = at.z, at.applied.force, at.body.mass
+        z, a = at.z, at.acceleration
         reported = {
             "p_n": z.p_n, "p_e": z.p_e, "p_d": z.p_d,
             "v_n": at.v_ned[0], "v_e": at.v_ned[1], "v_d": at.v_ned[2],
             "phi": z.phi, "theta": z.theta, "psi": z.psi, "p": z.p, "q": z.q, "r": z.r,
-            "a_x": f[0] / m, "a_y": f[1] / m, "a_z": f[2] / (m + at.body.added_z),
+            "a_x": a[0], "a_y": a[1], "a_z": a[2],
             "V_a": at.V_a, "alpha": at.alpha, "beta": at.beta, "tension": at.tension,
         }  # fmt: skip
-        for e in self._at("report"):
-            reported = e.report(reported, at, e.own(at))
+        reported = self._through("report", reported, at)
         return [*(reported[name] for name in MEASURED), *at.setpoints.values()]
 
     def with_values(self, values: dict[str, float]) -> "Kite":

@@ -4,7 +4,7 @@ T = C_T(J) rho n^2 D^4, P = C_P(J) rho n^3 D^5, J = V / (n D), n in revolutions 
 ch. 4.3; the form of the UIUC propeller data base, Brandt & Selig 2011). V is the air's speed along the axis.
 """
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -15,6 +15,9 @@ MISFIT = 0.03
 """Share of the largest coefficient by which a table may miss its polynomial (root mean square)."""
 FASTEST_ADVANCE = 5.0
 """Advance ratio up to which C_P is searched for its zero: no propeller has such a pitch."""
+
+Moderate = Annotated[float, Field(ge=-1e3, le=1e3)]
+"""A coefficient, an advance ratio, a length [m]: beyond, a polynomial through it is no number to compute with."""
 
 
 class _Frozen(BaseModel):
@@ -29,8 +32,10 @@ class SpeedLaw(_Frozen):
     """
 
     law: Literal["power", "proportional", "recorded"] = "power"
-    shaft_power: tuple[float, ...] = Field((), description="law power: polynomial in the throttle, lowest power first [W]")
-    full: float | None = Field(None, gt=0, description="law proportional: revolutions per second at full throttle [1/s]")
+    shaft_power: tuple[Annotated[float, Field(ge=-1e9, le=1e9)], ...] = Field(
+        (), max_length=100, description="law power: polynomial in the throttle, lowest power first [W]"
+    )
+    full: float | None = Field(None, gt=0, le=1e5, description="law proportional: revolutions per second at full throttle [1/s]")
 
     @model_validator(mode="after")
     def _complete(self):
@@ -41,21 +46,21 @@ class SpeedLaw(_Frozen):
         return self
 
 
-Coefficient = tuple[float, ...] | tuple[tuple[float, float], ...]
+Coefficient = Annotated[tuple[Moderate, ...] | tuple[tuple[Moderate, Moderate], ...], Field(max_length=1000)]
 
 
 class Propeller(_Frozen):
     """One propeller of a kite file's list `propellers`."""
 
-    diameter: float = Field(gt=0, description="[m]")
-    hub: tuple[float, float, float] = Field(description="from the reference point, body axes [m]")
-    axis: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction of the thrust, body axes; any length")
+    diameter: float = Field(gt=0, le=1e3, description="[m]")
+    hub: tuple[Moderate, Moderate, Moderate] = Field(description="from the reference point, body axes [m]")
+    axis: tuple[Moderate, Moderate, Moderate] = Field((1.0, 0.0, 0.0), description="direction of the thrust, body axes; any length")
     turns: Literal["clockwise", "counterclockwise"] = Field("clockwise", description="seen from behind")
     CT: Coefficient = Field(description="thrust coefficient: polynomial in J, lowest power first, or a table [[J, CT], ...]")
     CP: Coefficient = Field(description="power coefficient, likewise")
-    windmill: float | None = Field(None, gt=0, description="advance ratio at which it turns freely; default: where CP is zero")
+    windmill: float | None = Field(None, gt=0, le=1e3, description="advance ratio at which it turns freely; default: where CP is zero")
     speed: SpeedLaw
-    inertia: float = Field(0.0, ge=0, description="of all that turns with it [kg m2]")
+    inertia: float = Field(0.0, ge=0, le=1e6, description="of all that turns with it [kg m2]")
     source: str = ""
 
     @model_validator(mode="after")

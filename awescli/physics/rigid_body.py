@@ -1,6 +1,6 @@
 """Rigid-body motion: loads in, dz/dt out (f_k and f_dy of the seed, section 2)."""
 
-from awescli.notation.frames import rotate
+from awescli.notation.frames import add, dot, rotate, scale
 from awescli.notation.scalars import cos, sin
 from awescli.physics.instant import Body, Load
 
@@ -20,11 +20,25 @@ def gammas(Jx, Jy, Jz, Jxz):
     )
 
 
-def state_derivative(z, R, body: Body, load: Load):
-    """dz/dt as a 12-tuple, for a load about the centre of mass in body axes. Seed section 2, its four displayed equations."""
+def acceleration(body: Body, load: Load, along):
+    """Inertial acceleration a of the centre of mass [m/s2, body axes]: (m 1 + m_z e_z e_z' + m_l (1 - n n')) a = f.
+
+    m_z: air that moves with the wing along body z; m_l: `load.mass_across`, which moves with the kite across the line's direction n
+    (`along`, body axes) only. Without m_l the matrix is diagonal; with it, it is a diagonal less one dyad (Sherman & Morrison 1950).
+    """
+    m, m_l, f = body.mass, load.mass_across, load.force
+    if isinstance(m_l, float) and m_l == 0.0:
+        return f[0] / m, f[1] / m, f[2] / (m + body.added_z)
+    diagonal = (m + m_l, m + m_l, m + body.added_z + m_l)
+    of_f, of_n = (tuple(x / d for x, d in zip(vector, diagonal, strict=True)) for vector in (f, along))
+    return add(of_f, scale(m_l * dot(along, of_f) / (1 - m_l * dot(along, of_n)), of_n))
+
+
+def state_derivative(z, R, body: Body, acceleration, moment):
+    """dz/dt as a 12-tuple, for the inertial acceleration of the centre of mass and the moment about it, both in body axes. Seed section 2,
+    its four displayed equations."""
     u, v, w, p, q, r = z.u, z.v, z.w, z.p, z.q, z.r
-    (f_x, f_y, f_z), (m_x, m_y, m_z) = load
-    m = body.mass
+    (a_x, a_y, a_z), (m_x, m_y, m_z) = acceleration, moment
     G1, G2, G3, G4, G5, G6, G7, G8 = gammas(body.Jx, body.Jy, body.Jz, body.Jxz)
     s_f, c_f, s_t, c_t = sin(z.phi), cos(z.phi), sin(z.theta), cos(z.theta)
     yaw_pitch_rate = q * s_f + r * c_f
@@ -32,9 +46,9 @@ def state_derivative(z, R, body: Body, load: Load):
         # position
         *rotate(R, (u, v, w)),
         # velocity over ground, body axes
-        r * v - q * w + f_x / m,
-        p * w - r * u + f_y / m,
-        q * u - p * v + f_z / (m + body.added_z),
+        r * v - q * w + a_x,
+        p * w - r * u + a_y,
+        q * u - p * v + a_z,
         # Euler angles
         p + yaw_pitch_rate * s_t / c_t,
         q * c_f - r * s_f,

@@ -23,7 +23,7 @@ def flight(evidence: Evidence) -> Section:
         f"{esc(log.name)}: {quality.duration:.1f} s at {quality.rate:.3g} Hz, {quality.samples} samples. {esc(quality.loops)}, "
         f"dealt whole to the three parts: {counts}. Models are fitted to train, chosen on validation, judged on test."
     )
-    body = paragraph(facts), path(evidence), timeline(evidence), wind(evidence), checks(evidence), signals(evidence)
+    body = paragraph(facts), path(evidence), timeline(evidence), wind(evidence), checks(evidence), ranges(evidence), signals(evidence)
     return Section("flight", "The flight", body)
 
 
@@ -121,6 +121,23 @@ def checks(evidence: Evidence) -> str:
     left = {k: v for k, v in evidence.quality.left_out.items() if v > 0}
     out = f"Left out: {esc(', '.join(f'{k} {v:.1f} s' for k, v in left.items()))}." if left else ""
     return f'<div id="tab-quality"><h3>Data quality</h3>{paragraph(out) if out else ""}{body}</div>'
+
+
+def ranges(evidence: Evidence) -> str:
+    """What each part flew, so that nobody reads a test that left train as one that did not."""
+    rows = [
+        (r.name, r.unit, *(Cell(f"{number(low)} to {number(high)}", high) for low, high in (r.train, r.validation, r.test)),
+         Cell(f"{r.validation_reach:.2f}", r.validation_reach), Cell(f"{r.test_reach:.2f}", r.test_reach))
+        for r in evidence.quality.ranges
+    ]  # fmt: skip
+    if not rows:
+        return ""
+    told = (
+        "Smallest and largest of each part; then how far validation and test go in times of what train flew: magnitudes of rates and "
+        "deflections, and for the others the range of both together."
+    )
+    head = ("quantity", "unit", *PARTS, "validation goes", "test goes")
+    return f'<div id="tab-ranges"><h3>Ranges of the parts</h3>{paragraph(told)}{table(head, rows)}</div>'
 
 
 def signals(evidence: Evidence) -> str:

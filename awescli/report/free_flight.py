@@ -3,6 +3,7 @@
 import numpy as np
 
 from awescli.flightlog.split import PARTS
+from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Body, Cell, Section, absent, chip, esc, keys, paragraph, table
@@ -35,6 +36,11 @@ def sentence(evidence: Evidence) -> str:
         f"and flew {number(f['survived_s'])} s of {number(f['asked_s'])} s; {SURFACES[f['surfaces']]}. "
         f"Besides, it sees only {'winch and wind' if evidence.log.on_line else 'the wind'} of the flight."
     ]
+    unseen = f.get("unseen_s", f["asked_s"])
+    if unseen < min(f["survived_s"], float(evidence.log.time[-1]) - f["start_s"]) - evidence.log.dt:
+        text.append(
+            f"The first {number(unseen)} s of the comparison are test {esc(evidence.parts.of)}; what follows was seen by some stage."
+        )
     if f["effects"]:
         text.append(f"Effects switched on: {esc(listed(list(f['effects'])))}.")
     if made_wind(evidence):
@@ -112,7 +118,7 @@ def over_time(evidence: Evidence) -> Body:
         measured[: len(arrays[f"measured_{name}"])] = arrays[f"measured_{name}"]
         unit, factor = scale_of(name, measured)
         if name in ANGLES:
-            simulated = np.angle(np.exp(1j * simulated))
+            simulated = wrap(simulated)
         data = [
             line("$flown_time", measured[::step] * factor, "measured", COLOURS["measured"], width=2, meta="measured"),
             line("$flown_time", simulated[::step] * factor, label, tone(evidence), meta=label),
@@ -128,8 +134,9 @@ def over_time(evidence: Evidence) -> Body:
 def scores(evidence: Evidence) -> str:
     """Error of the one long simulation against how long it has flown."""
     f = evidence.flown
+    away = f["path_error_m"]
     rows = [
-        (Cell(f"{h} s", float(h)), Cell(percent(block["mean"]), block["mean"]), Cell(number(f["path_error_m"][h]), f["path_error_m"][h]))
+        (Cell(f"{esc(h)} s", float(h)), Cell(percent(block["mean"]), block["mean"]), Cell(number(away[h]), away[h]))
         for h, block in f["nrmse"].items()
     ]
     head = ("after", "mean NRMSE of the 12 states", "RMS distance from the measured path [m]")

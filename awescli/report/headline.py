@@ -3,6 +3,7 @@
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Section, bullets, esc, link, paragraph
 from awescli.report.plots import Figure, dots, log_axis
+from awescli.report.power import power_claim, power_figure
 from awescli.report.words import COLOURS, channel, effect_words, listed, number, percent, short, times, with_std
 
 ODDS = {
@@ -16,13 +17,19 @@ LEADS = {
     "not_deterministic": "What is left does not repeat from {one} to {one}, and no effect helps on unseen {of}.",
 }
 """Where effects.json points to another of its keys, the page points to a place on the page."""
+UNUSED = {
+    "nothing_to_learn": "found nothing to learn: physics explains validation nearly to the noise",
+    "too_short": "was not used: physics leaves more than noise, but this flight is too short to prove a correction of it",
+    "diverged": "was not used: with every one that was tried the simulation diverged",
+}
+"""Why a trained network is no model of the ladder: outcome (`learning.acceptance.OUTCOMES`) -> what the first screen says."""
 SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
 
 
 def headline(evidence: Evidence) -> Section:
     """Title, verdict, claims, numbers of the ladder, and the ladder per channel."""
     said = paragraph(f"{lead(evidence)} {worth(evidence)}", "lead") if evidence.effects else ""
-    body = said, tiles(evidence), bullets(claims(evidence)), ladder(evidence)
+    body = said, tiles(evidence), bullets(claims(evidence)), ladder(evidence), power_figure(evidence)
     return Section("summary", title(evidence), body)
 
 
@@ -82,7 +89,7 @@ def tiles(evidence: Evidence) -> str:
 
 def claims(evidence: Evidence) -> list[str]:
     """What the page claims, each sentence with a link to its plot."""
-    found = [_error(evidence)]
+    found = [_error(evidence), power_claim(evidence)]
     if evidence.effects:
         found += [_effect(evidence, e) for e in evidence.effects["effects"]]
         found.append(_gain(evidence))
@@ -113,7 +120,7 @@ def _error(evidence: Evidence) -> str:
 
 def _effect(evidence: Evidence, effect: dict) -> str:
     name = esc(effect_words(effect["name"], effect.get("acts_on", "")))
-    sizes = ", ".join(f"{esc(k)} = {with_std(p['value'], p['std'], p['unit'])}" for k, p in effect["parameters"].items())
+    sizes = ", ".join(f"{esc(k)} = {esc(with_std(p['value'], p['std'], p['unit']))}" for k, p in effect["parameters"].items())
     rivals = [effect_words(r["name"], r.get("acts_on", "")) for r in effect["rivals"]]
     against = f" Not to be told from {esc(listed(rivals))} on this flight; {link('next', 'what would separate them')}." if rivals else ""
     doc = f" ({esc(effect['doc'])})" if effect.get("doc") else ""
@@ -176,8 +183,8 @@ def _bounds(evidence: Evidence) -> list[str]:
 
 def _hybrid(evidence: Evidence) -> str:
     if evidence.hybrid is not None and "hybrid" not in evidence.models:
-        nothing = link("hybrid", "found nothing")
-        return f"A network on top of physics {nothing} that helps on unseen {esc(evidence.parts.of)}; it stays at zero."
+        said = UNUSED.get(evidence.hybrid.get("outcome", ""), "was not scored")
+        return f"A {link('hybrid', 'network on top of physics')} {said}; it stays at zero."
     if "hybrid" not in evidence.models:
         return ""
     base = evidence.models[-2] if len(evidence.models) > 1 else "hybrid"
@@ -193,7 +200,7 @@ def _flown(evidence: Evidence) -> str:
         return ""
     who = {"controller": "with the fitted controller", "recorded": "on the recorded set-points"}.get(f["surfaces"], "on a built-in law")
     far = list((f.get("path_error_m") or {}).items())
-    near = f", {number(far[-1][1])} m (RMS) from the measured path over {far[-1][0]} s" if far else ""
+    near = f", {number(far[-1][1])} m (RMS) from the measured path over {esc(far[-1][0])} s" if far else ""
     held = f"{link('fig-3d-flown', number(f['survived_s']) + ' s')} of {number(f['asked_s'])} s"
     return f"Flown on its own {who}, the model ({esc(evidence.label(evidence.same_as(f['model'])))}) holds for {held}{near}."
 

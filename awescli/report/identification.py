@@ -7,6 +7,9 @@ from awescli.report.marks import Cell, Section, absent, chip, esc, paragraph, ta
 from awescli.report.plots import Figure, axis, bars, dots
 from awescli.report.words import COLOURS, channel, listed, number, percent, unit_of, with_std
 
+DETERMINED = {"hardly": "hardly seen", "poorly": "poorly determined"}
+"""How params.json says that a flight does not determine a parameter -> how the table does."""
+
 
 def identification(evidence: Evidence) -> Section:
     title = "Identification"
@@ -31,9 +34,14 @@ def sentence(evidence: Evidence) -> str:
         text += f" Estimated along, besides starts: {esc(listed(along))}."
     if off := [f"{name} {number(factor)}" for name, factor in (m.get("noise_factors") or {}).items() if abs(factor - 1) > 0.1]:
         text += f" Noise over the declared one: {esc(listed(off))}."
-    weak = [n for n, p in rows.items() if not p.get("excited", True)]
-    if weak:
-        text += f" {len(weak)} parameters were hardly seen by this flight and stay near their priors."
+    counts = {how: sum(p.get("determined") == how for p in rows.values()) for how in ("hardly", "poorly")}
+    if count := counts["hardly"]:
+        stay = "stay near their priors" if count > 1 else "stays near its prior"
+        text += f" {_parameters(count)} hardly seen by this flight and {stay}."
+    if count := counts["poorly"]:
+        whose = "their priors" if count > 1 else "its prior"
+        text += f" {_parameters(count)} hardly seen by it and yet more than one prior std from {whose}, or at a bound: "
+        text += "what others or a missing effect should explain, and of little meaning by itself."
     for factor in evidence.params.get("common_factors", []):
         text += f" {esc(factor['says'][:1].upper() + factor['says'][1:])}; the prior sets the factor."
     for row in evidence.params.get("constraints", []):
@@ -41,6 +49,10 @@ def sentence(evidence: Evidence) -> str:
             gain = number(row["cost_per_unit"])
             text += f" The constraint {esc(row['constraint'])} is active: relaxed by one unit, the fit would gain {gain} of χ²."
     return text
+
+
+def _parameters(count: int) -> str:
+    return f"{count} parameters were" if count > 1 else "One parameter was"
 
 
 def attitude(evidence: Evidence) -> Figure:
@@ -65,7 +77,8 @@ def shifts(evidence: Evidence) -> Figure:
     data = []
     for name, colour, keep in (
         ("seen by the flight", "@blue", lambda p: p.get("excited", True) and not p.get("at_bound")),
-        ("hardly seen", "@grey", lambda p: not p.get("excited", True) and not p.get("at_bound")),
+        ("hardly seen, near its prior", "@grey", lambda p: p.get("determined") == "hardly"),
+        ("hardly seen, and moved", "@ochre", lambda p: p.get("determined") == "poorly" and not p.get("at_bound")),
         ("at its bound", "@red", lambda p: p.get("at_bound")),
     ):
         here = {n: p for n, p in rows.items() if keep(p)}
@@ -103,7 +116,7 @@ def parameters(rows: Mapping[str, Mapping], place: str, title: str) -> str:
     for name, p in rows.items():
         unit, factor = unit_of(p["unit"])
         flags = [chip("at bound", "bad")] if p.get("at_bound") else []
-        flags += [chip("hardly seen")] if not p.get("excited", True) else []
+        flags += [chip(DETERMINED[p["determined"]])] if p.get("determined") in DETERMINED else []
         flags += [chip(f"flight {p['flight']}")] if "flight" in p else []
         flags += [chip(f"with {', '.join(p['partners'])}")] if p.get("partners") else []
         lines.append((

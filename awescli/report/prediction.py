@@ -3,6 +3,7 @@
 import numpy as np
 
 from awescli.flightlog.split import PARTS
+from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES
 from awescli.report.evidence import Evidence
 from awescli.report.marks import Body, Cell, Section, esc, folded, keys, paragraph, table
@@ -160,7 +161,7 @@ def _channel(evidence: Evidence, name: str, step: int) -> Figure:
         if simulated is None:
             continue
         if name in ANGLES:
-            simulated = measured + np.unwrap(np.angle(np.exp(1j * (simulated - measured))), axis=1)
+            simulated = measured + np.unwrap(wrap(simulated - measured), axis=1)
         label = evidence.label(m)
         data.append(line("$test_time", with_gaps(simulated * factor, step), label, COLOURS[m], width=LINE, meta=label))
     low, high = np.nanmin(measured * factor), np.nanmax(measured * factor)

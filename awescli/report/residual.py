@@ -35,7 +35,8 @@ def verdict_chip(evidence: Evidence) -> str:
 def sizes(evidence: Evidence) -> str:
     """The accepted (or suspected) effects with intervals and rivals."""
     rows = [
-        (effect_words(e["name"], e.get("acts_on", "")), e.get("doc", ""), name, Cell(with_std(p["value"], p["std"], p["unit"]), p["value"]),
+        (effect_words(e["name"], e.get("acts_on", "")), e.get("doc", ""), name,
+         Cell(esc(with_std(p["value"], p["std"], p["unit"])), p["value"]),
          listed([effect_words(r["name"], r.get("acts_on", "")) for r in e["rivals"]]) or "none")
         for e in evidence.effects["effects"]
         for name, p in e["parameters"].items()
@@ -55,8 +56,8 @@ def before_after(evidence: Evidence) -> Figure:
     """Errors per channel before and after, with the noise floor."""
     error = evidence.effects["error"]
     names = [n for n in error["after"] if n != "mean"] + ["mean"]
-    x = ["mean" if n == "mean" else short(n) for n in names]
-    told = [channel(n) for n in names]
+    x = ["mean" if n == "mean" else esc(short(n)) for n in names]
+    told = [esc(channel(n)) for n in names]
     shown = [w for w in ("before", "after") if w in error and (w == "before" or evidence.tracing_added)]
     data = [
         bars(x, [100 * error[which][n] for n in names], label, COLOURS[model], text=told, textposition="none",
@@ -253,8 +254,8 @@ def roll_gusts(evidence: Evidence) -> Body:
         return ""
     names = list(roll["channels"])
     before, after = ([roll["channels"][n][which] for n in names] for which in ("before", "after"))
-    more = {"text": [channel(n) for n in names], "hovertemplate": "%{text}: %{x:.3g} times the noise<extra></extra>"}
-    y = [short(n) for n in names]
+    more = {"text": [esc(channel(n)) for n in names], "hovertemplate": "%{text}: %{x:.3g} times the noise<extra></extra>"}
+    y = [esc(short(n)) for n in names]
     data = [
         dots(before, y, "gusts that move the kite", COLOURS["identified"], **more),
         dots(after, y, "and gusts that roll it", COLOURS["with_effects"], **more),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from awescli.engine.machine import Program, compile_program
+from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.physics.disturbances import DISTURBANCES, GUSTS, PHASE, ROLL_GUST, both
@@ -15,6 +16,8 @@ from awescli.simulation.stepping import Stepping, longest_step
 
 _INDEX = {name: i for i, name in enumerate(OUTPUTS)}
 BODY_VELOCITY = ("u", "v", "w")
+WINCH_SMOOTHING = 0.4
+"""[s] over which the rates of the winch's speed and of the load are taken: both are slow, and noisy or written in steps."""
 
 
 @dataclass(frozen=True)
@@ -225,19 +228,21 @@ def setpoints_of(log, which=SURFACES) -> np.ndarray:
 
 
 def inputs_of(log, kite: Kite) -> np.ndarray:
-    """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: line, density, measured tension and motor speed, recorded rates, wind."""
+    """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: time, line, density, measured tension and motor speed, recorded rates,
+    wind."""
     zero = np.zeros(len(log))
     length = log.inputs.get("tether_length", zero)
     speed = log.inputs.get("reel_out_speed", np.gradient(length, log.dt))
     tension = log.measured.get("tension", zero)
     wind = wind_inputs(log)
     signals = {
+        "time": log.time,
         "tether_length": length,
         "reel_out_speed": speed,
-        "reel_out_acceleration": _smooth_rate(speed, log.dt),
+        "reel_out_acceleration": local_quadratic(speed, log.dt, WINCH_SMOOTHING, derivative=1),
         "density": wind["density"],
         "tension": tension,
-        "tension_rate": _smooth_rate(tension, log.dt),
+        "tension_rate": local_quadratic(tension, log.dt, WINCH_SMOOTHING, derivative=1),
         "motor_speed": log.inputs.get("motor_speed", zero),
         **dict.fromkeys((*(f"turbulence_{axis}" for axis in "nedp"), *DISTURBANCES, PHASE), zero),
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
@@ -262,11 +267,3 @@ def _backward_rate(signal: np.ndarray, dt: float, behind: float = 0.1) -> np.nda
     span = max(1, int(round(behind / dt)))
     padded = np.concatenate([np.repeat(signal[:1], span), signal])
     return (signal - padded[:-span]) / (span * dt)
-
-
-def _smooth_rate(signal: np.ndarray, dt: float, span: float = 0.4) -> np.ndarray:
-    """Rate of change by a local quadratic over `span` seconds."""
-    from scipy.signal import savgol_filter
-
-    window = max(5, 2 * int(round(span / dt / 2)) + 1)
-    return savgol_filter(signal, window, 2, deriv=1, delta=dt) if len(signal) >= window else np.gradient(signal, dt)

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import savgol_filter
 
+from awescli.flightlog.smoothing import local_quadratic
+from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES, OUTPUTS, STATES
 from awescli.physics.declaration import Noise
 from awescli.physics.kite import Kite
@@ -64,11 +65,6 @@ class Observed:
         return np.where(steps < trajectories.alive[:, None, None], error / self.sigma, 0.0)
 
 
-def wrap(angle):
-    """An angle difference in (-pi, pi]."""
-    return np.pi - (np.pi - angle) % (2 * np.pi)
-
-
 def noise_std(noise: Noise, name: str, signal: np.ndarray) -> np.ndarray:
     """Standard deviation of the measurement noise of one channel, per sample [SI]."""
     std, share = noise.channels()[name]
@@ -97,6 +93,5 @@ def observe(log, kite: Kite, first: np.ndarray, steps: int, outputs, values=None
 
 def smooth_states(log) -> np.ndarray:
     """(N, 12) states of the log by a local quadratic in time: a start that is less noisy than one sample."""
-    window = max(5, 2 * int(round(SMOOTHING / log.dt / 2)) + 1)
     z = np.stack([np.unwrap(log[n]) if n in ANGLES else log[n] for n in STATES], axis=1)
-    return savgol_filter(z, window, 2, axis=0) if len(log) >= window else z
+    return local_quadratic(z, log.dt, SMOOTHING)

@@ -51,8 +51,7 @@ def flies(declaration: KiteDeclaration, law, log, wind_direction: float, seconds
 
 def _prepared(declaration, law, log, wind_direction: float, steps: int, within, disturbed: bool = False) -> tuple[Simulator, Observed]:
     """The compiled loop, and segments of `steps` samples from STARTS states of the log."""
-    heights = log.wind.height if log.wind is not None else (10.0,)
-    kite = Kite(with_setpoint_dynamics(declaration, law), heights)
+    kite = Kite(with_setpoint_dynamics(declaration, law), log.wind.height)
     simulator = Simulator(kite, (), law=loop(law, kite, wind_direction, disturbed))
     may = log.valid.copy()
     if within is not None:

@@ -12,18 +12,17 @@ import numpy as np
 
 from awescli.control.pattern import Pattern, arc
 from awescli.flightlog.log import FlightLog, WindRecord
+from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.notation.quantities import CONTROL_SURFACES, MEASURED, OF_LINE, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite, make_effect, surfaces_used
 from awescli.simulation.gusts import dryden, roll_gust
 from awescli.simulation.rollout import BODY_VELOCITY, Segments, Simulator, Trajectories, inputs_of
-from awescli.simulation.segments import noise_std, wrap
+from awescli.simulation.segments import noise_std
 
 EPOCH = 1_650_000_000.0
 """Unix time of the first sample [s]: an arbitrary constant, so that the same seed writes the same bytes on any day."""
-AIRSPEED = 40.0
-"""[m/s] at which the frozen field of gusts is crossed; mean of the published flight (parameters.yaml, km1)."""
 RECORDED = tuple(name for name in MEASURED if name not in ("alpha", "beta"))
 """What Kitemill's recorder writes of the measured quantities: it has no vanes."""
 FARTHEST = 3.0
@@ -159,6 +158,7 @@ def simulate_flight(
     settle: float = 30.0,
     seed: int = 0,
     step: float = 0.005,
+    begins: float = 0.0,
 ) -> Flown:
     """Simulate one long segment, up to its end or to where the kite departs.
 
@@ -166,8 +166,9 @@ def simulate_flight(
     (`PathFollowing.setpoints`, or a fitted law's), or None to replay setpoints (N+1, 5); reel_out: anything with `ReelOut.at`, None for
     a kite that flies free;
     start: (12,) states at t = 0, or None: the kite is put on the pattern at several phases and speeds `settle` seconds before t = 0,
-    and the run that follows the pattern best is kept. seed: of the gusts; step: longest of RK4 [s]. pattern: what the
-    kite must not stray from; without one only a kite that the numbers or the ground end departs.
+    and the run that follows the pattern best is kept. seed: of the gusts; step: longest of RK4 [s]; begins: what the flight's
+    clock shows at t = 0 [s], for what drifts with it. pattern: what the kite must not stray from; without one only a kite that the numbers
+    or the ground end departs.
     """
     refuse_measured(kite.declaration)
     lead = int(round((settle if start is None else 0.0) / dt))
@@ -176,10 +177,7 @@ def simulate_flight(
     line = {} if kite.tether is None else dict(zip(("tether_length", "reel_out_speed"), reel_out.at(time), strict=True))
     inputs = inputs_of(_Commanded(time, dt, line, wind), kite)
     at = {n: i for i, n in enumerate(kite.input_names)}
-    if "turbulence.sigma" in kite.parameters:
-        gusts = dryden(samples, dt, AIRSPEED, seed + 1, kite.parameters["turbulence.L"].value)
-        inputs[:, [at[f"turbulence_{axis}"] for axis in "ned"]] = gusts
-        inputs[:, at["turbulence_p"]] = roll_gust(samples, dt, AIRSPEED, kite.parameters["b"].value, seed + 2)
+    inputs[:, at["time"]] += begins
     if start is None:
         if pattern is None:
             raise BadInput("without a start the kite needs a pattern to be put on")
@@ -189,9 +187,16 @@ def simulate_flight(
     K = len(starts)
     replayed = np.zeros((samples, len(SURFACES))) if setpoints is None else setpoints
     segments = Segments(np.zeros(K, dtype=int), starts, np.repeat(replayed[None], K, axis=0), np.repeat(inputs[None], K, axis=0), dt)
-    flown = Simulator(kite, wrt=(), law=law, step=step).rollout(segments)
+    simulator = Simulator(kite, wrt=(), law=law, step=step)
+    flown = simulator.rollout(segments)
     best, last = _best(flown, pattern, lead, dt)
     rows = slice(lead, max(last, lead + 1))
+    if "turbulence.sigma" in kite.parameters:
+        # a frozen field of gusts is crossed at the airspeed at which this kite flies the same way in still air
+        columns, gusts = _gusts(kite, samples, dt, float(flown["V_a"][best, rows].mean()), seed, at)
+        flown = simulator.rollout(segments.with_inputs(columns, gusts))
+        best, last = _best(flown, pattern, lead, dt)
+        rows = slice(lead, max(last, lead + 1))
     outputs = {n: flown.outputs[best, rows, i] for i, n in enumerate(OUTPUTS)}
     outputs |= {n: flown[n][best, rows] for n in BODY_VELOCITY}
     return Flown(time[rows], dt, outputs, {name: signal[rows] for name, signal in line.items()}, departed=last < samples)
@@ -221,6 +226,13 @@ def as_recorded(
     inputs = {n: flown.outputs[n].copy() for n in SURFACES if n in moved} | dict(flown.inputs)
     notes = (f"Synthetic flight, seed {seed}.",)
     return FlightLog(name, epoch, flown.dt, flown.time, measured, inputs, np.ones(len(flown.time), bool), wind, notes=notes)
+
+
+def _gusts(kite, samples: int, dt: float, airspeed: float, seed: int, at: Mapping[str, int]) -> tuple[list[int], np.ndarray]:
+    """(their input columns, (samples, 4) gusts of unit variance) for a kite that flies at `airspeed` [m/s]."""
+    rows = dryden(samples, dt, airspeed, seed + 1, kite.parameters["turbulence.L"].value)
+    roll = roll_gust(samples, dt, airspeed, kite.parameters["b"].value, seed + 2)
+    return [at[f"turbulence_{axis}"] for axis in "nedp"], np.column_stack([rows, roll])
 
 
 def _best(flown: Trajectories, pattern: Pattern | None, lead: int, dt: float) -> tuple[int, int]:

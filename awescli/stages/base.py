@@ -38,9 +38,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from awescli.notation.errors import BadInput
 
@@ -51,10 +51,24 @@ FAILURE = "failure"
 ends with exit code 3."""
 
 
+def _once(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names that each stand there once."""
+    if twice := [name for i, name in enumerate(names) if name in names[:i]]:
+        raise ValueError(f"'{twice[0]}' is there twice")
+    return names
+
+
+Names = Annotated[tuple[str, ...], AfterValidator(_once), Field(min_length=1, max_length=1000)]
+"""Names of channels, features, candidates: at least one, none twice."""
+Seconds = Annotated[float, Field(ge=0.05, le=600)]
+"""A time ahead [s]: longer than some samples, shorter than a flight."""
+
+
 class StageConfig(BaseModel):
     """Base of every stage's settings. Every field has a default and a description (they become `awes init` and `--help`);
     what cannot be allowed is said by gt/ge/lt/le/Literal, or by a validator that raises ValueError. A field of type Path is
-    relative to the plan's folder, and its content counts as an input."""
+    relative to the plan's folder, and its content counts as an input: of a field called `flight` that of all files that are read as
+    this flight."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -67,8 +81,9 @@ class Split(BaseModel):
     train: float = Field(0.5, gt=0, lt=1, description="share of loops that models are fitted to")
     validation: float = Field(0.2, gt=0, lt=1, description="share of loops that choices are made on")
     test: float = Field(0.3, gt=0, lt=1, description="share of loops that nothing is fitted to or chosen on")
-    order: Literal["chronological", "interleaved"] = Field(
-        "chronological", description="chronological: train first, test last; interleaved: spread over the flight"
+    order: Literal["balanced", "chronological", "interleaved"] = Field(
+        "balanced",
+        description="balanced: few stretches with alike ranges; chronological: train first, test last; interleaved: spread over the flight",
     )
 
     @model_validator(mode="after")
@@ -157,7 +172,7 @@ class Inputs:
         if missing := missing_for_model(log, needed_by(self.declared)):
             what = f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}"
             raise BadInput(what, str(folder), "See `awes check` for what it has.")
-        return split(find_loops(log), **self.split.model_dump())
+        return split(find_loops(log), **self.split.model_dump(), log=log)
 
     @cached_property
     def declared(self) -> Any:

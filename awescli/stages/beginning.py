@@ -70,13 +70,13 @@ def _readable(flight: Path) -> Path:
 def _log_to_draft(flight: Path) -> Path | None:
     """The CSV of unknown layout that needs a flight.yaml; None where the flight is readable as it is."""
     from awescli.flightlog.drafting.weather import weather_files
-    from awescli.flightlog.read import READERS
+    from awescli.flightlog.files import PATTERNS
 
     if not flight.exists():
         raise BadInput("there is no such file or folder", f"--flight {flight}", "Name the flight log, or its folder.")
     if flight.is_file():
         return flight if flight.suffix.lower() == ".csv" and not _kitemill_folder(flight) else None
-    for pattern, _ in READERS:
+    for pattern, _ in PATTERNS:
         if (there := sorted(flight.glob(pattern))) and (pattern != "kite.csv" or _kitemill_folder(there[0])):
             return None
     weather = set(weather_files(flight, None))

@@ -107,10 +107,7 @@ def _stages_in(run: Path, stages: Sequence[Stage]) -> list[str]:
 
 def _stamp(folder: Path) -> Mapping[str, Any]:
     """What a stage was made from."""
-    stamp = read_json(folder / PROVENANCE).get("stamp")
-    if not isinstance(stamp, dict):
-        raise BadInput("not readable as provenance", str(folder / PROVENANCE), "Run the stage again.")
-    return stamp
+    return read_json(folder / PROVENANCE)["stamp"]
 
 
 def _side_by_side(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
@@ -120,7 +117,7 @@ def _side_by_side(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple
 def _verdict(folder: Path) -> Iterator[str]:
     """What a stage concluded, where it says so: at most one word."""
     for file in ("effects.json", "metrics.json"):
-        document = read_json(folder / file) if (folder / file).is_file() else {}
+        document = read_json(folder / file, any_form=True) if (folder / file).is_file() else {}
         if word := next((document[k] for k in VERDICTS if isinstance(document, dict) and isinstance(document.get(k), str)), None):
             yield word
             return
@@ -129,29 +126,41 @@ def _verdict(folder: Path) -> Iterator[str]:
 def _effects(run: Path) -> dict[str, str]:
     """`actuator_lag on rudder, tau` -> its size with the 95 % interval, where trace-residual has run."""
     file = run / "trace-residual" / "effects.json"
-    found = read_json(file) if file.is_file() else {}
-    effects = found.get("effects", []) if isinstance(found, dict) else []
-    return {f"{named(e)}, {name}": sized(size) for e in effects for name, size in e["parameters"].items()}
+    found = read_json(file, any_form=True) if file.is_file() else {}
+    effects = found.get("effects") if isinstance(found, dict) else None
+    return {
+        f"{named(e)}, {name}": sized(size)
+        for e in (effects if isinstance(effects, list) else ())
+        if isinstance(e, dict) and isinstance(e.get("name"), str) and isinstance(e.get("parameters"), dict)
+        for name, size in e["parameters"].items()
+        if isinstance(size, dict) and all(_is_number(size.get(key)) for key in ("value", "std"))
+    }
 
 
 def _errors(run: Path) -> dict[str, float]:
     """Model -> mean NRMSE on the test loops, where evaluate has run."""
     file = run / "evaluate" / "metrics.json"
-    scores = read_json(file) if file.is_file() else {}
-    return {m: block["nrmse"]["test"]["mean"] for m, block in scores.items() if isinstance(block, dict) and "nrmse" in block}
+    scores = read_json(file, any_form=True) if file.is_file() else {}
+    found = {}
+    for model, block in scores.items() if isinstance(scores, dict) else ():
+        for key in ("nrmse", "test", "mean"):
+            block = block.get(key) if isinstance(block, dict) else None
+        if _is_number(block):
+            found[model] = float(block)
+    return found
 
 
 def _values(folder: Path) -> Iterator[tuple[str, Value]]:
     """(where, value) of everything in a stage's JSON artifacts."""
     for file in sorted(folder.glob("*.json")):
         if file.name != PROVENANCE:
-            for key, value in _leaves(read_json(file)):
+            for key, value in _leaves(read_json(file, any_form=True)):
                 yield f"{folder.name}/{file.name}: {key}", value
 
 
 def _leaves(tree: Any, prefix: str = "") -> Iterator[tuple[str, Value]]:
     """Dotted keys and plain values. A table ({columns, rows}) goes column by column."""
-    if isinstance(tree, dict) and set(tree) == {"columns", "rows"}:
+    if isinstance(tree, dict) and set(tree) == {"columns", "rows"} and _is_table(tree["columns"], tree["rows"]):
         tree = {name: list(column) for name, column in zip(tree["columns"], zip(*tree["rows"], strict=True), strict=False)}
     if isinstance(tree, dict):
         for key, value in tree.items():
@@ -162,6 +171,12 @@ def _leaves(tree: Any, prefix: str = "") -> Iterator[tuple[str, Value]]:
             yield from _leaves(value, f"{prefix}[{_name(value, place)}]")
     else:
         yield prefix, tree
+
+
+def _is_table(columns: Any, rows: Any) -> bool:
+    """Names of columns, and rows of so many values."""
+    named = isinstance(columns, list) and all(isinstance(name, str) for name in columns)
+    return named and isinstance(rows, list) and all(isinstance(row, list) and len(row) == len(columns) for row in rows)
 
 
 def _name(entry: Any, place: int) -> str:

@@ -19,18 +19,20 @@ def read_controller(folder: Path):
     from awescli.control.laws import from_artifact
     from awescli.notation.errors import BadInput
 
-    document, arrays = read_json(folder / "controller.json"), read_tensors(folder / "controller.safetensors")
+    file, again = folder / "controller.json", "Make it again: awes fit-controller --force."
+    document, arrays = read_json(file), read_tensors(folder / "controller.safetensors")
     try:
         return from_artifact(document, arrays)
     except (KeyError, TypeError, ValueError, AttributeError) as e:
-        what = f"not a controller that awes wrote ({type(e).__name__}: {e})"
-        raise BadInput(what, str(folder / "controller.json"), "Make it again: awes fit-controller --force.") from None
+        raise BadInput(f"not a controller that awes wrote ({type(e).__name__}: {e})", str(file), again) from None
+    except BadInput as e:
+        raise BadInput(f"not a controller that awes wrote ({e.what})", str(file), again) from None
 
 
 def wind_direction(log) -> float:
     """Mean direction the wind comes from over a flight [rad]."""
-    import numpy as np
+    from awescli.notation.angles import mean_direction
 
     if log.wind is None:
         return 0.0
-    return float(np.arctan2(np.sin(log.wind.direction).mean(), np.cos(log.wind.direction).mean()))
+    return mean_direction(log.wind.direction)

@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from awescli.stages.answers import ANSWER, number
-from awescli.stages.base import Need, Stage, StageConfig
+from awescli.stages.base import Need, Seconds, Stage, StageConfig
 
 SHOWN = ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
 """Channels in the terminal's table; `mean` is that of the 12 states."""
@@ -13,7 +13,7 @@ class EvaluateConfig(StageConfig):
     """Settings of evaluate."""
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
-    horizons: tuple[float, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
+    horizons: tuple[Seconds, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
     report: bool = Field(True, description="write report.html, one self-contained page")
     figures: bool = Field(False, description="write every figure of the page as PNG and SVG, and the data behind it as CSV")
 
@@ -71,8 +71,21 @@ class Evaluate(Stage):
             f"error on unseen loops, {config.horizon:g} s ahead: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"
         ]
         summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
+        if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
+            summary["power"] = power
+            answer.append(f"mean power on test loops: {power}")
         for wanted, key, place in ((config.report, "report", REPORT), (config.figures, "figures", FIGURES)):
             if wanted:
                 summary[key] = str(context.out / self.name / place)
                 answer.append(f"{key}: {summary[key]}")
         return summary
+
+
+def power_line(powers: dict[str, dict]) -> str:
+    """Measured mean power of the test loops, and every model's error of it, the last one's with its interval; empty where there is none."""
+    if not powers:
+        return ""
+    said = [f"{model} {100 * p['error_share']:+.1f} %" for model, p in powers.items() if p["error_share"] is not None]
+    *_, last = powers.values()
+    between = " ({:+.1f} to {:+.1f})".format(*(100 * share for share in last["interval_share"])) if last["interval_share"] else ""
+    return "; ".join([f"{last['measured_mean_W'] / 1000:.3g} kW measured", *([f"{', '.join(said)}{between}"] if said else [])])

@@ -5,14 +5,14 @@ from typing import Literal
 from pydantic import Field
 
 from awescli.stages.answers import ANSWER, number, plural
-from awescli.stages.base import Stage, StageConfig
+from awescli.stages.base import Names, Stage, StageConfig
 
 
 class FitControllerConfig(StageConfig):
     """Settings of fit-controller."""
 
     kind: Literal["gaussian", "network", "linear"] = Field("gaussian", description="class of approximator")
-    features: str | tuple[str, ...] = Field(
+    features: str | Names = Field(
         "auto", description="what the law sees: a named set (state, state_ned, invariant, curvature, heading), names of features, or auto"
     )
     surfaces: tuple[Literal["aileron", "elevator", "rudder", "flaps", "throttle"], ...] | None = Field(

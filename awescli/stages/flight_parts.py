@@ -4,7 +4,7 @@ from pathlib import Path
 
 from awescli.notation.errors import BadInput
 from awescli.notation.names import nearest_quantity
-from awescli.stages.base import Context, Inputs, StageConfig
+from awescli.stages.base import Context, Inputs
 
 
 def flight_parts(context: Context, flight: Path | None = None):
@@ -45,8 +45,7 @@ def driven_upstream(context: Context, declaration, log):
 
     fitted = read_controller(context.upstream("fit-controller"))
     driven = with_setpoint_dynamics(declaration, fitted)
-    heights = log.wind.height if log.wind is not None else (10.0,)
-    return driven, loop(fitted, Kite(driven, heights), wind_direction(log))
+    return driven, loop(fitted, Kite(driven, log.wind.height), wind_direction(log))
 
 
 def predicted(simulator, log, parts, horizon: float) -> dict:
@@ -67,6 +66,3 @@ def scores_of(predictions, horizon: float) -> dict:
 def score_parts(simulator, log, parts, horizon: float) -> dict:
     """`scores_of` a model's predictions."""
     return scores_of(predicted(simulator, log, parts, horizon), horizon)
-
-
-__all__ = ["StageConfig", "driven_upstream", "flight_parts", "predicted", "score_parts", "scores_of", "too_long", "unknown_channels"]

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from awescli.artifacts import read_json, remove, table_hash, write_json
+from awescli.artifacts import own_path, read_json, remove, table_hash, write_json
 from awescli.notation.errors import BadInput
 
-MARK = ".forced.json"
-"""In the folder of results, from the beginning of a forced run to its end."""
+MARK = "forced.json"
+"""Among awes' own files in the folder of results (`artifacts.own_path`), from the beginning of a forced run to its end."""
 
 
 @dataclass
@@ -26,7 +26,7 @@ class Forced:
         """The run that this command was interrupted in, else a new one; None where nothing is forced. What another command left is
         forgotten: whoever types something else in between has given that run up."""
         command = table_hash({"stages": " ".join(names), "force": str(force), "from": start or ""})
-        file = out / MARK
+        file = own_path(out, MARK)
         if not (force or start):
             remove(file)
             return None

@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from awescli.stages.answers import ANSWER, change, number, plural, sized
-from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
+from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 
 
 class FurtherFlight(StageConfig):
@@ -22,14 +22,14 @@ class IdentifyConfig(StageConfig):
     """Settings of identify."""
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds between re-initialisations [s]")
-    curriculum: tuple[float, ...] = Field((1.0, 2.5), description="shorter horizons that are fitted first, one after the other [s]")
+    curriculum: tuple[Seconds, ...] = Field((1.0, 2.5), description="shorter horizons that are fitted first, one after the other [s]")
     surfaces: Literal["recorded", "controller"] = Field(
         "recorded", description="replay the recorded set-points, or close the loop with the fitted controller (seed eq. 11d)"
     )
     weights: Literal["noise", "seed"] = Field(
         "noise", description="noise: every measured channel by its noise; seed: position, attitude and tension by their range"
     )
-    outputs: tuple[str, ...] | None = Field(None, description="measured channels that count; default all of the log")
+    outputs: Names | None = Field(None, description="measured channels that count; default all of the log")
     prior: bool = Field(True, description="weigh deviations from the declared values by their prior standard deviations")
     also: tuple[FurtherFlight, ...] = Field((), description="further flights of the same kite, fitted together with the plan's")
     per_flight: tuple[str, ...] = Field(
@@ -59,9 +59,12 @@ class Identify(Stage):
         yield from unknown_own(inputs.declared, config)
         for i, other in enumerate(config.also):
             try:
-                inputs.parts_of(read_flight(other.flight), other.flight)
+                further = read_flight(other.flight)
+                inputs.parts_of(further, other.flight)
             except BadInput as e:
                 yield f"also.{i}.flight", BadInput(str(e))
+            else:
+                yield from unknown_channels(further, config.outputs, f"also.{i}.flight")
             if other.kite is not None:
                 try:
                     same_kite(inputs.declared, other.kite)
@@ -138,7 +141,8 @@ def names_of(flights) -> str:
 def shown(row: dict) -> dict:
     """One parameter in the terminal's table."""
     said = (
-        ("at its bound", row["at_bound"]), ("hardly seen", not row["excited"]), (f"with {', '.join(row['partners'])}", row["partners"]),
+        ("at its bound", row["at_bound"]), ("hardly seen, near its prior", row["determined"] == "hardly"),
+        ("poorly determined", row["determined"] == "poorly"), (f"with {', '.join(row['partners'])}", row["partners"]),
         (row.get("flight", ""), "flight" in row),
     )  # fmt: skip
     return {

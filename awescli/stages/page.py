@@ -44,7 +44,8 @@ def gather(context: Context, log, parts, metrics: dict, arrays: dict):
     labels = phases(log)
     records = {stage: _json(context.upstream(stage), PROVENANCE) for stage in UPSTREAM} | {OWN: {"stamp": context.stamp}}
     return Evidence(
-        log=log, loops=find_loops(log, labels), phases=labels, quality=data_quality(log), parts=parts, scores=metrics, predictions=arrays,
+        log=log, loops=find_loops(log, labels), phases=labels, quality=data_quality(log, parts=parts), parts=parts,
+        scores=metrics, predictions=arrays,
         controller=_json(law, "metrics.json"), commanded=_commanded(law, log),
         identify=_json(identified, "metrics.json"), params=_json(identified, "params.json"),
         effects=_json(traced, "effects.json"), traced_params=_json(traced, "params.json"), residuals=_arrays(traced, "residuals.npz"),

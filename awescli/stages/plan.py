@@ -130,7 +130,7 @@ def _check_paths(plan: Plan, document: Document) -> None:
     errors = []
     if not plan.flight.exists():
         errors.append(BadInput(f"there is no flight folder {plan.flight}", document.where("flight"), "Name the folder of the flight log."))
-    if not plan.kite.is_file():
+    if plan.kite.is_dir() or not plan.kite.exists():
         what = f"{plan.kite} is a folder, a kite file is needed" if plan.kite.is_dir() else f"there is no kite file {plan.kite}"
         errors.append(BadInput(what, document.where("kite"), "Name the kite's YAML file."))
     if plan.out.exists() and not plan.out.is_dir():

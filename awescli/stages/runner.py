@@ -16,13 +16,14 @@ import awescli
 from awescli.artifacts import (
     PROVENANCE,
     artifact_hashes,
-    content_hash,
+    file_hash,
     has_checkpoints,
     locked,
     machine,
-    read_json,
+    refuse_foreign,
     remove,
     scratch_folder,
+    scratch_path,
     staged_folder,
     table_hash,
     versions,
@@ -30,9 +31,12 @@ from awescli.artifacts import (
 )
 from awescli.notation.errors import BadInput, NumericalFailure, did_you_mean
 from awescli.stages.base import FAILURE, Context, Inputs, Progress, Silent, Stage, StageConfig
+from awescli.stages.blas import blas, one_blas_thread
 from awescli.stages.changes import changes, flat
 from awescli.stages.checking import raise_all, refused
 from awescli.stages.forced import Forced
+from awescli.stages.inputs import input_hash, refuse_own_inputs
+from awescli.stages.made import made_hash, read_provenance
 from awescli.stages.plan import Plan
 
 Stamp = dict[str, Any]
@@ -69,6 +73,7 @@ def run_plan(
     call goes on, a forced one too: stages that it has finished stand, the one that it was in begins at its last checkpoint.
     """
     names = _chosen(plan, stages, only, begin)
+    refuse_own_inputs(plan, stages, names)
     run = _Run(plan, {s.name: s for s in stages}, progress or Silent(), report or (lambda stage, event: None), begin, force)
     if dry_run:
         return [run.dry(name) for name in names]
@@ -89,7 +94,8 @@ def run_plan(
 def drawn(plan: Plan, stages: Sequence[Stage], name: str, progress: Progress | None = None) -> Iterable[tuple[str, str | bytes]]:
     """(file name, content) of the figures of a stage that has run: drawn from its artifacts, which stay as they are."""
     run = _Run(plan, {s.name: s for s in stages}, progress or Silent(), lambda stage, event: None, None, False)
-    return run.figures(name)
+    with one_blas_thread():
+        yield from run.figures(name)
 
 
 def _chosen(plan: Plan, stages: Sequence[Stage], only: Iterable[str] | None, begin: str | None) -> list[str]:
@@ -144,7 +150,7 @@ class _Run:
         try:
             summary = self._run(name, upstreams, stamp)
         except KeyboardInterrupt:
-            saved = has_checkpoints(self._scratch(name))
+            saved = has_checkpoints(self.plan.out, name)
             self.report(name, Result(name, "interrupted", "at its last checkpoint" if saved else "from its beginning"))
             raise
         self.ran.append(name)
@@ -175,14 +181,16 @@ class _Run:
     def _run(self, name: str, upstreams: Mapping[str, Path], stamp: Stamp) -> Mapping[str, Any]:
         """Run a stage in a folder of its own that takes the old one's place when all is written."""
         stage, plan, folder = self.stages[name], self.plan, self._folder(name)
-        scratch_path = self._scratch(name)
+        checkpoints = scratch_path(plan.out, name)
         if self.forced is not None and not self.forced.starts(name):
-            remove(scratch_path)  # asked for anew: only checkpoints of this very run are trusted
-        started, began = datetime.now(UTC), time.monotonic()
-        scratch = scratch_folder(scratch_path, _digest(stamp))
+            remove(checkpoints)  # asked for anew: only checkpoints of this very run are trusted
+        refuse_foreign(folder, stage.makes)
         inputs = Inputs(plan.flight, plan.kite, plan.split, upstreams)
-        raise_all(refused(stage, inputs, plan))
-        with staged_folder(folder) as staged:
+        with one_blas_thread():  # the log is read here
+            raise_all(refused(stage, inputs, plan))
+        started, began = datetime.now(UTC), time.monotonic()
+        scratch = scratch_folder(plan.out, name, _digest(stamp))
+        with staged_folder(folder) as staged, one_blas_thread():
             context = Context(
                 flight=plan.flight,
                 kite=plan.kite,
@@ -200,22 +208,25 @@ class _Run:
                 summary = dict(stage.run(context, plan.settings[name]) or {})
             except Exception:
                 # a failure would only be repeated from its own checkpoints; an interruption (no Exception) keeps them
-                remove(scratch_path)
+                remove(checkpoints)
                 raise
             if missing := [file for file in stage.makes if not (staged / file).is_file()]:
                 raise RuntimeError(f"stage {name} did not write {', '.join(missing)}")
+            if changed := changes(stamp, self._stamp(name, upstreams)):
+                remove(checkpoints)
+                raise BadInput(f"{'; '.join(changed)} while {name} was running: its result is of neither", str(folder), "Run it again.")
             provenance = {
                 "stage": name,
                 "versions": versions(),
                 "stamp": stamp,
                 "paths": {key: path.resolve() for key, path in (("flight", plan.flight), ("kite", plan.kite), ("plan", plan.file))},
-                "machine": machine(),
+                "machine": {**machine(), "blas": blas()},
                 "artifacts": artifact_hashes(staged),
                 "summary": _finite(summary),
                 "timing": {"started": started.isoformat(timespec="seconds"), "duration_s": round(time.monotonic() - began, 3)},
             }
             write_json(staged / PROVENANCE, provenance)
-        remove(scratch_path)
+        remove(checkpoints)
         return summary
 
     def figures(self, name: str) -> Iterable[tuple[str, str | bytes]]:
@@ -223,13 +234,10 @@ class _Run:
         stage, plan, upstreams = self.stages[name], self.plan, self._upstreams(name)
         kept = self._provenance(name) or {}
         context = Context(
-            plan.flight, plan.kite, plan.out, self._folder(name), self._scratch(name), plan.seed, plan.split, upstreams, self.progress,
-            Inputs(plan.flight, plan.kite, plan.split, upstreams), kept.get("stamp", {}),
+            plan.flight, plan.kite, plan.out, self._folder(name), scratch_path(plan.out, name), plan.seed, plan.split, upstreams,
+            self.progress, Inputs(plan.flight, plan.kite, plan.split, upstreams), kept.get("stamp", {}),
         )  # fmt: skip
         return stage.figures(context, plan.settings[name])
-
-    def _scratch(self, name: str) -> Path:
-        return self.plan.out / f".{name}.scratch"
 
     def _folder(self, name: str) -> Path:
         return self.plan.out / name
@@ -264,12 +272,7 @@ class _Run:
 
     def _provenance(self, name: str) -> dict[str, Any] | None:
         """What a stage was made from; None if it has not run, or not readably."""
-        try:
-            kept = read_json(self._folder(name) / PROVENANCE)
-        except BadInput:
-            return None
-        good = isinstance(kept, dict) and all(isinstance(kept.get(key), dict) for key in ("stamp", "artifacts"))
-        return kept if good and isinstance(kept["stamp"].get("upstream"), dict) else None
+        return read_provenance(self._folder(name))
 
     def _damaged(self, name: str, kept: Mapping[str, Any]) -> str:
         """The first artifact that is not what the stage wrote, and how; empty if all are."""
@@ -285,10 +288,10 @@ class _Run:
         settings = plan.settings[name]
         inputs = {"flight": plan.flight, "kite": plan.kite}
         return {
-            "inputs": {key: _input_hash(inputs[key], plan.out) for key in stage.reads},
+            "inputs": {key: input_hash(key, inputs[key]) for key in stage.reads},
             "seed": plan.seed,
             "split": plan.split.model_dump(),
-            "settings": _settings(settings, plan),
+            "settings": _settings(settings),
             "upstream": {need.stage: self._hash(need.stage) if need.stage in upstreams else None for need in self._needs(name)},
             "code": code_hash(),
             "versions": versions(),
@@ -339,7 +342,7 @@ class _Run:
         return None if self._unusable(name) else self._hash(name)
 
     def _hash(self, name: str) -> str:
-        return table_hash(artifact_hashes(self._folder(name)))
+        return made_hash(self._folder(name))
 
     def _outdated(self, name: str) -> list[str]:
         """Changes of the plan since an upstream stage ran, that this run was not asked to act on."""
@@ -350,19 +353,19 @@ class _Run:
         return changes({**kept["stamp"], "upstream": {}, "code": "", "versions": {}}, today)
 
 
-def _settings(config: StageConfig, plan: Plan) -> dict[str, Any]:
+def _settings(config: StageConfig) -> dict[str, Any]:
     """The settings as plain JSON values. A path counts by its content where there is one: moving a file changes nothing."""
 
-    def plain(value: Any) -> Any:
+    def plain(key: str, value: Any) -> Any:
         if isinstance(value, Path):
-            return _input_hash(value, plan.out) if value.exists() else str(value)
+            return input_hash(key, value) if value.exists() else str(value)
         if isinstance(value, dict):
-            return {str(k): plain(v) for k, v in value.items()}
+            return {str(k): plain(str(k), v) for k, v in value.items()}
         if isinstance(value, (list, tuple)):
-            return [plain(v) for v in value]
+            return [plain(key, v) for v in value]
         return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
-    return plain(config.model_dump(by_alias=True))
+    return plain("", config.model_dump(by_alias=True))
 
 
 def _finite(summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -384,21 +387,13 @@ def _digest(stamp: Stamp) -> str:
     return table_hash({key: repr(value) for key, value in flat(stamp).items()})
 
 
-def input_hash(path: Path, out: Path) -> str:
-    """Of a file or folder, and of what it names elsewhere: a flight.yaml may stand far from its log."""
-    from awescli.flightlog.flight_check import opened_by
-
-    return content_hash(path, *opened_by(path), exclude=[out])
-
-
-@cache
-def _input_hash(path: Path, out: Path) -> str:
-    """Once per process: a flight of an hour takes a second to hash, and does not change under our hands."""
-    return input_hash(path, out)
-
-
 @cache
 def code_hash() -> str:
-    """Of awes' own sources: other code may give other numbers."""
+    """Of all files of awes' own package, the page's script and style included: other code may give other results."""
     package = Path(awescli.__file__).parent
-    return table_hash({str(p.relative_to(package)): content_hash(p) for p in sorted(package.rglob("*.py"))})
+    return table_hash({str(p.relative_to(package)): file_hash(p) for p in sorted(package.rglob("*")) if _is_code(p)})
+
+
+def _is_code(path: Path) -> bool:
+    """Not what Python, an editor or a version control system leaves beside the code."""
+    return path.is_file() and path.suffix != ".pyc" and not path.name.startswith(".") and not path.name.endswith("~")

@@ -34,8 +34,10 @@ class SimulateConfig(StageConfig):
     model: Literal["newest", "initial", "identified", "with_effects", "hybrid"] = Field("newest", description="which model flies")
     effects: dict[str, dict[str, float]] = Field({}, description="effects switched on, e.g. {actuator_lag:rudder: {tau: 0.2}}")
     wind: Wind = Field(Wind(), description="wind of one's own: speed, direction, height, shear; default as recorded")
-    start: float | None = Field(None, ge=0, description="where in the flight it sets out [s]; default where the test part begins")
-    duration: float = Field(60.0, gt=0, le=3600, description="how long it flies [s]; beyond the log, winch and wind go on as they were")
+    start: float | None = Field(
+        None, ge=0, description="where in the flight it sets out [s]; default where the longest test stretch begins"
+    )
+    duration: float = Field(60.0, ge=0.5, le=3600, description="how long it flies [s]; beyond the log, winch and wind go on as they were")
     noise: bool = Field(True, description="add the kite file's sensor noise to the written log")
     seed: int | None = Field(None, ge=0, description="seed of noise and turbulence; default the plan's")
     step: float = Field(0.01, ge=1e-4, le=0.02, description="longest step of the integration [s]")
@@ -88,7 +90,7 @@ class Simulate(Stage):
 
         log, parts = flight_parts(context)
         log = in_wanted_wind(log, config.wind)
-        first = parts.test[0][0] if config.start is None else int(round(config.start / log.dt))
+        first = max(parts.test, key=lambda r: r[1] - r[0])[0] if config.start is None else int(round(config.start / log.dt))
         fitted = read_controller(context.upstream("fit-controller")) if config.surfaces == "controller" else None
         model, kite = kite_to_fly(context, config, log.wind.height, fitted)
         duration = config.duration
@@ -102,7 +104,7 @@ class Simulate(Stage):
         context.progress.task(f"flying {duration:g} s, {model}")
         flown = simulate_flight(
             kite, law, wind, LoggedReelOut(log, first) if kite.tether else None, pattern=pattern, duration=duration, dt=log.dt,
-            start=smooth_states(log)[first], setpoints=recorded, seed=seed, step=config.step,
+            start=smooth_states(log)[first], setpoints=recorded, seed=seed, step=config.step, begins=float(log.time[first]),
         )  # fmt: skip
         # a log that knows no date (seconds since boot) gets one that the format can hold
         epoch = (0.0 if log.start > YEARS[0] else EPOCH) + log.start + float(log.time[first])
@@ -115,6 +117,8 @@ class Simulate(Stage):
         metrics = {
             "outcome": "departed" if flown.departed else "flew_on", "survived_s": survived, "asked_s": duration,
             "start_s": float(log.time[first]),
+            # how long it is compared with flight that no stage was fitted to
+            "unseen_s": max(((b - first) * log.dt for a, b in parts.test if a <= first < b), default=0.0),
             "seed": seed, "model": model, "surfaces": config.surfaces, "effects": config.effects, "wind": config.wind.model_dump(),
             **compared(log, first, flown, HORIZONS),
         }  # fmt: skip

@@ -5,17 +5,17 @@ from textwrap import shorten
 from pydantic import Field
 
 from awescli.stages.answers import ANSWER, change, fitting, named, number, sized
-from awescli.stages.base import FAILURE, KITE_FILE, Need, Stage, StageConfig
+from awescli.stages.base import FAILURE, KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 
 
 class TraceResidualConfig(StageConfig):
     """Settings of trace-residual."""
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds between re-initialisations [s]")
-    curriculum: tuple[float, ...] = Field((1.0, 2.5), description="shorter horizons that are fitted first [s]")
+    curriculum: tuple[Seconds, ...] = Field((1.0, 2.5), description="shorter horizons that are fitted first [s]")
     rounds: int = Field(3, ge=1, le=6, description="most effects that may be accepted one after the other")
-    candidates: tuple[str, ...] | None = Field(None, description="effects to try; default the whole library that the flight could show")
-    outputs: tuple[str, ...] | None = Field(None, description="measured channels that count; default all of the log")
+    candidates: Names | None = Field(None, description="effects to try; default the whole library that the flight could show")
+    outputs: Names | None = Field(None, description="measured channels that count; default all of the log")
 
 
 class TraceResidual(Stage):
@@ -63,7 +63,7 @@ class TraceResidual(Stage):
         # the prior is what the user declared; the search starts from what identify found
         handed_on = read_json(context.upstream("identify") / "metrics.json")
         began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon)}
-        finding = trace_flight(declared, log, parts, progress=progress, **began, **config.model_dump(exclude={"report"}))
+        finding = trace_flight(declared, log, parts, progress=progress, **began, **config.model_dump())
         progress("scoring on unseen loops")
         models = {"before": finding.before(), "after": finding.after()}
         predictions = {which: predicted(simulator, log, parts, config.horizon) for which, simulator in models.items()}

@@ -1,11 +1,11 @@
 """train-hybrid: let a small network learn what the physics leaves, through the rollout (seed section 5)."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from awescli.stages.answers import ANSWER, change
-from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
+from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 
 CHECKPOINT = "training-{}.npz"
 """In the stage's scratch, one for each network; `State.to_arrays`."""
@@ -18,9 +18,13 @@ TORCHDIFFEQ = ("rk4_classical", "euler", "midpoint", "heun2", "heun3", "dopri8",
 class TrainHybridConfig(StageConfig):
     """Settings of train-hybrid."""
 
-    hidden: tuple[int, ...] = Field((16, 16), description="widths of the tanh layers (the seed: 8, 8)")
-    inputs: tuple[str, ...] | None = Field(None, description="what the network sees; default states, flow angles, surfaces, line")
-    horizons: tuple[float, ...] = Field((1.0, 2.5, 5.0), description="predicted seconds, growing; the last one is what counts [s]")
+    hidden: tuple[Annotated[int, Field(ge=1, le=512)], ...] = Field(
+        (16, 16), min_length=1, max_length=4, description="widths of the tanh layers (the seed: 8, 8)"
+    )
+    inputs: Names | None = Field(None, description="what the network sees; default states, flow angles, surfaces, line")
+    horizons: tuple[Seconds, ...] = Field(
+        (1.0, 2.5, 5.0), min_length=1, description="predicted seconds, growing; the last one is what counts [s]"
+    )
     warmup: float = Field(1.0, gt=0.1, le=5, description="seconds before a prediction that its start is estimated from [s]")
     surfaces: Literal["recorded", "controller"] = Field("recorded", description="replay the recorded set-points, or close the loop")
     solver: Literal["rk4", *TORCHDIFFEQ] = Field(

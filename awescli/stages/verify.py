@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from awescli.artifacts import PROVENANCE, artifact_hashes, read_json, table_hash
+from awescli.artifacts import PROVENANCE, artifact_hashes
 from awescli.notation.errors import BadInput
 from awescli.stages.base import Stage
-from awescli.stages.runner import input_hash
+from awescli.stages.inputs import input_hash
+from awescli.stages.made import made_hash, read_provenance
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,14 @@ def verify(run: Path, stages: Sequence[Stage]) -> Verified:
     for name in found:
         now = artifact_hashes(run / name)
         files[name] = len(now)
-        lines += _of_stage(run, name, now)
+        lines += _of_stage(run, name, now, [s.name for s in stages])
     return Verified(files, tuple(lines))
 
 
-def _of_stage(run: Path, name: str, now: Mapping[str, str]) -> Iterator[str]:
-    """The mismatches of one stage. now: file -> hash as they lie there."""
+def _of_stage(run: Path, name: str, now: Mapping[str, str], stages: Sequence[str]) -> Iterator[str]:
+    """The mismatches of one stage. now: file -> hash as they lie there; stages: names that a stage upstream may have."""
     file = run / name / PROVENANCE
-    kept = _provenance(file)
+    kept = read_provenance(run / name)
     if kept is None:
         yield f"{file}: not readable as provenance"
         return
@@ -44,21 +44,21 @@ def _of_stage(run: Path, name: str, now: Mapping[str, str]) -> Iterator[str]:
             yield f"{run / name / artifact}: {'changed since it was written' if artifact in now else 'missing'}"
     yield from (f"{run / name / artifact}: not one of the stage's artifacts" for artifact in now if artifact not in kept["artifacts"])
     for key, digest in kept["stamp"]["inputs"].items():
-        path = Path(str(kept["paths"].get(key)))
+        path = Path(str(kept.get("paths", {}).get(key)))
         if not path.exists():
             yield f"{path}: the {key} that {name} was made from is not there"
-        elif input_hash(path, run) != digest:
-            yield f"{path}: the {key} changed since {name} was made from it"
+            continue
+        try:
+            same = input_hash(key, path) == digest
+        except BadInput as e:
+            yield f"{path}: the {key} that {name} was made from cannot be compared: {e.what}"
+        else:
+            if not same:
+                yield f"{path}: the {key} changed since {name} was made from it"
     for upstream, digest in kept["stamp"]["upstream"].items():
-        if digest is not None and table_hash(artifact_hashes(run / upstream)) != digest:
+        if digest is None:
+            continue
+        if upstream not in stages:
+            yield f"{file}: '{upstream}' is no stage"
+        elif made_hash(run / upstream) != digest:
             yield f"{run / upstream}: not what {name} was made from"
-
-
-def _provenance(file: Path) -> dict[str, Any] | None:
-    """The provenance, if it has the parts that are compared."""
-    try:
-        kept = read_json(file)
-    except BadInput:
-        return None
-    tables = isinstance(kept, dict) and all(isinstance(kept.get(key), dict) for key in ("stamp", "artifacts", "paths"))
-    return kept if tables and all(isinstance(kept["stamp"].get(key), dict) for key in ("inputs", "upstream")) else None

@@ -1,6 +1,5 @@
 """Candidate effects as columns of a sensitivity: tangents where an effect is smooth at null, secants where it is flat there."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -8,7 +7,6 @@ import numpy as np
 
 from awescli.notation.quantities import OUTPUTS
 from awescli.physics.effects.base import Effect
-from awescli.physics.kite import Kite
 
 
 @dataclass(frozen=True)
@@ -40,17 +38,6 @@ def variants(effect: Effect) -> list[Variant]:
         moving = tuple(f"{effect.key}.{n}" for n in strong if not secant or n in names)
         result.append(Variant(effect.key, moving, at, secant))
     return result
-
-
-def parameters_of(kite: Kite, key: str) -> list[str]:
-    """Full names of an effect's parameters in a kite."""
-    effect = next(e for e in kite.effects if e.key == key)
-    return [p.name for p in effect.rows()]
-
-
-def null_values(kite: Kite, keys: Sequence[str]) -> dict[str, float]:
-    """Every parameter of the effects `keys` at null."""
-    return {p.name: p.value for e in kite.effects if e.key in keys for p in e.rows()}
 
 
 def outputs_at(problem, segments, x: np.ndarray, values: dict[str, float]):

@@ -35,7 +35,9 @@ EXPECTED: dict[str, tuple[tuple[str, ...], dict[str, float]]] = {
 """flight -> verdicts that are right, and the true sizes in the units of effects.md."""
 NARROW = {"d03": "tau", "d04": "a", "d07": "s", "d10": "tau"}
 """Sizes whose interval must be no wider than 25 % (lag, shear, airspeed, latency)."""
-ONLY_LATER = {"d03": "the rate limit is reached only in the loops that are kept for the test"}
+STARTS_OFF = {"d03": ("rate", 0.05)}
+"""Flight -> (size, share by which it may be off): a segment that begins while the rudder runs at its limit begins with a deflection that is
+up to 17 deg off (what came before is known for 0.1 s), which makes the limit 3 % too high; its interval does not know that."""
 
 
 QUICK = ("d01", "d02", "d04", "d06")
@@ -51,7 +53,7 @@ def traced(request, tmp_path_factory):
     flight, kite = FLIGHTS / request.param, tmp_path_factory.mktemp(request.param) / "kite.yaml"
     assert declare.main([str(flight / "nominal.yaml"), str(kite)]) == 0
     log = read_flight(flight)
-    parts = split(find_loops(log))
+    parts = split(find_loops(log), log=log)
     finding, before = trace_flight(read_kite(kite), log, parts)
     return request.param, account(finding, log, parts, 5.0, before, finding.after())
 
@@ -73,11 +75,10 @@ def test_the_size_is_inside_its_interval(traced):
     """Guards stated intervals: true sizes within three standard deviations, and narrow where issue 5 asks for it."""
     name, effects = traced
     for parameter, value in EXPECTED[name][1].items():
-        found = effects["effects"][0]["parameters"].get(parameter)
-        if found is None:
-            assert name in ONLY_LATER, f"{parameter} was not estimated"
-            continue
-        assert abs(found["value"] - value) <= 3 * found["std"], (parameter, found)
+        assert parameter in effects["effects"][0]["parameters"], f"{parameter} was not estimated"
+        found = effects["effects"][0]["parameters"][parameter]
+        room = STARTS_OFF[name][1] * value if STARTS_OFF.get(name, ("",))[0] == parameter else 3 * found["std"]
+        assert abs(found["value"] - value) <= room, (parameter, found)
         if NARROW.get(name) == parameter:
             assert 2 * 1.96 * found["std"] <= 0.25 * value, (parameter, found)
 
@@ -90,6 +91,6 @@ def test_the_error_reaches_the_noise(traced):
     error = effects["error"]
     if name in ("d01", "d02"):
         assert error["after"]["mean"] <= 0.006
-    elif EXPECTED[name][1] and name not in ONLY_LATER:
+    elif EXPECTED[name][1]:
         assert error["after"]["mean"] <= 1.3 * error["noise_floor"]["mean"], error["after"]["mean"] / error["noise_floor"]["mean"]
     assert error["diverged_after"] == 0

@@ -207,17 +207,18 @@ def test_an_output_that_is_an_input_or_feeds_another_output():
 def test_the_cache_knows_a_changed_function(tmp_path, monkeypatch):
     """Guards caching by content: same text same object, another constant another result, a lost cache only costs time."""
     monkeypatch.setenv("AWES_CACHE", str(tmp_path / "cache"))
+    objects = tmp_path / "cache" / "objects"
     one = np.ones((1, LANES))
 
     def run(factor):
         return evaluate(compile_program(lambda x, u, c: [factor * x[0].sin()], 1, 1, 1, linearised=False), one, one, one)[0, 0]
 
     first = run(2.0)
-    kept = sorted((tmp_path / "cache").iterdir())
-    assert run(2.0) == first and sorted((tmp_path / "cache").iterdir()) == kept and len(kept) == 1
+    kept = sorted(objects.iterdir())
+    assert run(2.0) == first and sorted(objects.iterdir()) == kept and len(kept) == 1
     assert run(3.0) == pytest.approx(1.5 * first, rel=1e-15)
-    assert len(list((tmp_path / "cache").iterdir())) == 2
-    for file in (tmp_path / "cache").iterdir():
+    assert len(list(objects.iterdir())) == 2
+    for file in objects.iterdir():
         file.unlink()
     assert run(2.0) == first
     monkeypatch.setenv("AWES_CACHE", "/proc/nowhere")

@@ -245,7 +245,7 @@ def test_development_flights(flight, tmp_path):
     declare = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "dev_kite" / "declare.py"))["main"]
     assert declare([str(folder / "nominal.yaml"), str(tmp_path / "kite.yaml")]) == 0
     log, kite = read_flight(folder), read_kite(tmp_path / "kite.yaml")
-    parts = split(find_loops(log))
+    parts = split(find_loops(log), log=log)
     known = (*parts.train, *parts.validation)
 
     def fly(law):

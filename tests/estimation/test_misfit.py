@@ -16,6 +16,7 @@ from awescli.physics.disturbances import GUSTS
 from awescli.simulation.campaign_flights import perturbed
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
+from awescli.stages.identify import shown
 
 FREE = DEVELOPMENT.table().free
 
@@ -184,6 +185,30 @@ def test_a_bound_is_kept_and_reported(simulator, observed):
     answer = told(found, cramped)["parameters"]
     assert found.parameters["CLa"].value == pytest.approx(5.4, abs=1e-6) and answer["CLa"]["at_bound"] and not answer["CD0"]["at_bound"]
     assert "bound" in answer["CLa"]["advice"]
+
+
+def test_words_of_a_parameter_say_what_its_numbers_say(simulator, observed):
+    """Guards "hardly seen, kept near its prior", which was said of an inertia at its bound, 2.36 prior standard deviations off: a weak
+    parameter is near its prior, or it moved, and a well seen one is neither."""
+    truth = simulator.kite.parameters
+    names = ("CLa", "CD0", "CtD")
+    found = fit(Misfit(simulator.holding(truth), observed, names), truth, tolerance=1e-6)
+    width = np.array([truth[n].prior_std for n in names])
+    declared = truth.with_rows(replace(truth[n], value=truth[n].value - shift * truth[n].prior_std, lower=-np.inf, upper=np.inf,
+                                       std=truth[n].prior_std) for n, shift in zip(names, (2.36, 0.3, 2.0), strict=True))  # fmt: skip
+    weak = replace(found, covariance=np.diag(np.square(np.array([0.64, 0.64, 0.1]) * width)))
+    answer = told(weak, declared)["parameters"]
+    assert [answer[n]["determined"] for n in names] == ["poorly", "hardly", "well"]
+    assert "near its prior" in answer["CD0"]["advice"] and "near its prior" not in answer["CLa"]["advice"]
+    assert "more than one prior standard deviation off" in answer["CLa"]["advice"] and answer["CtD"]["advice"] == ""
+    edge = replace(weak, parameters=weak.parameters.with_rows([replace(weak.parameters["CD0"], lower=weak.parameters["CD0"].value)]))
+    at_bound = told(edge, declared)["parameters"]["CD0"]
+    assert (
+        at_bound["at_bound"]
+        and at_bound["determined"] == "poorly"
+        and "at its bound, though this flight hardly sees it" in at_bound["advice"]
+    )
+    assert shown(at_bound)[""] == "at its bound; poorly determined" and shown(answer["CD0"])[""] == "hardly seen, near its prior"
 
 
 def test_a_diverging_segment_does_not_end_the_fit(simulator, observed):

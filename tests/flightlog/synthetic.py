@@ -7,7 +7,7 @@ import polars as pl
 
 from awescli.flightlog.kitemill_csv import to_kitemill_csv
 from awescli.flightlog.log import FlightLog, WindRecord
-from awescli.flightlog.resample import wrap
+from awescli.notation.angles import wrap
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 
 SHARED = Path(__file__).parents[2].parent / "shared"

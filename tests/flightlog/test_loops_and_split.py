@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.loops import Loops, find_loops
 from awescli.flightlog.phases import phases
-from awescli.flightlog.split import segments, split
+from awescli.flightlog.split import ORDERS, segments, split
 from awescli.notation.errors import BadInput
 
 
@@ -62,7 +62,7 @@ def equal(count, length=100):
     return Loops("loops", np.column_stack([first, first + length]), "equal")
 
 
-@given(st.integers(3, 60), st.floats(0.05, 1), st.floats(0.05, 1), st.floats(0.05, 1), st.sampled_from(["chronological", "interleaved"]))
+@given(st.integers(3, 60), st.floats(0.05, 1), st.floats(0.05, 1), st.floats(0.05, 1), st.sampled_from(ORDERS))
 def test_every_loop_goes_to_exactly_one_part(count, a, b, c, order):
     parts = split(equal(count), a, b, c, order)
     used = np.zeros(count * 100, int)
@@ -75,8 +75,11 @@ def test_every_loop_goes_to_exactly_one_part(count, a, b, c, order):
 
 
 def test_default_shares():
-    assert split(equal(10)).counts == (5, 2, 3) and split(equal(10)).test == ((700, 1000),)
+    assert split(equal(10)).counts == (5, 2, 3) and split(equal(10)) == split(equal(10), order="balanced")
+    assert split(equal(10), order="chronological").test == ((700, 1000),)
     assert len(split(equal(10), order="interleaved").train) >= 4
+    with pytest.raises(BadInput, match="balanced, chronological or interleaved"):
+        split(equal(10), order="alphabetical")
     with pytest.raises(BadInput, match="At least 3"):
         split(equal(2))
 

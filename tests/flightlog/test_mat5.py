@@ -1,5 +1,8 @@
 """The MATLAB reader against scipy's, and against bytes that nobody should believe."""
 
+import subprocess
+import sys
+import zlib
 
 import numpy as np
 import pytest
@@ -59,7 +62,7 @@ def test_what_is_no_number_is_left_unread(tmp_path):
 
 def test_bombs_do_not_go_off(tmp_path, monkeypatch):
     """A variable that unpacks to more than the limit, one that says it is larger than it is, structs without end."""
-    monkeypatch.setattr(mat5, "MAX_BYTES", 100_000)
+    monkeypatch.setattr(mat5, "MAX_UNPACKED", 100_000)
     savemat(tmp_path / "a.mat", {"s": np.zeros(50_000)}, do_compression=True)
     assert (tmp_path / "a.mat").stat().st_size < 2000
     with pytest.raises(BadInput, match="unpacks to more than"):
@@ -78,6 +81,62 @@ def test_bombs_do_not_go_off(tmp_path, monkeypatch):
     savemat(tmp_path / "c.mat", {"s": deep})
     with pytest.raises(BadInput, match="more than 8 deep"):
         read_mat(tmp_path / "c.mat", "s", "")
+
+
+def compressed(pieces) -> bytes:
+    """A .mat file of one compressed variable."""
+    packer = zlib.compressobj(1)
+    body = b"".join(packer.compress(piece) for piece in pieces) + packer.flush()
+    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + np.array([15, len(body)], "<u4").tobytes() + body
+
+
+def header(name: bytes, count: int, stored: int) -> bytes:
+    """A double matrix of `count` numbers stored as bytes, up to its data."""
+    head = np.array([6, 8, 6, 0, 5, 8, 1, count], "<u4").tobytes() + np.array([1, len(name)], "<u4").tobytes() + name.ljust(8, b"\0")
+    return np.array([14, len(head) + 8 + stored], "<u4").tobytes() + head + np.array([2, stored], "<u4").tobytes()
+
+
+READ = """
+import sys, time
+from pathlib import Path
+from awescli.flightlog.mat5 import read_mat
+from awescli.notation.errors import BadInput
+began = time.process_time()
+try:
+    read_mat(Path(sys.argv[1]), "s", "")
+except BadInput as e:
+    # the peak of this process since it began; that of getrusage holds what the process before had
+    peak = next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM"))
+    print(e.what, "|", int(peak) // 1024, "|", time.process_time() - began)
+"""
+
+
+@pytest.mark.parametrize("claimed", [700, 150])
+def test_a_small_file_cannot_take_the_memory(tmp_path, claimed):
+    """700 MB of zeros in 3 MB, and 150 MB of bytes that would be 1.2 GB as float64: a file of 467 kB used to take 4.3 GB."""
+    megabyte = bytes(1_000_000)
+    (tmp_path / "a.mat").write_bytes(compressed([header(b"s", claimed * 10**6, claimed * 10**6), *[megabyte] * claimed]))
+    done = subprocess.run([sys.executable, "-c", READ, str(tmp_path / "a.mat")], capture_output=True, text=True, check=True)
+    what, memory, seconds = done.stdout.split(" | ")
+    assert ("unpacks to more than" if claimed > 160 else "numbers take more than") in what
+    assert int(memory) < 500 and float(seconds) < 10
+
+
+def test_a_file_of_matlab_7_3_is_named_as_such(tmp_path):
+    """Its first line looks like that of version 5, so that it used to be called damaged."""
+    start = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + bytes(8) + b"\x00\x02IM"
+    for name, content in (("a", start.ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(2000)), ("b", b"\x89HDF\r\n\x1a\n" + bytes(2000))):
+        (tmp_path / f"{name}.mat").write_bytes(content)
+        with pytest.raises(BadInput, match="MATLAB 7.3 file") as caught:
+            read_mat(tmp_path / f"{name}.mat", "s", "")
+        assert "-v7" in caught.value.do
+
+
+def test_too_many_variables_are_not_looked_through(tmp_path):
+    one = header(b"x", 0, 0)
+    (tmp_path / "a.mat").write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + one * 5000)
+    with pytest.raises(BadInput, match="more than 1000 variables"):
+        read_mat(tmp_path / "a.mat", "s", "")
 
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

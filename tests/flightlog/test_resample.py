@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from awescli.flightlog.clocks import clock_offset
-from awescli.flightlog.resample import RawFlight, sample_interval, uniform_log, usable_stamps, wrap
+from awescli.flightlog.resample import RawFlight, sample_interval, uniform_log, usable_stamps
+from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT
 
-from awescli.artifacts import read_arrays, read_json, read_tensors, write_json, write_tensors
+from awescli.artifacts import read_arrays, read_json, read_tensors, scratch_path, write_json, write_tensors
 from awescli.flightlog.kitemill_csv import to_kitemill_csv
 from awescli.flightlog.read import read_flight
 from awescli.learning.correction import hybrid_from_artifact
@@ -77,7 +77,7 @@ def whole(plan) -> Path:
 
 
 def test_interrupted_and_killed_training_ends_at_the_same_weights(plan, whole):
-    scratch = plan / "out" / ".train-hybrid.scratch"
+    scratch = scratch_path(plan / "out", "train-hybrid")
     assert stopped(plan, scratch / "training-0.npz", signal.SIGINT) == 130
     assert not (plan / "out" / "train-hybrid").exists()
     before = read_arrays(scratch / "training-0.npz")["history"]
@@ -98,7 +98,7 @@ def test_a_damaged_checkpoint_is_named_and_then_gone(plan, whole):
     again = plan.with_name("again")
     shutil.copytree(whole.parents[1], again)
     shutil.rmtree(again / "out" / "train-hybrid")
-    checkpoint = again / "out" / ".train-hybrid.scratch" / "training-0.npz"
+    checkpoint = scratch_path(again / "out", "train-hybrid") / "training-0.npz"
     assert stopped(again, checkpoint, signal.SIGKILL) == -signal.SIGKILL
     checkpoint.write_bytes(checkpoint.read_bytes()[:-40])
     code, said = finished(again, "train-hybrid")

@@ -114,11 +114,14 @@ def test_resumed_training_is_the_uninterrupted_one(learned, draggy):
         assert repr([row[:-1] for row in resumed.history]) == repr([row[:-1] for row in whole.history])
 
 
-def test_budget_is_an_outcome(draggy):
+def test_budget_is_an_outcome(draggy, learned):
+    """Guards the time budget: of rounds that take 7 s each, a budget of 20 s allows three, and what they learned is kept; a budget that is
+    never reached (9 rounds, 63 s of 120) is no outcome."""
     log, ranges = draggy
     ticks = iter(range(0, 100000, 7))
-    trained = train(small_kite(), log, ranges[:6], ranges[6:], CONFIG, clock=lambda: float(next(ticks)))
-    assert trained.outcome in ("budget_reached", "trained") and len(trained.history) <= 10
+    trained = train(small_kite(), log, ranges[:6], ranges[6:], replace(CONFIG, budget=20.0), clock=lambda: float(next(ticks)))
+    assert (trained.outcome, len(trained.history), trained.state.seconds) == ("budget_reached", 3, 21.0)
+    assert not trained.correction.is_zero and len(learned[0].history) > 3
 
 
 def test_ensemble_agrees_where_it_was_trained(draggy):

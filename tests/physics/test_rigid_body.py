@@ -9,7 +9,7 @@ from oracles import body_to_ned, euler_rates, inertia, order_of, runge_kutta
 from awescli.notation.frames import rotation_body_to_ned
 from awescli.notation.quantities import STATES
 from awescli.physics.instant import Body, Load
-from awescli.physics.rigid_body import gammas, state_derivative
+from awescli.physics.rigid_body import acceleration, gammas, state_derivative
 
 NOTHING = Load((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -27,7 +27,8 @@ def body(seed=0, added=0.0) -> Body:
 
 def derivative(x, b: Body, load: Load = NOTHING) -> np.ndarray:
     z = SimpleNamespace(**dict(zip(STATES, x, strict=True)))
-    return np.array(state_derivative(z, rotation_body_to_ned(z.phi, z.theta, z.psi), b, load))
+    a = acceleration(b, load, (0.0, 0.0, 1.0))
+    return np.array(state_derivative(z, rotation_body_to_ned(z.phi, z.theta, z.psi), b, a, load.moment))
 
 
 @pytest.mark.parametrize("seed", range(50))
@@ -78,6 +79,20 @@ def test_added_mass_acts_on_body_z_only():
     m = body(1).mass
     assert np.flatnonzero(with_air != without).tolist() == [5]
     assert with_air[5] - without[5] == pytest.approx(300 / (m + 3) - 300 / m)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_mass_that_moves_across_the_line_only(seed):
+    """Guards the closed form of the mass matrix (m 1 + m_z e_z e_z' + m_l (1 - n n')): it solves M a = f, for any line and air mass."""
+    random, b = np.random.default_rng(seed), body(seed, added=3.0)
+    n = random.standard_normal(3)
+    n /= np.linalg.norm(n)
+    f, m_l = 500 * random.standard_normal(3), float(random.uniform(0.1, 20))
+    M = b.mass * np.eye(3) + np.diag([0, 0, 3.0]) + m_l * (np.eye(3) - np.outer(n, n))
+    assert acceleration(b, Load(tuple(f), (0.0,) * 3, m_l), tuple(n)) == pytest.approx(np.linalg.solve(M, f), rel=1e-12)
+    light = b._replace(added_z=0.0)
+    along = acceleration(light, Load(tuple(100 * n), (0.0,) * 3, m_l), tuple(n))
+    assert along == pytest.approx(100 * n / b.mass, rel=1e-12)  # nothing of it resists along the line
 
 
 def energy_and_momentum(x, b: Body):

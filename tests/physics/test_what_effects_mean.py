@@ -6,6 +6,7 @@ from kites import DEVELOPMENT, at_point, declared, lively, sizes
 from oracles import body_to_ned
 
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
+from awescli.physics.effects.custom_term import FEATURES
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 
@@ -83,8 +84,8 @@ def test_tether_drag():
 
 
 def test_tether_weight_hangs_down():
-    """Guards half the line's weight, downwards; the line is slack here, so that nothing answers."""
-    with_it, without = both("tether_weight", {"mu": 0.0074}, tether_length=400.0)
+    """Guards half the line's weight, downwards; the line is slack and does not run here, so that nothing answers."""
+    with_it, without = both("tether_weight", {"mu": 0.0074}, tether_length=400.0, reel_out_speed=0.0)
     force = body_to_ned(without.z.phi, without.z.theta, without.z.psi) @ np.subtract(with_it.applied.force, without.applied.force)
     assert force == pytest.approx([0, 0, 0.0074 * 400 * 9.80665 / 2], abs=1e-9) and with_it.tension == 0
 
@@ -124,7 +125,7 @@ def test_mass_offset():
     weight = 50 * 9.80665 * np.array(without.R[2])
     surface = np.array(without.applied.force) - weight
     moment = np.array(without.applied.moment) - np.cross([0.03, 0, -0.02], surface)
-    expected = Kite._about_centre_of_mass(with_it).moment
+    expected = Kite._about_centre_of_mass(with_it)
     assert with_it.applied.force == pytest.approx(without.applied.force) and expected == pytest.approx(moment, abs=1e-9)
     heavier, _ = both("mass_offset", {"dm": 5.0, "dx": 0.0, "dz": 0.0}, tether_length=400.0)
     light = both("mass_offset", {"dm": 0.0, "dx": 0.0, "dz": 0.0}, tether_length=400.0)[0]
@@ -167,15 +168,30 @@ def test_coefficients(key, coefficient, change):
 
 
 def test_a_custom_term_is_a_coefficient_of_its_channel():
-    """Guards qbar S (b or c): a term's k counts as a moment or force coefficient."""
+    """Guards qbar S (b or c): a term's k counts as a moment or force coefficient. The airspeed counts in units of the kite's own: 2.5 times
+    that at which a lift coefficient of 1 carries 50 kg on 3 m2."""
+    unit = 2.5 * np.sqrt(2 * 50 * 9.80665 / (1.225 * 3.0))
     for channel, arm in (("f_x", 1.0), ("f_z", 1.0), ("m_x", 7.4), ("m_y", 0.405), ("m_z", 7.4)):
         with_it, without = both(f"custom_term:{channel}*alpha*V_a", {"k": 0.02}, tether_length=400.0)
-        change = np.concatenate([np.subtract(a, b) for a, b in zip(with_it.applied, without.applied, strict=True)])
+        change = np.concatenate([np.subtract(getattr(with_it.applied, n), getattr(without.applied, n)) for n in ("force", "moment")])
         expected = np.zeros(6)
         expected[("f_x", "f_y", "f_z", "m_x", "m_y", "m_z").index(channel)] = (
-            0.02 * without.dynamic_pressure * 3.0 * arm * without.alpha * without.V_a / 40
+            0.02 * without.dynamic_pressure * 3.0 * arm * without.alpha * without.V_a / unit
         )
         assert change == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("feature", ["V_a", "tether_length", "tension"])
+def test_features_of_a_custom_term_do_not_know_how_large_a_kite_is(feature):
+    """Guards against one kite's sizes in generic code: a kite of twice the length (8 times the mass, sqrt(2) times the speed, a line twice
+    as long, 8 times the pull) has the same features."""
+    small, large = Kite(DEVELOPMENT), Kite(declared(m=400.0, S=12.0, b=14.8, c=0.81))
+    line = {"p_n": 200.0, "p_e": 40.0, "p_d": -150.0, "tension": 3000.0, "v": 0.0, "w": 0.0, "wind_speed_0": 0.0, "u": 38.0}
+    twice = {n: (2.0 if n[0] == "p" else 8.0 if n == "tension" else np.sqrt(2.0)) * v for n, v in line.items()}
+    at, scaled = small.instant(*at_point(small, **line)), large.instant(*at_point(large, **twice))
+    scaled.inputs["tether_length"] = 2 * at.inputs["tether_length"]
+    assert FEATURES[feature](scaled) == pytest.approx(FEATURES[feature](at), rel=1e-9)
+    assert 0.3 < FEATURES[feature](at) < 3
 
 
 # --- surfaces ---
@@ -195,6 +211,18 @@ def test_a_dead_band_loses_small_deflections():
         with_it, _ = both("surface_dead_band:rudder", rudder=deflection)
         expected = np.sign(deflection) * max(abs(deflection) - 0.01, 0.0)
         assert with_it.deflections["rudder"] == pytest.approx(expected, abs=1e-15)
+
+
+def test_the_air_blows_a_surface_back():
+    """Guards the balance of a spring and a hinge moment: at 50 m/s (1531 Pa) 2.8e-4 per Pa lose 30 % of a deflection, at half the speed a
+    quarter of that moment loses 10 %; both signs, one surface only."""
+    for speed, rudder in ((50.0, 0.12), (50.0, -0.12), (25.0, 0.12)):
+        still = {"wind_speed_0": 0.0, "wind_speed_1": 0.0, "wind_speed_2": 0.0, "u": speed, "v": 0.0, "w": 0.0, "density": 1.225}
+        with_it, without = both("hinge_blowback:rudder", {"k": 2.8e-4}, rudder=rudder, **still)
+        moment = 2.8e-4 * 1.225 / 2 * speed**2
+        assert with_it.deflections["rudder"] == pytest.approx(rudder / (1 + moment)) and without.deflections["rudder"] == rudder
+        assert 1 - 1 / (1 + moment) == pytest.approx(0.3 if speed == 50 else 0.097, abs=0.01)
+        assert with_it.deflections["aileron"] == 0.01
 
 
 def flown(key, calm, values=None, seconds=2.0, setpoint=None, step=0.005):
@@ -243,7 +271,7 @@ def test_an_actuator_lag_of_second_order(calm):
     assert deflection(*case, values)[11:] == pytest.approx(0.1 * response[11:], abs=1e-3)
 
 
-@pytest.mark.parametrize("key", ["actuator_lag:rudder", "actuator_delay:rudder", "unsteady_lift", "load_cell_lag"])
+@pytest.mark.parametrize("key", ["actuator_lag:rudder", "actuator_delay:rudder", "unsteady_lift", "load_cell_lag", "airspeed_lag"])
 def test_a_lag_comes_out_of_null_without_a_step(calm, key):
     """Guards the lags that are too short to be stepped through: what a flight reports moves in proportion to the lag, from null past the
     shortest one (a step there is a wall for a fit: nothing that it tries beyond is better)."""
@@ -301,7 +329,7 @@ def test_unsteady_lift_lags(calm):
     lagging = kite.with_values(values)
     c = [float(v) for v in lagging.parameters.vector()]
     at = lagging.instant(list(result.states[0].T), list(segments.inputs[0].T), c)
-    CL, steady = at.coefficients.CL, at.states["unsteady_lift.steady"]
+    CL, steady = at.coefficients.CL, at.received["unsteady_lift"].CL
     middle = (np.diff(CL) / 0.02 - ((steady - CL)[1:] + (steady - CL)[:-1]) / 2 / 0.1) * 0.1
     assert np.abs(middle[5:]).max() < 0.01 * np.ptp(steady)  # trapezoidal rule; set-points jump in between
 
@@ -350,3 +378,160 @@ def test_a_load_cell_filter_is_first_order(calm):
         expected.append(T[k + 1] - slope * 0.2 + (expected[-1] - T[k] + slope * 0.2) * decay)
     # the load jumps with the held set-points: a sample's jump times 10 % of the filter's memory
     assert np.abs(y - expected).max() < 0.02 * np.ptp(T) and np.abs(y - T).max() > 0.1 * np.ptp(T)
+
+
+def test_a_pitot_behind_tubes_is_first_order(calm):
+    """Guards tau dy/dt = V_a - y: the reported airspeed is the exact response to the true one, from a start that has been running as it
+    does (a start at the airspeed itself would be off by tau times its rate, 2 m/s)."""
+    values = {"airspeed_lag.tau": 0.3}
+    _, lagging, segments = flown("airspeed_lag", calm, values)
+    _, true, _ = flown("", calm)
+    V, y, h = true["V_a"][0], lagging["V_a"][0], segments.dt
+    expected, decay = [y[0]], np.exp(-h / 0.3)
+    for k in range(len(V) - 1):
+        slope = (V[k + 1] - V[k]) / h
+        expected.append(V[k + 1] - slope * 0.3 + (expected[-1] - V[k] + slope * 0.3) * decay)
+    assert np.abs(y - expected).max() < 2e-3 * np.ptp(V) and np.abs(y - V).max() > 0.1 * np.ptp(V)
+    assert y[0] == pytest.approx(V[0] - 0.3 * (V[1] - V[0]) / h, abs=0.2)
+
+
+def test_a_pitot_in_disturbed_flow():
+    """Guards the two terms: 3 % more per 0.1 rad of angle of attack, and as much to either side for sideslip."""
+    kite = Kite(DEVELOPMENT, HEIGHTS, ("pitot_position_error",))
+    kite = kite.with_values({"pitot_position_error.k_a": 0.3, "pitot_position_error.k_b": 1.0})
+    factors = []
+    for v in (5.0, -5.0):
+        still = {"wind_speed_0": 0.0, "wind_speed_1": 0.0, "wind_speed_2": 0.0, "v": v, "u": 40.0, "w": 4.0}
+        point = at_point(kite, **still)
+        factors.append(dict(zip(OUTPUTS, kite.outputs(*point), strict=True))["V_a"] / np.sqrt(40**2 + 4**2 + 5**2))
+    expected = 1 + 0.3 * np.arctan2(4, 40) + np.arctan2(5, np.hypot(40, 4)) ** 2
+    assert factors == pytest.approx([expected, expected]) and 0.02 < expected - 1 < 0.06
+
+
+def test_a_late_attitude_is_an_earlier_one(calm):
+    """Guards sign and both orders of the latency: what is reported at t is how the kite stood at t - tau, to a tenth of the noise
+    of 3.5 mrad in the median (every surface moves, and set-points jump from sample to sample); the rate alone is twice as far off."""
+    tau, late_by = 0.04, 2
+    _, late, _ = flown("attitude_latency", calm, {"attitude_latency.tau": tau})
+    _, true, _ = flown("", calm)
+    for name in ("phi", "theta", "psi"):
+        then, now, said = true[name][0, :-late_by], true[name][0, late_by:], late[name][0, late_by:]
+        first = now - tau * np.gradient(true[name][0], 0.02)[late_by:]
+        error, of_first = (np.median(np.abs(x - then)) for x in (said, first))
+        assert error < 3.5e-4 and of_first > 2 * error and np.abs(now - then).max() > 0.01, name
+    for name in set(MEASURED) - {"phi", "theta", "psi"}:
+        assert np.array_equal(late[name], true[name])
+
+
+def test_an_antenna_away_from_the_reference_point():
+    """Guards both lever arms: of position by the rotation alone, of velocity by omega x arm, whose derivative in time the first one is."""
+    kite, plain = Kite(DEVELOPMENT, HEIGHTS, ("antenna_arm",)), Kite(DEVELOPMENT, HEIGHTS)
+    kite = kite.with_values({"antenna_arm.x": 0.4, "antenna_arm.z": -0.3})
+    (x, u, c), (x0, u0, c0) = at_point(kite), at_point(plain)
+    away = lambda x: np.subtract(kite.outputs(list(x), u, c), plain.outputs(list(x), u0, c0))  # noqa: E731
+    arm, R, omega = np.array([0.4, 0.0, -0.3]), body_to_ned(*x[6:9]), np.array(x[9:12])
+    found = away(x)
+    assert found[:3] == pytest.approx(R @ arm) and found[3:6] == pytest.approx(R @ np.cross(omega, arm)) and not found[6:].any()
+    # the attitude a hundredth of a millisecond on
+    rate, h = np.array(plain.derivative(x0, u0, c0)), 1e-5
+    later = np.array(x)
+    later[:12] += h * rate[:12]
+    assert (away(later)[:3] - found[:3]) / h == pytest.approx(found[3:6], abs=1e-4)
+
+
+def test_drag_falls_with_the_reynolds_number():
+    """Guards the exponent, of kite and line together: at n = 0.17 the drag coefficient of both falls by 10 % from 30 to 55 m/s, and no
+    other does; at the kite's crosswind speed (41 m/s) it is as declared."""
+    whole = {}
+    for speed in (30.0, 55.0, 2.5 * np.sqrt(2 * 50 * 9.80665 / (1.225 * 3.0))):
+        still = {"wind_speed_0": 0.0, "wind_speed_1": 0.0, "wind_speed_2": 0.0, "u": speed, "v": 0.0, "w": 0.0}
+        with_it, without = both("reynolds_drag", {"n": 0.17}, **still)
+        line = 1.04 * 0.004 * without.line.length / (4 * 3.0)
+        whole[speed] = (with_it.coefficients.CD + line) / (without.coefficients.CD + line)
+        assert with_it.coefficients._replace(CD=0) == without.coefficients._replace(CD=0)
+    slow, fast, own = whole.values()
+    assert fast / slow == pytest.approx((55 / 30) ** -0.17) == pytest.approx(0.9, abs=0.005) and own == pytest.approx(1.0)
+
+
+def test_downwash_that_comes_late_is_a_moment_with_the_rate_of_alpha(calm):
+    """Guards size and sign of C_m_alphadot: along a lively flight the added coefficient is C_m_alphadot c / (2 V_a) times dalpha/dt
+    as it was one time constant ago, from the first sample on."""
+    values = {"downwash_lag.Cm_adot": -20.0, "downwash_lag.arm": 4.0}
+    kite, result, segments = flown("downwash_lag", calm, values)
+    plain, late = (kite.with_values({**values, "downwash_lag.Cm_adot": k}) for k in (0.0, -20.0))
+    at, without = (k.instant(list(result.states[0].T), list(segments.inputs[0].T), list(k.parameters.vector())) for k in (late, plain))
+    added, rate = at.coefficients.Cm - without.coefficients.Cm, np.gradient(at.alpha, 0.02)
+    tau = 4.0 * 0.405 / at.V_a
+    time = 0.02 * np.arange(len(rate))
+    expected = -20.0 * 0.405 / (2 * at.V_a) * np.interp(time - tau, time, rate)
+    error = np.abs(added - expected)
+    assert np.abs(added).max() > 0.01 and error[5:-5].max() < 0.15 * np.abs(added).max() and np.median(error) < 0.03 * np.abs(added).max()
+    assert added[0] == pytest.approx(-20.0 * 0.405 / (2 * at.V_a[0]) * rate[0], abs=0.15 * np.abs(added).max())
+
+
+def test_lift_drifts_and_steps_by_the_flights_clock(calm):
+    """Guards rate and onset: 100 s at -4e-4 per s cost 4 % of lift, a step of -5 % at 60 s is whole two seconds later and absent two
+    seconds before; a segment of a log flies on the log's clock."""
+    for time, step in ((0.0, 0.0), (58.0, 0.0), (60.0, -0.025), (62.0, -0.05), (100.0, -0.05)):
+        with_it, without = both("lift_drift", {"rate": -4e-4, "step": -0.05, "at": 60.0}, time=time)
+        assert with_it.coefficients.CL / without.coefficients.CL - 1 == pytest.approx(-4e-4 * time + step, abs=1e-3)
+        assert with_it.coefficients._replace(CL=0) == without.coefficients._replace(CL=0)
+    kite = Kite(DEVELOPMENT, calm.log.wind.height)
+    segments = lively(kite, calm.log, count=3).segments
+    time = segments.inputs[:, :, kite.input_names.index("time")]
+    assert time[:, 0] == pytest.approx(calm.log.time[segments.first]) and np.diff(time, axis=1) == pytest.approx(0.02)
+
+
+def play(setpoint, width, start):
+    """The play operator on samples: the surface is pushed along when the set-point leaves +-width/2 of it."""
+    path = [start]
+    for s in setpoint[1:]:
+        path.append(min(max(path[-1], s - width / 2), s + width / 2))
+    return np.array(path)
+
+
+def test_backlash_is_the_play_operator(calm):
+    """Guards memory: against the operator on samples, a swinging rudder that reverses inside and outside the play; a reversal is late by
+    12 ms, which at 0.4 rad/s is 5 mrad. Small swings do nothing, large ones arrive half a width late."""
+    width, time = 0.03, 0.02 * np.arange(201)
+    setpoint = 0.1 * np.sin(2 * np.pi * 0.6 * time) * np.where(time < 2.5, 1.0, 0.12)
+    case = flown("surface_backlash:rudder", calm, {"surface_backlash:rudder.width": width}, seconds=4.0, setpoint=setpoint)
+    found = deflection(*case, {"surface_backlash:rudder.width": width})
+    expected = play(setpoint, width, setpoint[0] - width / 2)
+    assert np.abs(found - expected).max() < 6e-3 and np.median(np.abs(found - expected)) < 1e-3
+    assert np.abs(setpoint - found).max() == pytest.approx(width / 2, abs=1e-4)
+    # the small swing of the end is lost for the most part, the large one is not
+    assert np.ptp(found[160:]) < 0.1 * np.ptp(setpoint[160:]) + 2e-3 and np.ptp(found[:100]) > 0.8 * np.ptp(setpoint[:100])
+
+
+def wound(calm, speed, values):
+    """(paid-out speed, length behind the reference) (N+1,) along a segment on which the winch is asked for `speed` (N+1,)."""
+    kite = Kite(DEVELOPMENT, calm.log.wind.height, ("winch_tracking",))
+    values = {f"winch_tracking.{n}": v for n, v in values.items()}
+    segments = lively(kite, calm.log, count=1, seconds=4.0).segments
+    at = {n: kite.input_names.index(n) for n in ("tether_length", "reel_out_speed", "reel_out_acceleration")}
+    length = segments.inputs[0, 0, at["tether_length"]] + np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 2 * segments.dt)])
+    asked = np.stack([length, speed, np.gradient(speed, segments.dt)], axis=1)[None]
+    segments = segments.with_inputs(list(at.values()), asked)
+    flown = Simulator(kite, (), step=0.005).rollout(segments, values)
+    assert not flown.diverged.any()
+    kite = kite.with_values(values)
+    line = kite.instant(list(flown.states[0].T), list(segments.inputs[0].T), list(kite.parameters.vector())).line
+    return line.speed, length - line.length
+
+
+def test_a_winch_follows_its_reference_late(calm):
+    """Guards lag, length and limits: a reference that rises steadily at 0.2 m/s2 is followed 0.5 s behind, 0.1 m/s slower, and the line is
+    behind by tau v, as after a whole reel-out from rest; a torque limit of 0.1 m/s2 makes the speed a ramp, a speed limit ends it."""
+    time = 0.02 * np.arange(201)
+    ramp = 0.5 + 0.2 * time
+    v, behind = wound(calm, ramp, {"tau": 0.5})
+    assert v == pytest.approx(ramp - 0.1, abs=1e-6) and behind == pytest.approx(0.5 * v, abs=1e-4)
+    step = np.where(time < 1.0, 0.5, 1.0)
+    v, _ = wound(calm, step, {"tau": 0.5})
+    # the input runs up to its step over one sample
+    assert v[55:] == pytest.approx(1.0 - 0.5 * np.exp(-(time[55:] - 0.99) / 0.5), abs=2e-3)
+    v, _ = wound(calm, step, {"tau": 0.5, "a_max": 0.1})
+    assert v[60:150] == pytest.approx(0.5 + 0.1 * (time[60:150] - 0.99), abs=2e-3)
+    v, _ = wound(calm, step, {"tau": 0.2, "v_max": 0.8})
+    assert v[:49] == pytest.approx(0.5, abs=1e-9) and v[-1] == pytest.approx(0.8, abs=1e-9)

@@ -1,5 +1,6 @@
 """Damaged input of every kind gives a good answer or one clear error; the campaign with many more inputs is benchmarks/fuzz.py."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 from fuzz import TARGETS, guard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from small_run import make_small_run
 
 from awescli.notation.errors import AwesError
 
@@ -85,3 +87,64 @@ def test_alias_bombs_and_deep_nesting_are_refused(tmp_path):
     for data in (bomb, b"[" * 100_000, b"{a: " * 20_000, b"- " * 50_000):
         with pytest.raises(AwesError):
             TARGETS["plan"].read(tmp_path, data)
+
+
+PIPES = {
+    "kite.csv": lambda f: f / "flight" / "kite.csv", "wind.csv": lambda f: f / "flight" / "wind.csv",
+    "flight.yaml": lambda f: f / "flight" / "flight.yaml", "a.mat": lambda f: f / "flight" / "a.mat",
+    "kite.yaml": lambda f: f / "kite.yaml", "stages.yaml": lambda f: f / "stages.yaml",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PIPES)
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_what_is_no_regular_file_is_not_waited_for(tmp_path, name, kind):
+    """A named pipe in the place of a file used to hang `check` for ever, a device to fill the memory."""
+    make_small_run(tmp_path)
+    if name == "a.mat":
+        (tmp_path / "flight" / "kite.csv").unlink()
+    place = PIPES[name](tmp_path)
+    place.unlink(missing_ok=True)
+    os.mkfifo(place) if kind == "pipe" else place.symlink_to("/dev/zero")
+    done = subprocess.run([sys.executable, "-c", "from awescli.cli import main; main()", "check"], cwd=tmp_path, capture_output=True,
+                          text=True, timeout=60)  # fmt: skip
+    assert done.returncode == 2 and f"this is a {'named pipe' if kind == 'pipe' else 'device'}" in done.stderr
+    assert name in done.stderr
+
+
+@pytest.mark.parametrize("what", ["wide", "heights", "gap", "long line", "one column"])
+def test_inputs_below_10_mb_take_little_memory_and_time(tmp_path, what):
+    """The worst that a small file can ask for: 1 GB and 20 s are the limits."""
+    make_small_run(tmp_path)
+    log, weather = tmp_path / "flight" / "kite.csv", tmp_path / "flight" / "wind.csv"
+    header, *rows = log.read_text().splitlines()
+    if what == "wide":
+        log.write_text(",".join([header, *(f"x{i}" for i in range(9000))]) + "\n" + "\n".join(r + ",1" * 9000 for r in rows[:500]))
+    elif what == "heights":
+        count = 200_000
+        weather.write_text("_time,direction,speed,height\n" + "\n".join(f"165000{i:07d}000000,8,9,{i}" for i in range(count)))
+    elif what == "gap":
+        first = int(rows[0].split(",")[0])
+        stamps = (first + i // 3 * 1100 + i % 3 * 20 for i in range(15 * len(rows)))  # three samples, then a second of nothing
+        log.write_text("\n".join([header, *(",".join([str(s), *r.split(",")[1:]]) for s, r in zip(stamps, rows * 15, strict=True))]))
+    elif what == "long line":
+        log.write_text(header + "\n" + "1" * 9_000_000)
+    else:
+        log.write_text("a\n" + "1\n" * 4_000_000)
+    done = subprocess.run([sys.executable, "-c", MEASURED], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    code, peak, seconds = done.stdout.split()[-3:]
+    assert code in ("0", "2") and int(peak) < 1000 and float(seconds) < 20, (done.stdout, done.stderr[-500:])
+
+
+MEASURED = """
+import sys, time
+began, code = time.process_time(), 0
+sys.argv = ["awes", "check"]
+try:
+    from awescli.cli import main
+    main()
+except SystemExit as e:
+    code = e.code or 0
+peak = next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM"))
+print(code, int(peak) // 1024, time.process_time() - began)
+"""

@@ -28,7 +28,7 @@ def test_the_judge_sees_what_is_neither_old_nor_new(tmp_path):
 def test_a_few_kills_a_full_disk_a_folder_that_is_not_ours_and_two_at_once(tmp_path):
     make_small_run(tmp_path)
     references = undisturbed(tmp_path)
-    tally = campaign(tmp_path, references, kills=3, seed=1)
+    tally = campaign(tmp_path, references, kills=4, seed=1)
     assert tally.killed == 4 and tally.wrong == []
     for test in (full_disk, read_only, two_at_once):
         assert test(tmp_path, references) == []

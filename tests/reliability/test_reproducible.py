@@ -1,5 +1,6 @@
-"""Same inputs and seed, two processes: byte-identical artifacts, whatever the folder, the time of day and the number of threads."""
+"""Same inputs and seed, several processes: byte-identical artifacts, whatever the folder, the time of day and the number of threads."""
 
+import json
 import os
 import subprocess
 import sys
@@ -7,8 +8,9 @@ import sys
 import pytest
 from small_run import make_small_run
 
-COMMAND = [sys.executable, "-c", "from awescli.cli import main; main()", "run", "--quiet"]
-TIMES = ("provenance.json", "report.html", ".lock")
+from awescli.artifacts import read_json
+
+TIMES = ("provenance.json", "report.html", "lock")
 """Files that hold times: provenance, and the page that shows it."""
 
 
@@ -16,16 +18,49 @@ def files(out):
     return {p.relative_to(out).as_posix(): p.read_bytes() for p in sorted(out.rglob("*")) if p.is_file() and p.name not in TIMES}
 
 
+def awes(folder, threads: int, *arguments: str, first: str = ""):
+    """The command line in a folder, with so many threads for everything. first: what the process does before awes is imported."""
+    names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "OMP_NUM_THREADS", "PYTHONHASHSEED")
+    own = {name: str(threads) for name in names} | {"TZ": f"UTC{threads}", "LC_ALL": ("C", "C.UTF-8")[threads % 2]}
+    command = [sys.executable, "-c", f"{first}\nfrom awescli.cli import main; main()", *arguments]
+    return subprocess.run(command, cwd=folder, env=os.environ | own, capture_output=True, text=True)
+
+
 @pytest.mark.slow
-def test_two_runs_leave_the_same_bytes(tmp_path):
-    make_small_run(tmp_path / "here")
-    make_small_run(tmp_path / "elsewhere")
-    threads = {"here": "1", "elsewhere": "2"}
-    runs = [
-        subprocess.run(COMMAND, cwd=tmp_path / name, env=os.environ | {"OMP_NUM_THREADS": n, "PYTHONHASHSEED": n}, capture_output=True)
-        for name, n in threads.items()
-    ]
-    assert [run.returncode for run in runs] == [0, 0], runs
-    here, elsewhere = files(tmp_path / "here" / "out"), files(tmp_path / "elsewhere" / "out")
-    assert len(here) > 15 and here.keys() == elsewhere.keys()
-    assert [name for name in here if here[name] != elsewhere[name]] == []
+def test_three_runs_leave_the_same_bytes(tmp_path):
+    """With two BLAS threads everything from trace-residual on used to differ: the order of a sum depends on how it is dealt out."""
+    makes = {"here": (1, ""), "elsewhere": (2, ""), "late": (3, "import numpy, scipy.linalg")}
+    for name, (threads, first) in makes.items():
+        make_small_run(tmp_path / name)
+        done = awes(tmp_path / name, threads, "run", "--quiet", first=first)
+        assert done.returncode == 0, done
+    here, *others = (files(tmp_path / name / "out") for name in makes)
+    for other in others:
+        assert len(here) > 15 and here.keys() == other.keys()
+        assert [name for name in here if here[name] != other[name]] == []
+    for name in makes:
+        told = read_json(tmp_path / name / "out" / "trace-residual" / "provenance.json")["machine"]["blas"]
+        assert told and all(library["threads"] == 1 and library["library"] for library in told)
+    # and every JSON artifact is of the form that its readers ask for
+    for file in (tmp_path / "here" / "out").glob("*/*.json"):
+        assert isinstance(read_json(file), dict)
+        assert json.loads(file.read_text())["version"] == 2
+
+
+@pytest.mark.parametrize("first", ["", "import numpy, scipy.linalg"])
+def test_a_stage_computes_with_one_thread_and_gives_them_back(tmp_path, first):
+    """What the user chose stands again afterwards: awes may be a guest in the process."""
+    program = f"""
+{first}
+import awescli, numpy, scipy.linalg
+from threadpoolctl import threadpool_info
+from awescli.stages.blas import blas, one_blas_thread
+threads = lambda: [i["num_threads"] for i in threadpool_info() if i["user_api"] == "blas"]
+before = threads()
+with one_blas_thread():
+    inside, told = threads(), [b["threads"] for b in blas()]
+print(before == threads() and set(before) == {{2}} and set(inside) == {{1}} == set(told))
+"""
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "2", "MKL_NUM_THREADS": "2", "BLIS_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert done.stdout == "True\n", done

@@ -32,6 +32,17 @@ def ahead(horizon: float, error: float) -> dict:
     return {"horizon_s": horizon, "predictions": 9, "diverged_predictions": 0, "nrmse": errors, "rmse": dict(errors)}
 
 
+def power(share: float) -> dict:
+    """What evaluate says of a model's mechanical power."""
+    loops = [(8 + i, 2000.0 + 100 * i) for i in range(3)]
+    rows = [{"loop": n, "seconds": 7.5, "of_seconds": 8.0, "measured_J": E, "predicted_J": E * (1 + share)} for n, E in loops]
+    return {
+        "mean_W": 280 * (1 + share), "measured_mean_W": 280.0, "error_share": share, "interval_share": [share - 0.01, share + 0.01],
+        "seconds": 22.5, "loop_seconds": 24.0, "loops": 3, "by_loop": rows,
+        "energy_per_loop_J": {"nrmse": abs(share), "relative_rmse": abs(share), "loops": 3},
+    }  # fmt: skip
+
+
 def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, horizon: int = 50, hybrid: bool = True) -> Evidence:
     """Everything there can be. evil: put into every name that comes from users' files."""
     log = flight(name, samples)
@@ -54,6 +65,7 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
             "by_loop": [
                 {"loop": i + 1, "part": PARTS[i % 3], "from_s": 8.0 * i, "to_s": 8.0 * i + 8, "nrmse": errors} for i in range(COUNT)
             ],
+            "power": power(-0.1 / 3**k),
             "rmse": {n: 1.0 for n in SCORED}, "r2": {n: 0.9 for n in SCORED}, "theil": {n: 0.1 for n in SCORED},
         }  # fmt: skip
         for n in SCORED:
@@ -61,7 +73,7 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
             predictions[f"{model}_{n}"] = log[n][rows] + rng.standard_normal(rows.shape) * 0.3 / 3**k
     row = {
         "value": 1.1, "std": 0.05, "unit": "-", "prior": 1.0, "prior_std": 0.2,
-        "shift_in_prior_std": 0.5, "excited": True, "at_bound": True,
+        "shift_in_prior_std": 0.5, "excited": True, "at_bound": True, "determined": "well",
         "partners": [f"Cb{evil}"], "advice": f"at its bound{evil}",
     }  # fmt: skip
     residuals = {"time": predictions["time"], "test_first": first}
@@ -86,10 +98,15 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
         ],
         "error": {"horizon_s": 5.0, "before": error, "after": error, "noise_floor": error, "split": "test",
                   "diverged_before": 0, "diverged_after": 1},
+        "criteria": [
+            {"name": "significant", "value": 41.2, "threshold": 10.0, "pass": True, "says": f"it is seen{evil}", "source": f"K&R{evil}"},
+            {"name": "repeats", "value": f"0.2{evil}", "threshold": "-", "pass": None, "says": "it repeats", "source": "permutation"},
+        ],
+        "probability": {f"actuator_lag:rudder{evil}": 0.9, "something_else": 0.1},
         "chi2": {"train_before": 2.0, "train_after": 1.0}, "detectable": {"wind_shear": 0.001}, "separate": [f"fly otherwise{evil}"],
         "parameter_shifts": {f"Ca{evil}": {"prior": 1, "before": 2, "after": 1.1, "before_in_prior_std": 2.0, "after_in_prior_std": 0.1}},
         "roll_gusts": {
-            "std_rad_s": 0.14, "of_specification": 1.9, "lasts_s": 0.3, "split": "test", "chi2": {"before": 49.0, "after": 18.0},
+            "std_rad_s": 0.14, "worth": 45.0, "lasts_s": 0.3, "split": "test", "chi2": {"before": 49.0, "after": 18.0},
             "channels": {n: {"before": 200.0, "after": 4.0} for n in ("p", "phi")},
             "parameter_shifts": {f"Clp{evil}": {"prior": 1, "before": 2, "after": 1, "before_in_prior_std": 2, "after_in_prior_std": 0}},
         },
@@ -104,8 +121,15 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
         "history": {"columns": ["train", "validation_last_horizon", "evaluations"],
                     "rows": [[1.0, 1.0, 10], [0.5, 0.6, 20], [0.4, 0.5, 5]]},
     }  # fmt: skip
+    identify = {
+        "outcome": "converged", "chi2": 1.1, "surfaces": "recorded", "horizon_s": 5.0, "noise_factors": {"alpha": 1.2},
+        "nrmse": {part: {"mean": 0.01} for part in ("train", "validation", "test")},
+        "processes": {f"gusts{evil}": {"level": 0.3, "unit": f"m/s{evil}", "memory_s": 5.0, "process": "gusts"}},
+    }  # fmt: skip
+    network = {"format": "awes correction 1", "inputs": [f"u{evil}"], "hidden": [8, 8], "width": 0.3, "fingerprint": "ab" * 32}
     flown = {
-        "outcome": "flew_on", "survived_s": 30.0, "asked_s": 30.0, "start_s": 56.0, "model": models[-1], "surfaces": "controller",
+        "outcome": "flew_on", "survived_s": 30.0, "asked_s": 30.0, "start_s": 56.0, "unseen_s": 8.0, "model": models[-1],
+        "surfaces": "controller",
         "effects": {f"actuator_lag:rudder{evil}": {"tau": 0.2}}, "wind": {"speed": 8.0, "direction": None, "height": 10.0, "shear": 0.14},
         "nrmse": {"5": {n: 0.02 for n in (*SCORED, "mean")}}, "path_error_m": {"5": 1.5},
     }  # fmt: skip
@@ -125,10 +149,10 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
             "closed_loop": {"outcome": "departs", "asked_s": 60.0, "survival_s": [10.0, 60.0],
                             "starts_s": [0.0, 20.0], "path_error_5s_m": 2.0},
         },
-        commanded={"rudder": log["rudder"] + 0.001}, identify={"outcome": "converged", "chi2": 1.1, "gust_m_s": 0.0},
+        commanded={"rudder": log["rudder"] + 0.001}, identify=identify,
         params={"parameters": {f"Ca{evil}": row}}, traced_params={"parameters": {f"lag{evil}.tau": row}},
         effects=effects, residuals=residuals,
-        hybrid=trained if hybrid else None, network={"inputs": [f"u{evil}"], "hidden": [8, 8]} if hybrid else None,
+        hybrid=trained if hybrid else None, network=network if hybrid else None,
         correction=correction if hybrid else None, flown=flown, trajectory=trajectory,
         provenance={"identify": {
             "timing": {"started": "2026-01-01", "duration_s": 2.0},

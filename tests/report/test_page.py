@@ -1,5 +1,7 @@
 """The page: whole, self-contained, safe against names from users' files, and there even where stages are not."""
 
+import base64
+import hashlib
 import json
 import re
 from dataclasses import replace
@@ -11,6 +13,9 @@ import pytest
 from plotly.offline import get_plotlyjs
 from report.small_evidence import evidence
 
+from awescli.artifacts.form_check import wrong_with
+from awescli.artifacts.forms import FORMS
+from awescli.flightlog.ranges import loop_ranges, part_ranges, ranges_check
 from awescli.report.html import SECTIONS, page
 from awescli.report.words import number, percent, times, with_std
 
@@ -98,6 +103,88 @@ def test_names_from_files_stay_text():
     assert not [t for t in shown if re.search(r"<(?!br>|extra>|/extra>)", t)]
 
 
+DOCUMENTS = {
+    "controller": ("fit-controller", "metrics.json"), "identify": ("identify", "metrics.json"), "params": ("identify", "params.json"),
+    "effects": ("trace-residual", "effects.json"), "hybrid": ("train-hybrid", "metrics.json"), "network": ("train-hybrid", "network.json"),
+    "flown": ("simulate", "metrics.json"), "provenance": ("", ""), "versions": ("", ""),
+}  # fmt: skip
+
+
+def places(obj, way=()):
+    """(way, "key" or "value") of every text in a document."""
+    for key, value in obj.items() if isinstance(obj, dict) else enumerate(obj) if isinstance(obj, list) else ():
+        if isinstance(obj, dict):
+            yield (*way, key), "key"
+        if isinstance(value, str) or value is None:
+            yield (*way, key), "value"
+        yield from places(value, (*way, key))
+
+
+def with_text(obj, way, kind, text):
+    """The same document with another text at one place."""
+    if not way:
+        return text
+    if isinstance(obj, list):
+        return [with_text(v, way[1:], kind, text) if i == way[0] else v for i, v in enumerate(obj)]
+    if len(way) == 1 and kind == "key":
+        return {text if k == way[0] else k: v for k, v in obj.items()}
+    return {k: with_text(v, way[1:], kind, text) if k == way[0] else v for k, v in obj.items()}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_no_text_of_any_artifact_becomes_a_part_of_the_page(document):
+    """Every name, unit, sentence and key, one after the other; what the artifact's form refuses never reaches the page. A kite file's
+    `unit` used to run a script."""
+    whole = evidence()
+    plain = Reader(own(usual()))
+    known = {(tag, *sorted(attrs)) for tag, attrs in plain.elements}
+    stage, name = DOCUMENTS[document]
+    content = getattr(whole, document)
+    tried = 0
+    for way, kind in places(content):
+        hostile = with_text(content, way, kind, EVIL)
+        if stage and wrong_with(stage, name, {"version": FORMS[name].version, **hostile}):
+            continue
+        tried += 1
+        text = own(page(replace(whole, **{document: hostile})))
+        reader = Reader(text)
+        assert {(tag, *sorted(attrs)) for tag, attrs in reader.elements} <= known | KINDS, (document, way, kind)
+        assert not [a for _, a in reader.elements if "onerror" in a or "src" in a], (document, way, kind)
+        shown = [t for d in reader.documents() if isinstance(d, dict) for t in texts(d, "meta")]
+        assert not [t for t in shown if re.search(r"<(?!br>|extra>|/extra>)", t)], (document, way, kind)
+    assert tried > 1
+
+
+KINDS = {("p", "class"), ("a", "href"), ("code",), ("h3",), ("details",), ("summary",), ("td", "class"), ("th", "class", "scope"), ("b",)}
+"""Elements that a page may have which says other things than usual."""
+
+
+def test_names_of_files_and_of_what_the_reader_says_stay_text():
+    """What `flightlog` hands on from the user's files: notes, units, clocks, checks."""
+    whole = evidence()
+    q = whole.quality
+    hostile = replace(
+        q, notes=(EVIL,), loops=EVIL, missing=(EVIL,), left_out={EVIL: 1.0}, phases={EVIL: 1.0},
+        channels=tuple(replace(c, name=EVIL, unit=EVIL, group=EVIL) for c in q.channels),
+        checks=tuple(replace(c, name=EVIL, unit=EVIL, sentence=EVIL, ok=False) for c in q.checks),
+    )  # fmt: skip
+    reader = Reader(own(page(replace(whole, quality=hostile, log=replace(whole.log, name=EVIL)))))
+    assert not [a for _, a in reader.elements if "onerror" in a or "src" in a]
+    assert {t for t, _ in reader.elements} <= {t for t, _ in Reader(own(usual())).elements}
+
+
+def test_only_the_two_scripts_of_the_page_may_run():
+    """The policy names them by their hashes: a script that came in nevertheless would not be run."""
+    text = usual()
+    reader = Reader(text)
+    policy = next(a["content"] for tag, a in reader.elements if tag == "meta" and a.get("http-equiv") == "Content-Security-Policy")
+    scripts = dict(part.strip().split(" ", 1) for part in policy.split(";"))["script-src"].split(" ")
+    running = [content for attrs, content in reader.scripts if attrs.get("type") != "application/json"]
+    hashes = [f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'" for content in running]
+    assert scripts == hashes and len(hashes) == 2 and "\r" not in text
+    assert not [a for _, a in reader.elements for name in a if name.startswith("on")]
+
+
 def texts(obj, *left_out):
     if isinstance(obj, str):
         yield obj
@@ -146,7 +233,7 @@ def test_every_verdict_has_its_headline(verdict, added):
     links_lead_somewhere(text)
     assert ("nothing added" in text) is False  # a model that is the one before it again is not shown twice
     title = re.search(r"<h1>(.*?)</h1>", text)[1]
-    assert {"none": "Nothing", "found": "lacked", "cannot_tell": "cannot tell", "unexplained": "repeats", "not_deterministic": "gusts"}[
+    assert {"none": "Nothing", "found": "lacked", "cannot_tell": "cannot tell", "unexplained": "left", "not_deterministic": "repeat"}[
         verdict
     ] in title
 
@@ -189,6 +276,76 @@ def test_intervals_and_shares_in_words():
     assert with_std(5.0, 0.0, "m") == "5.000 m"
     assert percent(0.1487) == "14.9 %" and percent(0.004385) == "0.44 %"
     assert times(0.148, 0.0044) == "34 times smaller" and times(1, 1) == "unchanged" and times(1, 2) == "2.0 times larger"
+
+
+def test_the_power_of_the_test_loops_stands_on_the_first_screen():
+    """Guards what an operator asks for: measured power, every model's error, the last one's interval, a figure, over how many seconds."""
+    text = own(usual())
+    first = re.sub(r"<[^>]+>", "", text[text.index("<body") : text.index('<section id="flight">')])
+    assert "0.280 kW measured" in first and "22 of 24 s of 3 test loops" in first
+    for said in ("as declared −10.0 %", "identified −3.3 %", "hybrid −0.37 % (−1.4 % to +0.63 % over loops, 95 %)"):
+        assert said in first, said
+    assert 'id="fig-power"' in text
+
+
+def test_a_flight_without_a_line_has_no_power():
+    whole = evidence()
+    scores = {
+        k: {n: v for n, v in block.items() if n != "power"} if isinstance(block, dict) else block for k, block in whole.scores.items()
+    }
+    text = own(page(replace(whole, scores=scores)))
+    assert "fig-power" not in text and "mechanical power" not in text
+    links_lead_somewhere(text)
+
+
+def test_the_page_says_how_long_a_free_flight_is_compared_with_unseen_loops():
+    """Guards test stretches that end before the simulated flight does: what follows them was fitted."""
+    whole = evidence()
+    text = re.sub(r"<[^>]+>", "", own(usual()))
+    assert "The first 8.00 s of the comparison are test loops" in text
+    unseen = own(page(replace(whole, flown={**whole.flown, "unseen_s": 30.0})))
+    assert "of the comparison are test loops" not in unseen
+
+
+def test_the_page_compares_the_ranges_of_the_parts():
+    """Guards the table and the named check: who reads a test error sees what train flew."""
+    whole = evidence()
+    ranges = part_ranges(loop_ranges(whole.log, whole.loops.bounds), whole.loops.bounds, whole.parts)
+    quality = replace(whole.quality, ranges=ranges, checks=(*whole.quality.checks, ranges_check(ranges)))
+    text = own(page(replace(whole, quality=quality)))
+    links_lead_somewhere(text)
+    table = text[text.index('id="tab-ranges"') :]
+    assert "rudder rate" in table[: table.index("</table>")]
+    checks = text[text.index('id="tab-quality"') : text.index('id="tab-ranges"')]
+    assert "Validation and test stay within what train flew." in checks
+
+
+@pytest.mark.parametrize(
+    ("outcome", "said"),
+    [
+        ("nothing_to_learn", "found nothing to learn"),
+        ("too_short", "too short to prove a correction"),
+        ("diverged", "the simulation diverged"),
+    ],
+)
+def test_why_a_network_is_not_used(outcome, said):
+    """Guards the difference between "there is nothing" and "this flight cannot prove it", on the first screen."""
+    text = own(page(replace(evidence(), hybrid={"outcome": outcome})))
+    first = re.sub(r"<[^>]+>", "", text[text.index("<body") : text.index('<section id="flight">')])
+    assert f"network on top of physics {'was not used: ' if said[0] == 't' else ''}" in first and said in first
+    assert "that helps" not in first and ("found nothing" in first) == (outcome == "nothing_to_learn")
+
+
+def test_weak_parameters_are_not_all_near_their_priors():
+    """Guards the sentence over the table: who stayed near its prior and who moved without being seen are told apart."""
+    whole = evidence()
+    row = {**whole.params["parameters"]["Ca"], "excited": False, "at_bound": False, "determined": "hardly"}
+    moved = {**row, "determined": "poorly", "shift_in_prior_std": 2.36}
+    params = {"parameters": {"Jx": moved, "Jy": {**moved, "at_bound": True}, "CL0": row}}
+    text = re.sub(r"<[^>]+>", "", own(page(replace(whole, params=params))))
+    assert "One parameter was hardly seen by this flight and stay near their priors" not in text
+    assert "One parameter was hardly seen by this flight and stays near its prior." in text
+    assert "2 parameters were hardly seen by it and yet more than one prior std from their priors, or at a bound" in text
 
 
 def test_the_parameters_of_the_traced_model_have_their_table_with_intervals():

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT
 
+from awescli.notation.angles import wrap
 from awescli.simulation import scores
-from awescli.simulation.segments import noise_std, wrap
+from awescli.simulation.segments import noise_std
 
 
 def test_nrmse_is_the_error_over_the_range():
@@ -41,3 +42,24 @@ def test_every_channel_has_the_noise_of_the_kite_file():
         assert (noise_std(noise, name, signal) == value).all(), name
     load = noise_std(noise, "tension", signal)
     assert load[:2] == pytest.approx([10.0, 30.0]) and 0 < load[2] < 2.0
+
+
+def test_an_interval_over_loops_holds_the_share_as_often_as_it_says():
+    """Guards the interval of few loops: in 2000 draws of 5 loops with errors of 5 % each, 95 % hold the true share; resampling loops,
+    the usual other way, would hold it in 84 %."""
+    random, held, resampled, draws = np.random.default_rng(0), 0, 0, 2000
+    for _ in range(draws):
+        measured = 1000 * (1 + 0.1 * random.standard_normal(5))
+        simulated = measured * (0.9 + 0.05 * random.standard_normal(5))
+        low, high = scores.share_interval(measured, simulated)
+        held += low <= -0.1 <= high
+        again = random.integers(0, 5, (500, 5))
+        low, high = np.percentile(simulated[again].sum(axis=1) / measured[again].sum(axis=1) - 1, [2.5, 97.5])
+        resampled += low <= -0.1 <= high
+    assert held / draws == pytest.approx(0.95, abs=0.015) and resampled / draws < 0.88
+
+
+def test_an_interval_needs_two_loops_and_something_to_share():
+    """Guards one loop, and loops whose energies cancel."""
+    assert scores.share_interval(np.array([5.0]), np.array([4.0])) is None
+    assert scores.share_interval(np.array([5.0, -5.0]), np.array([4.0, 1.0])) is None

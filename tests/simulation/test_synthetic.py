@@ -19,6 +19,7 @@ from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.notation.quantities import STATES, SURFACES
 from awescli.physics.declaration import read_kite
 from awescli.physics.kite import Kite
+from awescli.simulation import synthetic
 from awescli.simulation.campaign_flights import dev_like, perturbed
 from awescli.simulation.gusts import dryden, roll_corner, roll_gust, roll_level
 from awescli.simulation.made_wind import wind_record
@@ -183,6 +184,25 @@ def test_roll_gusts_have_the_spectrum_of_the_specification():
 def test_turbulence_shows_and_is_seeded():
     smooth, rough = (dev_like(DEVELOPMENT, 4, e, duration=20.0, noise=False).log for e in ({}, {"turbulence": {"sigma": 1.0}}))
     assert np.std(np.diff(rough["V_a"])) > 1.2 * np.std(np.diff(smooth["V_a"]))
+
+
+@pytest.mark.parametrize("speed", [9.0, 13.0])
+def test_gusts_are_crossed_at_the_airspeed_of_the_kite_that_flies(speed, monkeypatch):
+    """Guards the time scale of gusts against one kite's airspeed in generic code: it is that of this flight in still air."""
+    crossed = []
+
+    def gusts(samples, dt, airspeed, *rest):
+        crossed.append(airspeed)
+        return dryden(samples, dt, airspeed, *rest)
+
+    monkeypatch.setattr(synthetic, "dryden", gusts)
+    law = PathFollowing(Pattern(0.6, 0.0, 53.0, 1.0), trims={"elevator": -0.025, "flaps": 0.065})
+    how = {"pattern": law.pattern, "duration": 15.0, "noise": False}
+    wind = wind_record(np.array([10.0]), np.array([speed]), np.pi, 20.0)
+    still = fly(DEVELOPMENT, law.setpoints, wind, ReelOut(260.0), **how)
+    fly(with_effects(DEVELOPMENT, {"turbulence": {"sigma": 0.5}}), law.setpoints, wind, ReelOut(260.0), **how)
+    assert crossed == [pytest.approx(still["V_a"].mean(), rel=1e-6)]
+    assert abs(crossed[0] - 40.0) > 1.0
 
 
 def test_a_term_that_reads_the_log_is_not_flown_without_one():

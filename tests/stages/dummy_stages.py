@@ -67,7 +67,7 @@ class Judge(Stage):
         return (Need("identify", required=False), Need("trace-residual", required=False))
 
     def figures(self, context, config):
-        kite = artifacts.read_json(context.folder / "metrics.json")["kite"]
+        kite = artifacts.read_json(context.folder / "metrics.json", any_form=True)["kite"]
         yield "one.png", f"PNG of {kite}".encode()
 
     def run(self, context, config):

@@ -82,13 +82,13 @@ def test_without_a_kite_one_to_fill_in_is_written_and_check_names_every_open_num
 def test_the_template_is_a_whole_kite_once_its_numbers_are_there(tmp_path):
     file = tmp_path / "kite.yaml"
     for surfaces in ((), ("rudder",), ("aileron", "elevator", "rudder", "flaps")):
-        file.write_text(kite_template(surfaces).replace("value: fill_in", "value: 1.5"))
+        file.write_text(kite_template(surfaces).replace("value: fill_in", "value: 0.5"))
         declared = read_kite(file)
         kite = Kite(declared)
         used = {m for row in declared.aerodynamics.terms.values() for m in row}
         assert set(surfaces) <= used and not ({"aileron", "elevator", "rudder", "flaps"} - set(surfaces)) & used
         assert {"m", "Jxz", "CLa", "dl"} <= set(kite.parameter_names) and declared.parameters["Jx"].free
-    file.write_text(kite_template(on_line=False).replace("value: fill_in", "value: 1.5"))
+    file.write_text(kite_template(on_line=False).replace("value: fill_in", "value: 0.5"))
     free = read_kite(file)
     assert "tether" not in free.effects and not {"dl", "CtD", "k_v"} & set(free.parameters) and Kite(free).tether is None
 
@@ -125,17 +125,16 @@ def test_nothing_is_overwritten_and_nothing_half_written(tmp_path, demo):
 
 def test_a_log_far_from_its_flight_file_is_an_input(tmp_path, demo):
     """A drafted flight.yaml names log and weather elsewhere: a change in either makes the stages run again, and `verify` sees it."""
-    from awescli.flightlog.flight_check import opened_by
-    from awescli.stages.runner import input_hash
+    from awescli.stages.inputs import files_of, input_hash
 
     log = knots_and_feet(demo, tmp_path / "logs")
     assert awes("init", tmp_path / "plan", "--flight", log, "--kite", KITE).exit_code == 0
-    flight, out = tmp_path / "plan" / "flight.yaml", tmp_path / "plan" / "out"
-    assert {p.name for p in opened_by(flight)} == {"flight_017.csv", "met_station.csv"}
+    flight = tmp_path / "plan" / "flight.yaml"
+    assert {p.name for p in files_of("flight", flight).values()} == {"flight.yaml", "flight_017.csv", "met_station.csv"}
     for file in (log, log.parent / "met_station.csv"):
-        before, text = input_hash(flight, out), file.read_text()
+        before, text = input_hash("flight", flight), file.read_text()
         file.write_text(text[:-400])
-        assert input_hash(flight, out) != before
+        assert input_hash("flight", flight) != before
         file.write_text(text)
-        assert input_hash(flight, out) == before
-    assert opened_by(KITE) == [] and opened_by(log) == []
+        assert input_hash("flight", flight) == before
+    assert files_of("kite", KITE) == {"kite": KITE}

@@ -50,11 +50,16 @@ def test_figures_go_where_the_user_wants_them(folder):
         assert result.exit_code == 0 and "evaluate: skipped, unchanged" in result.stdout, result.stderr
         assert ("figures: 1 files in paper" in result.stdout) == bool(arguments)
         if arguments:
-            assert sorted(p.name for p in (folder / "paper").iterdir()) == ["mine.tex", "one.png"]
+            assert sorted(p.name for p in (folder / "paper").iterdir()) == [".made-by-awes", "mine.tex", "one.png"]
             assert (folder / "paper" / "one.png").read_bytes() == b"PNG of from: trace-residual 3\n"
-            (folder / "paper" / "one.png").unlink()
+            (folder / "paper" / "one.png").write_bytes(b"an earlier copy, which awes may replace")
     assert {p: p.read_bytes() for p in (folder / "out").rglob("*") if p.is_file()} == before  # a view of the results, not one of them
     assert "files in" not in awes("evaluate", "--figures", "paper", "--dry-run").stdout
+    (folder / "own").mkdir()
+    (folder / "own" / "one.png").write_text("the user's own")
+    result = awes("evaluate", "--figures", "own")
+    assert result.exit_code == 2 and "own: awes did not make one.png" in result.stderr
+    assert (folder / "own" / "one.png").read_text() == "the user's own"
     result = awes("evaluate", "--figures", "kite.yaml")
     assert result.exit_code == 2 and "--figures kite.yaml: is a file, a folder is needed" in result.stderr
 
@@ -152,7 +157,7 @@ def test_exit_codes(folder, arguments, code, message):
 
 def test_init_writes_a_plan_that_runs_and_overwrites_nothing(folder):
     with open(ROOT / "data" / "km1_demo" / "kite.csv") as demo:
-        (folder / "flight" / "kite.csv").write_text(demo.readline())
+        (folder / "flight" / "kite.csv").write_text("".join(demo.readline() for _ in range(3)))
     (folder / "kite.yaml").write_text((ROOT / "data" / "kites" / "development.yaml").read_text())
     result = awes("init", "new", "--flight", "flight", "--kite", "kite.yaml")
     assert result.exit_code == 0, result.stderr
@@ -192,6 +197,17 @@ def test_every_part_of_the_data_quality_is_shown(capsys):
     shown = capsys.readouterr().out
     for name in ("p_n", "position against velocity", "made up", "verdict: "):
         assert name in shown
+
+
+def test_check_compares_the_ranges_of_the_parts():
+    """Guards a test part that leaves what train flew: `check` says so, with a table; the default split of the bundled flight does not."""
+    plan = ["check", "--stages", str(Path(__file__).parents[2] / "stages.yaml"), "--set", "split.order=chronological"]
+    result = CliRunner().invoke(build_app(STAGES), plan)
+    shown = " ".join(result.stdout.split())
+    assert result.exit_code == 0 and "ranges of the parts" in shown and "verdict: look at ranges" in shown
+    assert "Test flies tether length 532 to 554 m, train 480 to 516 m" in shown
+    result = CliRunner().invoke(build_app(STAGES), plan[:3])
+    assert "verdict: good" in result.stdout and "ranges of the parts" in result.stdout
 
 
 def test_schema_prints_the_schemas_of_all_files(folder):
@@ -242,7 +258,7 @@ def test_signals_interrupt_cleanly(folder, number):
     process.send_signal(number)
     _, stderr = process.communicate(timeout=20)
     assert process.returncode == 130 and "interrupted during identify" in stderr and "Traceback" not in stderr
-    assert not list((folder / "out").glob(".*partial*"))
+    assert not list((folder / "out" / ".awes" / "partial").iterdir())
 
 
 def test_a_killed_run_leaves_nothing_in_the_way(folder):
@@ -254,10 +270,10 @@ def test_a_killed_run_leaves_nothing_in_the_way(folder):
         pass
     process.kill()
     process.communicate(timeout=20)
-    assert list((folder / "out").glob(".identify.partial-*"))
+    assert list((folder / "out" / ".awes" / "partial").glob("identify-*"))
     assert (folder / "out" / "identify" / "params.json").read_bytes() == before
     assert "identify: skipped, unchanged" in awes("run").stdout
-    assert not list((folder / "out").glob(".*partial*"))
+    assert not list((folder / "out" / ".awes" / "partial").iterdir())
 
 
 def test_two_runs_in_one_folder(folder):
@@ -266,3 +282,35 @@ def test_two_runs_in_one_folder(folder):
     with locked(folder / "out"):
         result = awes("run")
     assert result.exit_code == 2 and "another awes" in result.stderr
+
+
+def test_control_characters_of_files_do_not_reach_the_terminal(folder):
+    """A column's name could colour the screen, set its title or overwrite what stands there."""
+    evil = "\x1b[31m\x1b]0;owned\x07\r\x9b2J\u202egnp.txt"
+    (folder / "flight" / "kite.csv").write_text(f"epoch_ms,{evil}\n1,2\n")
+    (folder / "kite.yaml").write_text("name: x\n")
+    result = awes("check")
+    assert result.exit_code == 2 and "\\x1b[31m" in result.stderr and "\\u202e" in result.stderr
+    for text in (result.stderr, result.stdout):
+        assert not [c for c in text if not (c.isprintable() or c in "\n\t")]
+
+
+def test_a_path_that_is_no_text_is_shown_nevertheless(folder):
+    """A file's name of bytes that are no UTF-8."""
+    (folder / "empty").mkdir()
+    (folder / "empty" / os.fsdecode(b"\xff.txt")).write_text("x")
+    (folder / "kite.yaml").write_text("name: x\n")
+    result = awes("check", "--set", "flight=empty")
+    assert result.exit_code == 2 and "there is: \\udcff.txt" in result.stderr
+
+
+@pytest.mark.parametrize("where", ["build_app", "commands"])
+def test_ctrl_c_before_a_command_begins_leaves_no_traceback(where):
+    """While commands are built, and while one reads its options: a kill campaign found a traceback there."""
+    patched = {
+        "build_app": "app.build_app = lambda stages: os.kill(os.getpid(), signal.SIGINT)",
+        "commands": "commands.check = None; app.shell = lambda *a: os.kill(os.getpid(), signal.SIGINT)",
+    }[where]
+    code = f"import os, signal, sys; from awescli.cli import app, commands, main; {patched}; sys.argv = ['awes', 'check']; main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

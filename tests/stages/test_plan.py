@@ -15,7 +15,7 @@ def test_a_plan_with_defaults(tmp_path):
     file = make_folder(tmp_path)
     plan = read_plan(file, DUMMIES)
     assert (plan.flight, plan.kite, plan.out, plan.seed) == (tmp_path / "flight", tmp_path / "kite.yaml", tmp_path / "out", 0)
-    assert (plan.split.train, plan.split.validation, plan.split.test, plan.split.order) == (0.5, 0.2, 0.3, "chronological")
+    assert (plan.split.train, plan.split.validation, plan.split.test, plan.split.order) == (0.5, 0.2, 0.3, "balanced")
     assert plan.planned == ("identify", "trace-residual", "evaluate")
     assert plan.settings["trace-residual"].count == 3
 

@@ -1,11 +1,11 @@
 """What runs, what does not, and why."""
 
 import os
+import shutil
 
 import pytest
 from stages.dummy_stages import DUMMIES, make_folder
 
-from awescli import artifacts
 from awescli.artifacts import read_json
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.stages import runner
@@ -28,7 +28,6 @@ def file(tmp_path):
 
 
 def go(file, *only, **options):
-    runner._input_hash.cache_clear()
     notes = Notes()
     overrides = options.pop("overrides", {})
     results = run_plan(read_plan(file, DUMMIES, overrides), DUMMIES, only or None, progress=notes, **options)
@@ -42,11 +41,11 @@ def test_first_run_then_unchanged(file):
     # "upstream ran" is said only of what had been there before
     assert go(file)[0] == {"identify": "first run", "trace-residual": "first run", "evaluate": "first run"}
     out = file.parent / "out"
-    assert sorted(os.listdir(out)) == [".lock", "evaluate", "identify", "trace-residual"]
+    assert sorted(os.listdir(out)) == [".awes", "evaluate", "identify", "trace-residual"]
     before = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file()}
     assert go(file)[0] == UNCHANGED
     assert {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file()} == before
-    assert read_json(out / "evaluate" / "metrics.json") == {"kite": "from: trace-residual 3\n"}
+    assert read_json(out / "evaluate" / "metrics.json", any_form=True) == {"kite": "from: trace-residual 3\n"}
     provenance = read_json(out / "identify" / "provenance.json")
     assert provenance["stamp"]["settings"]["horizon"] == 5.0 and provenance["timing"]["duration_s"] >= 0
     assert set(provenance["stamp"]["inputs"]) == {"flight", "kite"} and "numpy" in provenance["versions"]
@@ -79,7 +78,7 @@ def test_why_it_runs(file, change, expected, monkeypatch):
     elif change == "kite":
         (file.parent / "kite.yaml").write_text("other")
     elif change == "flight":
-        (file.parent / "flight" / "winch.csv").write_text("3")
+        (file.parent / "flight" / "kite.csv").write_text("3")
     elif change == "missing":
         (out / "identify" / "params.json").unlink()
     elif change == "edited":
@@ -89,7 +88,7 @@ def test_why_it_runs(file, change, expected, monkeypatch):
     elif change == "code":
         monkeypatch.setattr(runner, "code_hash", lambda: "other")
     elif change == "gone":
-        artifacts.remove(out / "identify")
+        shutil.rmtree(out / "identify")
     dry, _ = go(file, dry_run=True, overrides=overrides)
     reasons, _ = go(file, overrides=overrides)
     assert dry == reasons
@@ -119,13 +118,13 @@ def test_one_stage_after_the_other(file):
         go(file, "trace-residual")
     go(file, "evaluate")
     metrics = file.parent / "out" / "evaluate" / "metrics.json"
-    assert read_json(metrics)["kite"] == "from: declared\n"
+    assert read_json(metrics, any_form=True)["kite"] == "from: declared\n"
     go(file, "identify")
     assert go(file, "evaluate")[0] == {"evaluate": "upstream identify changed"}
-    assert read_json(metrics)["kite"] == "from: identify 5.0\n"
+    assert read_json(metrics, any_form=True)["kite"] == "from: identify 5.0\n"
     go(file, "trace-residual")
     go(file, "evaluate")
-    assert read_json(metrics)["kite"] == "from: trace-residual 3\n"
+    assert read_json(metrics, any_form=True)["kite"] == "from: trace-residual 3\n"
 
 
 def test_a_model_older_than_what_it_was_made_from_is_not_used_silently(file):
@@ -137,7 +136,7 @@ def test_a_model_older_than_what_it_was_made_from_is_not_used_silently(file):
         f"To use it: awes trace-residual --stages {file}"
     ]
     assert reasons["evaluate"] == "upstream identify changed; upstream trace-residual is no longer used"
-    assert read_json(file.parent / "out" / "evaluate" / "metrics.json")["kite"] == "from: identify 4.0\n"
+    assert read_json(file.parent / "out" / "evaluate" / "metrics.json", any_form=True)["kite"] == "from: identify 4.0\n"
 
 
 def test_a_model_made_with_other_settings_is_used_but_not_silently(file):
@@ -160,9 +159,9 @@ def test_a_stage_that_does_not_end_well_leaves_the_old_artifacts(file, end, erro
     before = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file()}
     with pytest.raises(error):
         go(file, overrides={"identify.end": end})
-    after = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file() and ".identify.scratch" not in p.parts}
+    after = {p: p.read_bytes() for p in out.rglob("*.*") if p.is_file() and "scratch" not in p.parts}
     assert after == before
-    assert (out / ".identify.scratch").exists() == (end == "interrupt")
+    assert (out / ".awes" / "scratch" / "identify").exists() == (end == "interrupt")
     assert go(file)[0] == UNCHANGED
 
 
@@ -174,7 +173,7 @@ def test_an_interrupted_stage_continues_from_its_checkpoint(file, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         go(file, overrides=overrides, force=True)
     assert go(file)[1] == ["from step 0"]  # other settings: not its checkpoint
-    assert not (file.parent / "out" / ".identify.scratch").exists()
+    assert not (file.parent / "out" / ".awes" / "scratch" / "identify").exists()
 
 
 def test_a_file_named_in_the_settings_is_an_input(file):
@@ -208,10 +207,11 @@ def test_a_forced_run_that_was_interrupted_goes_on_where_it_stood(file):
         asked = "--force" if "force" in how else "--from identify"
         with pytest.raises(KeyboardInterrupt):
             go(file, overrides={"identify.end": "interrupt"}, **how)
-        assert (file.parent / "out" / ".forced.json").is_file()
+        assert (file.parent / "out" / ".awes" / "forced.json").is_file()
         reasons, notes = go(file, overrides={"identify.end": "interrupt"}, **how)
         assert notes == ["from step 2"] and set(reasons.values()) == {asked}
-        assert not (file.parent / "out" / ".forced.json").exists() and not (file.parent / "out" / ".identify.scratch").exists()
+        own = file.parent / "out" / ".awes"
+        assert not (own / "forced.json").exists() and not (own / "scratch" / "identify").exists()
         reasons, notes = go(file, overrides=overrides, **how)
         assert notes == ["from step 0"] and set(reasons.values()) == {asked}
 

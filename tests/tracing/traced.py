@@ -22,6 +22,6 @@ def traced(effects: Mapping[str, Mapping[str, float]], seed: int, duration: floa
     truth, guess = flight.flown.table(), flight.declared.table()
     rows = [guess[n] if n in guessed else replace(guess[n], value=truth[n].value, free=False) for n in guess]
     declared = flight.declared.with_parameters(ParameterTable(rows))
-    parts = split(find_loops(flight.log))
+    parts = split(find_loops(flight.log), log=flight.log)
     finding, before = trace_flight(declared, flight.log, parts, **how)
     return account(finding, flight.log, parts, 5.0, before, finding.after()), finding

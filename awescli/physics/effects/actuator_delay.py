@@ -29,15 +29,13 @@ class ActuatorDelay(Effect):
         return select(own.tau - shortest, own.tau, shortest + 0.0 * own.tau)
 
     def actuate(self, deflections, at, own):
-        target = deflections[self.target]
-        at.states[f"{self.key}.target"] = target
         _, x2 = self.own_states(at)
-        return {**deflections, self.target: target - own.tau * x2}
+        return {**deflections, self.target: deflections[self.target] - own.tau * x2}
 
     def rates(self, at, own):
         (x1, x2), tau = self.own_states(at), self._tau(own)
-        return x2, 12 * (at.states[f"{self.key}.target"] - x1 - tau * x2 / 2) / (tau * tau)
+        return x2, 12 * (self.received(at)[self.target] - x1 - tau * x2 / 2) / (tau * tau)
 
     def initial(self, at, own):
         rate = at.inputs[f"{self.target}_rate"]
-        return at.states[f"{self.key}.target"] - self._tau(own) * rate / 2, rate
+        return self.received(at)[self.target] - self._tau(own) * rate / 2, rate

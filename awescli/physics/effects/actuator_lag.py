@@ -32,17 +32,16 @@ class ActuatorLag(Effect):
 
     def actuate(self, deflections, at, own):
         deflection, _ = self.own_states(at)
-        at.states[f"{self.key}.setpoint"] = deflections[self.target]
         return {**deflections, self.target: lagged(deflection, deflections[self.target], own.tau)}
 
     def rates(self, at, own):
         deflection, speed = self.own_states(at)
         tau = lag_time(own.tau)
-        towards = (at.states[f"{self.key}.setpoint"] - deflection) / tau
+        towards = (self.received(at)[self.target] - deflection) / tau
         # the speed follows what a first-order lag would do
         return clipped(lagged(speed, towards, own.inertia * tau), own.rate), lag_rate(speed, towards, own.inertia * tau)
 
     def initial(self, at, own):
         # where a lagging surface is when its set-point has been moving steadily
         speed = clipped(at.inputs[f"{self.target}_rate"], own.rate)
-        return at.states[f"{self.key}.setpoint"] - lag_time(own.tau) * speed, speed
+        return self.received(at)[self.target] - lag_time(own.tau) * speed, speed

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from awescli.notation.parameters import Parameter
 from awescli.physics.instant import Body, Coefficients, Instant, Line, Load, Wind
 
-PLACES = ("actuate", "airflow", "body", "coefficients", "line", "load", "report")
+PLACES = ("airflow", "actuate", "body", "coefficients", "line", "load", "report")
 """Where an effect may act, in the order in which an instant is filled. An effect fills exactly one of these methods."""
 
 
@@ -26,7 +26,8 @@ class Effect:
     of_line: it acts on a line, so that some other effect must give one.
 
     Every method receives what stands at its place, the instant `at`, and `own`: the values of its parameters by short name.
-    It must give back its input unchanged, to the last bit, when all parameters are null.
+    It must give back its input unchanged, to the last bit, when all parameters are null. It writes nothing into the instant (the tether
+    alone says its tension there): what it received at its place is kept for its `rates` and `initial`, see `received`.
     """
 
     name: str = ""
@@ -86,6 +87,10 @@ class Effect:
 
     def own_states(self, at: Instant) -> tuple:
         return tuple(at.states[s] for s in self.state_names())
+
+    def received(self, at: Instant):
+        """What stood at its place before it acted (not at `load` and `report`, which come later than states are asked for)."""
+        return at.received[self.key]
 
     def actuate(self, deflections: dict, at: Instant, own) -> dict:
         """Deflections [rad] that the set-points become."""

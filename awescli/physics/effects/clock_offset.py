@@ -17,7 +17,6 @@ class ClockOffset(Effect):
     targets = ("winch",)
 
     def line(self, line, at, own):
-        acceleration = at.inputs["reel_out_acceleration"]
         return line._replace(
-            length=line.length + own.tau * (line.speed + own.tau / 2 * acceleration), speed=line.speed + own.tau * acceleration
+            length=line.length + own.tau * (line.speed + own.tau / 2 * line.acceleration), speed=line.speed + own.tau * line.acceleration
         )

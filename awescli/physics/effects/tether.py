@@ -6,7 +6,9 @@ from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Line, Load
 
 STEEPEST = 0.95
-"""sin(theta_t) is kept below this: the drag tilt of eq. 6 has no meaning on a line that goes slack."""
+"""sin(theta_t) is kept below this: a line that goes slack cannot carry its drag by a tilt of eq. 6 (see `Tether._force`)."""
+LEAST = 1e-9
+"""[N] keeps a quotient of forces finite where both vanish."""
 
 
 def seed_pull(at, f, m):
@@ -21,9 +23,10 @@ def seed_pull(at, f, m):
 
 
 def exact_pull(at, f, m):
-    """F_1 of the constraint |p| = l_t itself: phat . R^T f + m (|pdot|^2 - (phat . pdot)^2) / |p| (winch acceleration neglected)."""
+    """F_1 of the constraint |p| = l_t itself: phat . R^T f + m (|pdot|^2 - (phat . pdot)^2) / |p| - m l_t_ddot."""
     along = dot(at.p_hat, at.v_ned)
-    return dot(at.p_hat, rotate(at.R, f)) + m * (dot(at.v_ned, at.v_ned) - along * along) / at.distance
+    inertial = (dot(at.v_ned, at.v_ned) - along * along) / at.distance - at.line.acceleration
+    return dot(at.p_hat, rotate(at.R, f)) + m * inertial
 
 
 LAWS = {"seed": seed_pull, "exact": exact_pull}
@@ -31,6 +34,9 @@ LAWS = {"seed": seed_pull, "exact": exact_pull}
 
 class Tether(Effect):
     """T = max(0, F_1 + k_v (|p| - (l_t + dl)) + c_v (phat . pdot - l_t_dot)), f_t = R_y(theta_t) R^T (-T phat), m_t = r_t x f_t.
+
+    The tilt sin(theta_t) = -F_tD / T carries the line's drag while the line pulls harder than its drag; what it cannot carry, all of it on
+    a slack line, acts on the kite against the flow.
 
     It puts the line on the kite, and reads from the kite's table what `requires` names: virtual spring, drag, attachment.
     """
@@ -51,8 +57,8 @@ class Tether(Effect):
 
     def declared_line(self, at):
         v = at.values
-        length, speed = at.inputs["tether_length"], at.inputs["reel_out_speed"]
-        return Line(length, speed, v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0)
+        paid_out = at.inputs["tether_length"], at.inputs["reel_out_speed"], at.inputs["reel_out_acceleration"]
+        return Line(*paid_out, v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0)
 
     def load(self, at, own):
         v, line, m = at.values, at.line, at.body.mass
@@ -61,9 +67,10 @@ class Tether(Effect):
 
     def _tension(self, at, v, line: Line, m):
         F_1 = self.pull(at, at.applied.force, m)
-        # a heavy line hangs: w^2 l^3 / (24 T^2) of its length is not distance (parabola, small sag)
-        firm = maximum(F_1, 50.0 + 0.0 * F_1)
-        sag = line.sag_weight * line.sag_weight * line.length * line.length * line.length / (24 * firm * firm)
+        # a heavy line hangs: w^2 l^3 / (24 T^2) of its length is not distance; a parabola while it pulls by more than its own weight
+        weight = line.sag_weight * line.length
+        steep = weight / maximum(F_1, weight + LEAST)
+        sag = steep * steep * line.length / 24
         stretch = at.distance - (line.length + v["dl"] - sag)
         stretch_rate = dot(at.p_hat, at.v_ned) - line.speed
         rigid = F_1 + v["k_v"] * stretch + v["c_v"] * stretch_rate
@@ -74,9 +81,11 @@ class Tether(Effect):
     def _force(self, at, v, line: Line, T):
         V_a = at.V_a
         F_tD = at.wind.density * v["d_t"] * line.drag_coefficient * line.length * V_a * V_a / 8
-        share = F_tD / select(T * STEEPEST - F_tD, T, F_tD / STEEPEST + 1e-9)
+        share = F_tD / select(T * STEEPEST - F_tD, T, F_tD / STEEPEST + LEAST)
         sin_t, cos_t = -share, sqrt(1 - share * share)
         x, y, z = rotate_back(at.R, scale(-T, at.p_hat))
-        lateral = -line.lateral_drag * F_tD * at.air_velocity[1] / V_a
-        force = (cos_t * x + sin_t * z, y + lateral, cos_t * z - sin_t * x)
+        left = maximum(F_tD - T * STEEPEST, 0.0 * T)
+        sideways = line.lateral_drag * F_tD + (1 - line.lateral_drag) * left
+        d_x, d_y, d_z = scale(-1 / V_a, at.air_velocity)
+        force = (cos_t * x + sin_t * z + left * d_x, y + sideways * d_y, cos_t * z - sin_t * x + left * d_z)
         return Load(force, cross(line.attachment, force))

@@ -16,11 +16,10 @@ class UnsteadyLift(Effect):
     probes = {"tau": (0.05, 0.1, 0.2)}
 
     def coefficients(self, coefficients, at, own):
-        at.states[f"{self.key}.steady"] = coefficients.CL
         return coefficients._replace(CL=lagged(*self.own_states(at), coefficients.CL, own.tau))
 
     def rates(self, at, own):
-        return (lag_rate(*self.own_states(at), at.states[f"{self.key}.steady"], own.tau),)
+        return (lag_rate(*self.own_states(at), self.received(at).CL, own.tau),)
 
     def initial(self, at, own):
-        return (at.states[f"{self.key}.steady"],)
+        return (self.received(at).CL,)

@@ -16,4 +16,8 @@ class WinchLength(Effect):
     )
 
     def line(self, line, at, own):
-        return line._replace(length=line.length + own.s * line.length + own.b, speed=line.speed + own.s * line.speed)
+        return line._replace(
+            length=line.length + own.s * line.length + own.b,
+            speed=line.speed + own.s * line.speed,
+            acceleration=line.acceleration + own.s * line.acceleration,
+        )

@@ -1,0 +1,84 @@
+"""The form of what evaluate says of every model."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from awescli.artifacts.form_words import Channels, Checked, Horizon, Number
+
+
+class Ahead(Checked):
+    """Errors so far ahead."""
+
+    predictions: int
+    diverged_predictions: int
+    nrmse: Channels
+    rmse: dict[str, Number | None] = {}
+
+
+class OfLoop(Checked):
+    loop: int
+    part: Literal["train", "validation", "test"]
+    from_s: Number
+    to_s: Number
+    nrmse: Channels
+
+
+class Energy(Checked):
+    """Of one loop, measured and predicted."""
+
+    loop: int
+    seconds: Number
+    of_seconds: Number
+    measured_J: Number
+    predicted_J: Number
+
+
+class Power(Checked):
+    measured_mean_W: Number
+    error_share: Number | None
+    interval_share: Annotated[list[Number], Field(min_length=2, max_length=2)] | None
+    seconds: Number
+    loop_seconds: Number
+    loops: int
+    by_loop: Annotated[list[Energy], Field(min_length=1)]
+
+
+class Parts(Checked):
+    train: Channels
+    validation: Channels
+    test: Channels
+
+
+class Scored(Checked):
+    """All scores of one model."""
+
+    nrmse: Parts
+    predictions: dict[str, int] = {}
+    diverged_predictions: dict[str, int] = {}
+    rmse: dict[str, Number | None] = {}
+    r2: dict[str, Number | None] = {}
+    theil: dict[str, Number | None] = {}
+    by_horizon: dict[Horizon, Ahead]
+    one_step: Ahead | None
+    by_loop: list[OfLoop]
+    power: Power = None  # one that is not there may not be null
+
+
+class Scores(Checked):
+    """metrics.json of evaluate."""
+
+    horizon_s: Number
+    noise_floor: Channels
+    initial: Scored
+    identified: Scored = None
+    with_effects: Scored = None
+    hybrid: Scored = None
+
+    @model_validator(mode="after")
+    def _alike(self):
+        models = [model for model in (self.initial, self.identified, self.with_effects, self.hybrid) if model is not None]
+        for of in (lambda m: m.nrmse.test.keys(), lambda m: m.by_horizon.keys()):
+            if any(of(model) != of(self.initial) for model in models):
+                raise ValueError("models are scored on different channels or horizons")
+        return self

@@ -1,0 +1,20 @@
+"""A pitot that stands in the flow of its own aircraft."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+
+
+class PitotPositionError(Effect):
+    """reported V_a = V_a (1 + k_a alpha + k_b beta^2): static pressure at the port changes with the angle of attack, and alike to both
+    sides with sideslip. Source: position error of 1-5 % (Haering, Airdata measurement and calibration, NASA TM-104316, 1995); at
+    alpha = 0.1 and beta = 0.2 rad that is k_a = 0.1-0.5 and k_b = 0.3-1.3."""
+
+    name = "pitot_position_error"
+    doc = "airspeed off with angle of attack and sideslip"
+    parameters = (
+        Parameter("k_a", 0.0, "1/rad", -2.0, 2.0, source="1-5 % at 0.1 rad"),
+        Parameter("k_b", 0.0, "1/rad2", -5.0, 5.0, source="1-5 % at 0.2 rad"),
+    )
+
+    def report(self, reported, at, own):
+        return {**reported, "V_a": reported["V_a"] * (1 + own.k_a * at.alpha + own.k_b * at.beta * at.beta)}

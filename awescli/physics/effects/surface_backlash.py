@@ -1,0 +1,43 @@
+"""Play in a linkage, with memory."""
+
+from awescli.notation.parameters import Parameter
+from awescli.notation.quantities import CONTROL_SURFACES
+from awescli.physics.effects.base import Effect
+from awescli.physics.effects.lag import SHORTEST, clipped
+
+STEADY = 0.02
+"""[rad/s] a set-point that has been moving faster than this has taken up the play; slower, the surface may stand anywhere in it."""
+
+
+class SurfaceBacklash(Effect):
+    """delta stays where it is while the set-point moves within +-width/2 of it, and is pushed along beyond (the play operator; Tao &
+    Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, ch. 2).
+
+    The state remembers where the surface was: delta = set-point - min(max(set-point - state, -width/2), width/2), the exact play of that
+    memory, and SHORTEST d(state)/dt = delta - state. In the limit of a short time the memory is the surface itself; as it is, a reversal
+    is late by the SHORTEST lag that is stepped through. At width 0 delta is the set-point, whatever the memory says.
+    """
+
+    name = "surface_backlash"
+    doc = "play in a linkage: the surface follows only beyond it"
+    parameters = (Parameter("width", 0.0, "rad", 0.0, 0.15, source="play of 0.5-3 deg"),)
+    targets = CONTROL_SURFACES
+    states = ("remembered",)
+    start_spread = (0.02,)
+
+    def _surface(self, setpoint, at, own):
+        (remembered,) = self.own_states(at)
+        return setpoint - clipped(setpoint - remembered, own.width / 2)
+
+    def actuate(self, deflections, at, own):
+        return {**deflections, self.target: self._surface(deflections[self.target], at, own)}
+
+    def rates(self, at, own):
+        (remembered,) = self.own_states(at)
+        return ((self._surface(self.received(at)[self.target], at, own) - remembered) / SHORTEST,)
+
+    def initial(self, at, own):
+        # pushed along from the side that the set-point comes from
+        rate = at.inputs[f"{self.target}_rate"]
+        side = clipped(rate / STEADY, 1.0 + 0.0 * rate)
+        return (self.received(at)[self.target] - side * own.width / 2,)

@@ -1,0 +1,52 @@
+"""A winch that follows its reference late."""
+
+from awescli.notation.parameters import Parameter
+from awescli.physics.effects.base import Effect
+from awescli.physics.effects.lag import clipped, lag_time, lagged
+
+FASTEST = 100.0
+"""[m/s], [m/s2] a limit that no winch reaches: none."""
+
+
+class WinchTracking(Effect):
+    """The logged length and speed are what the winch was asked for: tau dv/dt = v_ref - v with |dv/dt| at most a_max (torque over inertia)
+    and |v| at most v_max, and the length paid out is the integral of v.
+
+    States: v, and by how much the paid-out length is ahead of its reference. A winch that has followed from rest is behind by tau v.
+    Source: 0.2-1 s; a winch with inertia and limits: Fechner et al., Dynamic model of a pumping kite power system, Renewable Energy 83,
+    2015.
+    """
+
+    name = "winch_tracking"
+    doc = "winch follows its reference with a lag and limits"
+    parameters = (
+        Parameter("tau", 0.0, "s", 0.0, 3.0, source="0.2-1 s"),
+        Parameter("v_max", FASTEST, "m/s", 0.1, FASTEST, source="drum and generator; gives form only"),
+        Parameter("a_max", FASTEST, "m/s2", 0.05, FASTEST, source="torque over inertia; gives form only"),
+    )
+    of_line = True
+    states = ("speed", "ahead")
+    start_spread = (0.2, 0.1)
+    probes = {"tau": (0.2, 0.6)}
+    shapes = ("v_max", "a_max")
+
+    def _motion(self, line, at, own):
+        """(speed, acceleration) of the drum where `line` is asked for."""
+        speed, _ = self.own_states(at)
+        v = lagged(clipped(speed, own.v_max), line.speed, own.tau)
+        return v, clipped((line.speed - speed) / lag_time(own.tau), own.a_max)
+
+    def line(self, line, at, own):
+        _, ahead = self.own_states(at)
+        v, a = self._motion(line, at, own)
+        return line._replace(length=line.length + ahead, speed=v, acceleration=lagged(a, line.acceleration, own.tau))
+
+    def rates(self, at, own):
+        asked = self.received(at)
+        v, a = self._motion(asked, at, own)
+        return a, v - asked.speed
+
+    def initial(self, at, own):
+        asked = self.received(at)
+        speed = clipped(asked.speed - own.tau * clipped(asked.acceleration, own.a_max), own.v_max)
+        return speed, -own.tau * speed

@@ -1,0 +1,42 @@
+"""evaluate: what it says of power, in its artifact and at its end."""
+
+import numpy as np
+import pytest
+from small_run import make_small_run
+
+from awescli.artifacts import read_arrays, read_json
+from awescli.flightlog.loops import find_loops
+from awescli.flightlog.read import read_flight
+from awescli.stages import STAGES
+from awescli.stages.evaluate import power_line
+from awescli.stages.plan import read_plan
+from awescli.stages.runner import run_plan
+
+
+def block(share, interval=None):
+    return {"mean_W": 2500.0, "measured_mean_W": 2500.0, "error_share": share, "interval_share": interval}
+
+
+def test_the_last_line_names_measured_power_and_every_models_error():
+    """Guards the one line that an operator reads: kW, percent with signs, the last model's interval over loops."""
+    line = power_line({"initial": block(-0.287), "with_effects": block(-0.0097, [-0.012, 0.003])})
+    assert line == "2.5 kW measured; initial -28.7 %, with_effects -1.0 % (-1.2 to +0.3)" and len(line) <= 80
+    assert power_line({"initial": block(None)}) == "2.5 kW measured"
+    assert power_line({}) == ""
+
+
+def test_power_is_in_the_artifact_and_is_that_of_the_predictions(tmp_path):
+    """Guards the contract's `power` block: tension times reel-out speed of the very predictions that predictions.npz holds."""
+    plan = read_plan(make_small_run(tmp_path), STAGES, {"evaluate.report": "false"})
+    run_plan(plan, STAGES, only=["evaluate"])
+    power = read_json(tmp_path / "out" / "evaluate" / "metrics.json")["initial"]["power"]
+    arrays, log = read_arrays(tmp_path / "out" / "evaluate" / "predictions.npz"), read_flight(tmp_path / "flight")
+    speed = log["reel_out_speed"][arrays["first"][:, None] + np.arange(arrays["time"].size)]
+    predicted, measured = ((arrays[f"{who}_tension"] * speed).mean() for who in ("initial", "measured"))
+    assert power["error_share"] == pytest.approx(predicted / measured - 1, abs=0.02)
+    assert power["measured_mean_W"] == pytest.approx(measured, rel=0.02)
+    assert power["interval_share"][0] < power["error_share"] < power["interval_share"][1]
+    assert power["loops"] == len(power["by_loop"]) >= 2 and power["energy_per_loop_J"]["nrmse"] > 0
+    bounds = find_loops(log).bounds
+    assert power["loop_seconds"] == pytest.approx(sum(bounds[row["loop"] - 1] @ [-1, 1] for row in power["by_loop"]) * log.dt)
+    assert power["seconds"] <= power["loop_seconds"]

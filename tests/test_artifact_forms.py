@@ -1,0 +1,117 @@
+"""JSON artifacts of an older awes, or edited by hand, are named with the command that makes them again; none is a fault of awes."""
+
+import json
+
+import numpy as np
+import pytest
+from fuzz_kinds import run_subject
+
+from awescli.artifacts import read_arrays, read_json, write_arrays, write_json
+from awescli.artifacts.forms import FORMS
+from awescli.notation.errors import BadInput
+
+PARAMS = {
+    "parameters": {
+        "m": {"value": 1.0, "std": 0.1, "unit": "kg", "prior": 1.0, "prior_std": 0.2, "shift_in_prior_std": 0.0, "excited": True,
+              "at_bound": False, "partners": [], "advice": None},
+    },
+    "more": [1, 2],
+}  # fmt: skip
+
+
+def test_a_form_has_a_version_that_readers_do_not_see(tmp_path):
+    write_json(tmp_path / "identify" / "params.json", PARAMS)
+    assert json.loads((tmp_path / "identify" / "params.json").read_text())["version"] == FORMS["params.json"].version
+    assert read_json(tmp_path / "identify" / "params.json") == PARAMS
+    write_json(tmp_path / "other.json", {"a": 1})
+    assert json.loads((tmp_path / "other.json").read_text()) == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    "content, says",
+    [
+        ([], "a list instead of a mapping"),
+        (True, "a truth value instead of a mapping"),
+        (None, "nothing instead of a mapping"),
+        (PARAMS, "written by an older awes"),
+        ({"version": 1, **PARAMS}, "written by an older awes"),
+        ({"version": 99, **PARAMS}, "written by a newer or another awes"),
+        ({"version": 2}, "parameters is missing"),
+        ({"version": 2, "parameters": {"m": {**PARAMS["parameters"]["m"], "std": "0.1"}}}, "m.std should be a valid number, is text"),
+        ({"version": 2, "parameters": {"m": {**PARAMS["parameters"]["m"], "std": -1.0}}}, "parameters.m.std"),
+        ({"version": 2, "parameters": {"m": {**PARAMS["parameters"]["m"], "prior_std": 0.0}}}, "parameters.m.prior_std"),
+        ({"version": 2, "parameters": [1]}, "parameters should be a valid dictionary, is a list"),
+    ],
+)  # fmt: skip
+def test_what_is_not_of_todays_form_is_named(tmp_path, content, says):
+    """`[]`, `true` and artifacts of 0.1 used to end in a fault of awes."""
+    file = tmp_path / "identify" / "params.json"
+    file.parent.mkdir()
+    file.write_text(json.dumps(content))
+    with pytest.raises(BadInput) as caught:
+        read_json(file)
+    assert says in caught.value.what and str(file) in caught.value.where and "awes identify --force" in caught.value.do
+    assert read_json(file, any_form=True) == (
+        {k: v for k, v in content.items() if k != "version"} if isinstance(content, dict) else content
+    )
+
+
+@pytest.mark.parametrize(
+    "arrays, says",
+    [
+        ({"time": np.arange(5.0)}, "'correction' is missing"),
+        ({"time": np.arange(5.0), "correction": np.ones(5)}, "'correction' has 1 axes"),
+        ({"time": np.arange(5.0), "correction": np.ones((4, 6))}, "'correction' has the shape (4, 6)"),
+        ({"time": np.arange(5.0), "correction": np.full((5, 6), "x")}, "of type"),
+    ],
+)
+def test_arrays_that_do_not_fit_each_other_are_named(tmp_path, arrays, says):
+    write_arrays(tmp_path / "train-hybrid" / "correction.npz", arrays)
+    with pytest.raises(BadInput) as caught:
+        read_arrays(tmp_path / "train-hybrid" / "correction.npz")
+    assert says in caught.value.what and "awes train-hybrid --force" in caught.value.do
+
+
+@pytest.mark.slow
+def test_edited_artifacts_are_refused_or_do_not_matter(tmp_path):
+    """The campaign benchmarks/fuzz_kinds.py, small: through verify, compare, the decision to run, the models and the page."""
+    found = run_subject("artifacts", 0.05, 7, tmp_path, lambda line: None)
+    bad = [(kind, j) for kind, judged in found.items() for j in judged if j.outcome == "fault"]
+    assert not bad and sum(len(judged) for judged in found.values()) > 10
+
+
+def test_mistakes_in_kite_files_are_told(tmp_path):
+    found = run_subject("declared", 0.1, 7, tmp_path, lambda line: None)
+    cases = [j for judged in found.values() for j in judged]
+    assert not [j for j in cases if j.outcome == "fault"]
+    # the sign of most coefficients is a matter of convention, and a factor of ten of a mass may be true
+    unnoticed = {kind for kind, judged in found.items() if any(j.outcome == "unnoticed" for j in judged)}
+    assert unnoticed <= {"sign of another coefficient", "a mass or inertia in other units (x 1e-9 to 1e9)"}
+
+
+def test_damaged_objects_are_not_run(tmp_path, monkeypatch):
+    monkeypatch.setenv("AWES_CACHE", str(tmp_path))  # put back afterwards
+    found = run_subject("cache", 0.1, 7, tmp_path, lambda line: None)
+    assert {j.outcome for judged in found.values() for j in judged} <= {"repaired", "refused"}
+
+
+def test_a_run_of_the_first_version_can_be_compared_and_is_run_again(tmp_path, monkeypatch):
+    """Its provenance has no version and is read nevertheless: code and versions have changed, so all is run again."""
+    from stages.dummy_stages import DUMMIES, make_folder
+
+    from awescli.stages.comparison import compare
+    from awescli.stages.plan import read_plan
+    from awescli.stages.runner import run_plan
+
+    plan = read_plan(make_folder(tmp_path), DUMMIES)
+    run_plan(plan, DUMMIES)
+    for file in plan.out.glob("*/*.json"):
+        content = json.loads(file.read_text())
+        content.pop("version", None)
+        if file.name == "provenance.json":
+            content["stamp"]["code"] = "of the first version"
+        file.write_text(json.dumps(content))
+    assert compare(plan.out, plan.out, DUMMIES).same > 0
+    assert {r.reason for r in run_plan(plan, DUMMIES, dry_run=True)} == {
+        "code changed", "upstream identify ran", "upstream identify, trace-residual ran",
+    }  # fmt: skip
