@@ -135,8 +135,7 @@ def probabilities(e: Evidence, answer: str, criteria: Criteria = CRITERIA) -> di
     best = min(deviances.values())
     odds = {name: exp(-max(d - best, 0.0) / 2 / criteria.temperature) for name, d in deviances.items()}
     if answer in ("unexplained", "not_testable"):
-        odds = {name: odd if name == "something_else" else odd * criteria.unknown for name, odd in odds.items()}
-        odds["something_else"] = max(odds.values())
+        odds = {**{name: odd * criteria.unknown for name, odd in odds.items()}, "something_else": 1.0}
     total = sum(odds.values())
     found = {name: (1 - criteria.unknown) * odd / total for name, odd in odds.items()}
     return _rounded({**found, "something_else": found["something_else"] + criteria.unknown})
