@@ -153,15 +153,16 @@ def fit_levels(
     tolerance: float,
     on_iteration: OnIteration = lambda h, i, c: None,
     owns: Sequence[Own | None] | None = None,
+    noise: bool = True,
 ) -> tuple[JointFit, list[EstimationProblem]]:
     """Fit parameters and levels in turn until neither moves, at most `rounds` times; the last fit has the levels that are returned.
 
-    tables: parameters to start from; owns: nuisances to begin from; others as `fit_flights`.
+    tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; others as `fit_flights`.
     """
     owns = owns or [None] * len(problems)
     result = _fitted(problems, labels, tables, owns, per_flight, prior, max(tolerance, LOOSE), on_iteration)
     for _ in range(rounds - 1):
-        moved = [_relevelled(p, f) for p, f in zip(problems, result.flights, strict=True)]
+        moved = [_relevelled(p, f, noise) for p, f in zip(problems, result.flights, strict=True)]
         if all(gain < UNCHANGED for _, _, gain in moved):
             break
         problems, owns = ([m[i] for m in moved] for i in (0, 1))
@@ -179,13 +180,13 @@ def _fitted(problems, labels, tables, owns, per_flight, prior: bool, tolerance: 
     return fit_together(shares, prior=prior, tolerance=tolerance, on_iteration=lambda i, c: on_iteration(length, i, c))
 
 
-def _relevelled(problem: EstimationProblem, fit: Fit) -> tuple[EstimationProblem, Own, float]:
+def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool) -> tuple[EstimationProblem, Own, float]:
     """The problem with the likeliest levels and noise at a fit, the nuisances to go on from, and the deviance that the levels gain (that of a noise
     that is off is not counted, and enough)."""
     if not len(fit.heard) or not problem.processes:
         return problem, fit.own, 0.0
     processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.heard)
-    factors = noise_factors(fit.misfit, fit.information, fit.links, fit.heard)
+    factors = noise_factors(fit.misfit, fit.information, fit.links, fit.heard) if noise else {}
     off = {n: f for n, f in factors.items() if abs(f - 1) > OFF}
     problem = problem.with_processes(_hurried(problem.processes, processes))
     new = problem.with_factors(off) if off else problem

@@ -270,11 +270,12 @@ def fit_instead(
 
 
 def fit_bare(frame: Frame, model: FittedModel) -> FittedModel:
-    """The model without model error: what it is worth when nothing helps it."""
+    """The model without model error: what it is worth when nothing helps it. The noise stays as model error left it: it would grow until what
+    is missing looked like noise."""
     bare = [p.with_processes(_slight(p.processes, share=0.0)) for p in model.problems]
     owns = [p.misfit().carried(f.own, f.misfit) for p, f in zip(bare, model.fit.flights, strict=True)]
     tables = [f.parameters for f in model.fit.flights]
-    found = fit_levels(bare, frame.labels, tables, frame.per_flight, True, *WHOLE, owns=owns)
+    found = fit_levels(bare, frame.labels, tables, frame.per_flight, True, *WHOLE, owns=owns, noise=False)
     return FittedModel.of(model.keys, model.strengths, *found)
 
 
