@@ -162,7 +162,7 @@ class HybridKite:
         self._inputs = inputs_of_instant(correction.inputs)
         self.declaration, self.heights, self.effects, self.by_place = kite.declaration, kite.heights, kite.effects, kite.by_place
         self.state_names, self.x_names, self.input_names = kite.state_names, kite.x_names, kite.input_names
-        self.constraints, self.tether = kite.constraints, kite.tether
+        self.constraints, self.tether, self.start_spread = kite.constraints, kite.tether, kite.start_spread
 
     def instant(self, x, u, c):
         """The instant of the physics, its derivative corrected; `at.correction` holds the six corrections."""

@@ -34,7 +34,7 @@ def fails(name: str, case: dict) -> dict:
 
 def identifies(name: str, case: dict) -> dict:
     """A real piece of work, made short: fly, then fit; compiled code, BLAS and threads take part."""
-    from awescli.estimation.question import ask, simulator_of
+    from awescli.estimation.problem import build, simulator_of
     from awescli.estimation.staged_fit import fit_in_stages
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
@@ -44,6 +44,6 @@ def identifies(name: str, case: dict) -> dict:
     truth = read_kite(Path(__file__).parents[2] / "data" / "kites" / "development.yaml")
     flight = dev_like(truth, case["seed"], {}, duration=32.0)
     parts = split(find_loops(flight.log))
-    question = ask(simulator_of(flight.declared, flight.log), flight.log, parts, 2.0, tuple(flight.log.measured))
-    fit, _ = fit_in_stages(question, flight.log, parts, (1.0,))
+    problem = build(simulator_of(flight.declared, flight.log), flight.log, parts, 2.0, tuple(flight.log.measured))
+    fit, _ = fit_in_stages(problem, (1.0,))
     return {"case": name, "values": fit.solution.x.tolist(), "covariance": fit.covariance.tolist(), "chi2": fit.chi2}

@@ -124,7 +124,7 @@ def test_the_loop_is_closed_through_the_controllers_own_delay(late_flight):
     for kind in (Late, PathFollowing):
         fitted(kind(**{f.name: getattr(law, f.name) for f in fields(law)}))
         (only,) = flown(context, config, DEVELOPMENT)
-        errors[kind] = score_parts(only.question.simulator, only.log, only.split, 5.0)["nrmse"]["train"]["mean"]
+        errors[kind] = score_parts(only.problem.simulator, only.problem.log, only.problem.split, 5.0)["nrmse"]["train"]["mean"]
     assert errors[Late] < 0.01 and errors[PathFollowing] > 3 * errors[Late], errors
 
 
