@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from tracing.traced import null_model
 
-from awescli.flightlog.split import Split
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.tracing.models import Frame, _asked_of, fit_null
 
@@ -49,7 +48,7 @@ def test_what_all_loops_want_is_what_a_fit_of_all_loops_finds():
     frame, null = null_model()
     flight = frame.flights[0]
     bounds = sorted((*flight.split.train, *flight.split.validation))
-    both = replace(flight, split=Split(tuple(bounds), flight.split.validation, (), flight.split.ratios, flight.split.order))
+    both = replace(flight, split=replace(flight.split, train=tuple(bounds)))
     again = fit_null(Frame((both,), frame.horizon, frame.outputs), {n: null.table[n].value for n in null.problems[0].kite.parameters.free}, (1.0,))
     std = np.sqrt(np.diag(np.linalg.inv(null.fit.solution.H)))
     moved = np.array([again.table[n].value - null.table[n].value for n in null.fit.names])
