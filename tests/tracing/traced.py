@@ -33,15 +33,19 @@ def short_flight(effects: Mapping[str, Mapping[str, float]], seed: int, duration
 
 def traced(effects: Mapping[str, Mapping[str, float]], seed: int, horizon: float = 5.0, duration: float = 80.0, guessed=GUESSED, **how):
     """(effects.json, finding) of a `short_flight`; how: arguments of `trace_flight`."""
-    declared, log, parts = short_flight(effects, seed, duration, guessed)
+    return traced_flight(*short_flight(effects, seed, duration, guessed), horizon, **how)
+
+
+def traced_flight(declared: KiteDeclaration, log: FlightLog, parts: Split, horizon: float, **how):
+    """(effects.json, finding) of a flight."""
     finding = trace_flight(declared, log, parts, horizon=horizon, **how)
     before, after = (predict(model, log, parts.test, horizon) for model in (finding.before(), finding.after()))
     return account(finding, log, horizon, before, after), finding
 
 
 @cache
-def null_model(effects: tuple = (), seed: int = 31, duration: float = 50.0, horizon: float = 2.0, guessed=("CL0", "CD0", "Cma", "Cndr", "dl")):
+def null_model(effects: tuple = (), seed: int = 31, duration: float = 50.0, horizon: float = 2.0):
     """(frame, fitted declared model) of a short flight of few unknowns. effects: ((key, ((short name, value), ...)), ...)"""
-    declared, log, parts = short_flight({k: dict(v) for k, v in effects}, seed, duration, guessed)
+    declared, log, parts = short_flight({k: dict(v) for k, v in effects}, seed, duration, ("CL0", "CD0", "Cma", "Cndr", "dl"))
     frame = Frame((TracedFlight(log, parts, declared),), horizon, tuple(log.measured))
     return frame, fit_null(frame, {}, (1.0,))
