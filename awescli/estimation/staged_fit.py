@@ -22,7 +22,7 @@ COARSE = 0.1
 """[s] between nodes while processes are only looked for."""
 SLIGHT = 0.05
 """The same of whatever may be there, once the parameters are near."""
-OPEN = ("gusts", "drift")
+OPEN = ("gusts", "roll_gusts", "drift")
 """Processes that are looked for once model error has shown what they are not."""
 ROUNDS = 8
 """Most often are levels and parameters fitted in turn."""
