@@ -61,8 +61,8 @@ def levelled(misfit: Misfit, table, rounds: int = 5):
 
 
 def test_a_level_that_was_flown_is_estimated(simulator, observed, kite):
-    """Guards the estimate by simulation: forces and moments of known level are drawn, flown and measured with noise; from levels that are four
-    times too small and too large the estimates agree and hold the truth within what so many steps can tell."""
+    """Guards the estimate by simulation: forces and moments of known level are drawn, flown and measured with noise; from levels that are
+    four times too small and too large the estimates agree and hold the truth within what so many steps can tell."""
     true = {"force_z": 1.0, "moment_y": 0.3}
     loose = Misfit(simulator, observed, (), (wandering(*true.items()),))
     own = replace(loose.own(), path=drawn(loose, 5))

@@ -167,8 +167,8 @@ def test_a_stage_that_does_not_end_well_leaves_the_old_artifacts(file, end, erro
 
 
 def test_a_stage_without_an_answer_leaves_artifacts_that_say_so(file):
-    """Guards the named failure: what the stage wrote stands, the command ends with exit code 3 both when it runs and when nothing has changed,
-    and no later stage runs on it."""
+    """Guards the named failure: what the stage wrote stands, the command ends with exit code 3 both when it runs and when nothing has
+    changed, and no later stage runs on it."""
     out, overrides = file.parent / "out", {"identify.end": "no answer"}
     for reason in ("first run", "unchanged"):
         events = []

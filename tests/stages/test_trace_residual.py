@@ -84,8 +84,8 @@ def test_nothing_is_found_where_nothing_is_missing(tmp_path):
 
 
 def test_a_kite_that_cannot_fly_the_flight_is_a_named_failure(tmp_path):
-    """Guards A2: where the model diverges, artifacts say `not_testable` without an error "before", the kite is identify's, and the command ends
-    as a numerical failure, again when nothing has changed."""
+    """Guards A2: where the model diverges, artifacts say `not_testable` without an error "before", the kite is identify's, and the command
+    ends as a numerical failure, again when nothing has changed."""
     folder = folder_of(tmp_path, {}, {"Cma": -8.0, "Cmq": -8.0})
     for _ in range(2):
         with pytest.raises(NumericalFailure, match="there is no model to trace") as told:

@@ -10,8 +10,8 @@ TWINS = ("load_cell_scale", "mass_offset")
 
 
 def test_a_heavier_kite_and_a_load_cell_that_reads_high_are_one_flight():
-    """Guards exact twins (A6): a kite that is 6 % heavier pulls 6 % more with all its coefficients 6 % larger, which no flight can tell from a
-    load cell that reads 6 % high. Both are named, whichever was accepted; an effect that does something else is not."""
+    """Guards exact twins (A6): a kite that is 6 % heavier pulls 6 % more with all its coefficients 6 % larger, which no flight can tell
+    from a load cell that reads 6 % high. Both are named, whichever was accepted; an effect that does something else is not."""
     heavier = 0.06 * DEVELOPMENT.table()["m"].value
     how = {"horizon": 2.0, "curriculum": (1.0,), "guessed": DEVELOPMENT.table().free, "rounds": 1}
     account, finding = traced({"mass_offset": {"dm": heavier}}, 41, duration=60.0, candidates=(*TWINS, "sideslip_drag"), **how)

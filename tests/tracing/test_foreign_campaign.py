@@ -16,7 +16,8 @@ def result(kind: str, verdict: str, *effects, size="full", air="calm", family=0)
     entries = [{"name": n, "acts_on": a, "rivals": []} for n, a in effects]
     return {
         "case": f"{family}/{kind}", "kind": kind, "size": size, "air": air, "family": family, "commit": "abc1234", "verdict": verdict,
-        "effects": entries, "probability": {**{a: 0.9 for a in keys}, "none": 0.02, "something_else": 0.08}, "chi2": {"train_before": 2.0, "train_after": 1.0}, "unexplained": None, "wall_s": 8.0,
+        "effects": entries, "probability": {**dict.fromkeys(keys, 0.9), "none": 0.02, "something_else": 0.08},
+        "chi2": {"train_before": 2.0, "train_after": 1.0}, "unexplained": None, "wall_s": 8.0,
     }  # fmt: skip
 
 

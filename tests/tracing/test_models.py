@@ -23,7 +23,8 @@ def linear(seed: int, bounded: tuple[int, ...] = ()):
     x = np.linalg.solve(H, A.T @ y)
     r = seen - B @ x
     names = tuple(f"p{i}" for i in range(N))
-    rows = [Parameter(n, v, "-", v if i in bounded else v - 5, v + 5, free=True, source="") for i, (n, v) in enumerate(zip(names, x, strict=True))]
+    lower = [v if i in bounded else v - 5 for i, v in enumerate(x)]
+    rows = [Parameter(n, v, "-", low, v + 5, free=True) for n, v, low in zip(names, x, lower, strict=True)]
     fitted = SimpleNamespace(names=names, parameters=ParameterTable(rows), solution=SimpleNamespace(H=H, x=x), places=(np.arange(N),))
     judged = SimpleNamespace(information=SimpleNamespace(H=B.T @ B, b=B.T @ r))
     return fitted, judged, r, B, H
@@ -31,8 +32,8 @@ def linear(seed: int, bounded: tuple[int, ...] = ()):
 
 @pytest.mark.parametrize("bounded", [(), (1,), (0, 3)])
 def test_unseen_loops_are_predicted_with_what_is_not_known_of_the_parameters(bounded):
-    """Guards `unseen` and `shift`: for a linear model they are the marginal likelihood of the unseen samples, and the parameters that all samples
-    together ask for, those at a bound held."""
+    """Guards `unseen` and `shift`: for a linear model they are the marginal likelihood of the unseen samples, and the parameters that all
+    samples together ask for, those at a bound held."""
     fitted, judged, r, B, H = linear(3, bounded)
     shift, gained, wider = _asked_of(fitted, (judged,))
     free = [i for i in range(N) if i not in bounded]
@@ -49,7 +50,8 @@ def test_what_all_loops_want_is_what_a_fit_of_all_loops_finds():
     flight = frame.flights[0]
     bounds = sorted((*flight.split.train, *flight.split.validation))
     both = replace(flight, split=replace(flight.split, train=tuple(bounds)))
-    again = fit_null(Frame((both,), frame.horizon, frame.outputs), {n: null.table[n].value for n in null.problems[0].kite.parameters.free}, (1.0,))
+    start = {n: null.table[n].value for n in null.problems[0].kite.parameters.free}
+    again = fit_null(Frame((both,), frame.horizon, frame.outputs), start, (1.0,))
     std = np.sqrt(np.diag(np.linalg.inv(null.fit.solution.H)))
     moved = np.array([again.table[n].value - null.table[n].value for n in null.fit.names])
     kite = [i for i, n in enumerate(null.fit.names) if "." not in n]

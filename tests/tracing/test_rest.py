@@ -45,8 +45,8 @@ def test_many_axes_must_not_repeat_by_their_number():
 
 
 def test_noise_does_not_grow_to_hide_what_is_missing():
-    """Guards "1 is noise alone": without model error a flight with an effect that is missing leaves far more than the noise that was found with it,
-    in all and on the channels where it shows; a clean flight leaves noise."""
+    """Guards "1 is noise alone": without model error a flight with an effect that is missing leaves far more than the noise that was found
+    with it, in all and on the channels where it shows; a clean flight leaves noise."""
     frame, null = null_model((("sideslip_drag", (("k", 2.5),)),), seed=32)
     assert null.rest
     _, left = rest_of(frame, null)

@@ -36,8 +36,8 @@ def test_nothing_is_significant_where_nothing_is_missing():
 
 @pytest.mark.parametrize("key", SMALL)
 def test_a_score_is_what_a_fit_finds(key):
-    """Guards size and drop: the effect in the truth leads, and where it is small its one-step estimate and the predicted fall of the deviance are
-    those of a fit of the same segments with its strength free."""
+    """Guards size and drop: the effect in the truth leads, and where it is small its one-step estimate and the predicted fall of the
+    deviance are those of a fit of the same segments with its strength free."""
     frame, null = null_model(small(key), seed=34)
     assert not null.rest  # so small that model error is not worth its while
     best = screen(frame, null, KEYS).scores[0]
@@ -58,8 +58,8 @@ def test_a_score_is_what_a_fit_finds(key):
 
 
 def test_the_projection_is_least_squares_of_everything_at_once():
-    """Guards the elimination of what the free parameters absorb: size, drop and standard deviation of every plain candidate are those of one
-    dense regression on all free parameters and its own columns."""
+    """Guards the elimination of what the free parameters absorb: size, drop and standard deviation of every plain candidate are those of
+    one dense regression on all free parameters and its own columns."""
     frame, null = null_model(small("sideslip_drag"), seed=34)
     found = screen(frame, null, KEYS)
     columns = CandidateColumns([v for key in KEYS for v in variants(make_effect(key, frame.declared))])
@@ -99,8 +99,8 @@ def with_drag_bounded(upper: float | None):
 
 
 def test_a_parameter_absorbs_an_effect_until_it_is_at_its_bound():
-    """Guards the projection and its limit: constant extra drag is CD0 by another name, so with CD0 free only the priors tell them apart; where CD0
-    has come to its bound it takes up nothing any more, and the effect leads with its size."""
+    """Guards the projection and its limit: constant extra drag is CD0 by another name, so with CD0 free only the priors tell them apart;
+    where CD0 has come to its bound it takes up nothing any more, and the effect leads with its size."""
     keys, stds = ("parasitic_drag", "sideslip_drag"), []
     for upper, bound in ((None, []), (1.0, ["CD0"])):
         frame, null = with_drag_bounded(upper)

@@ -76,8 +76,8 @@ def thinned(log, every: int):
 
 @pytest.mark.slow
 def test_a_missing_effect_is_named_in_gusts():
-    """Guards tracing in turbulence, where an abrupt effect leaves a residual that gusts could explain: name, size, and no effect made up for the
-    gusts."""
+    """Guards tracing in turbulence, where an abrupt effect leaves a residual that gusts could explain: name, size, and no effect made up
+    for the gusts."""
     keys = ("tether_elasticity", "tether_drag", "wind_offset", "mass_offset")
     truth = {"tether_elasticity": {"EA": 6e5, "zeta": 120.0}, "turbulence": {"sigma": 0.6, "L": 150.0}}
     account, _ = traced(truth, seed=21, candidates=keys, horizon=3.0, curriculum=(1.0,))
@@ -111,8 +111,8 @@ def test_two_missing_effects_are_both_named():
 
 
 def test_what_is_not_in_the_library_gets_no_wrong_name():
-    """Guards honesty (A3): a pitching moment that the library does not have is `unexplained`, with its channel and an empirical term, and most
-    likely something else."""
+    """Guards honesty (A3): a pitching moment that the library does not have is `unexplained`, with its channel and an empirical term, and
+    most likely something else."""
     account, _ = traced({"custom_term:m_y*beta": {"k": 0.06}}, 15, **{**SHORT, "candidates": ("pitch_curvature", "surface_bias:yaw")})
     assert account["verdict"] == "unexplained" and account["effects"] == []
     assert account["unexplained"]["channel"] == "m_y" and account["unexplained"]["expression"]

@@ -66,8 +66,8 @@ def test_every_verdict_is_reached_by_its_table(expected, passed):
 
 
 def test_what_holds_for_every_table():
-    """Guards the promises of each verdict over all 2^14 tables: `found` and `none` promise a null model that stands, a rest that is noise, and
-    no other explanation; `none` also that every significant candidate was fitted (A2, A3, A4)."""
+    """Guards the promises of each verdict over all 2^14 tables: `found` and `none` promise a null model that stands, a rest that is noise,
+    and no other explanation; `none` also that every significant candidate was fitted (A2, A3, A4)."""
     reached = set()
     names = (*NULL, *ANSWER, *REST, "rest_repeats", *OTHERS)
     for values in itertools.product((True, False), repeat=len(names)):
@@ -106,7 +106,8 @@ def evidence(answer=None, null=NULL_MODEL, bare=None, rest=NOISE, failed=(), **m
     bare = bare or model(1200.0, validation=400.0)
     tried = [SimpleNamespace(key=k, significant=True, outcome="failed", model=None, gain=0.0) for k in failed]
     if answer is not None:
-        tried.append(SimpleNamespace(key=answer.keys[-1], significant=True, outcome="converged", model=answer, gain=null.deviance - answer.deviance))
+        gain = null.deviance - answer.deviance
+        tried.append(SimpleNamespace(key=answer.keys[-1], significant=True, outcome="converged", model=answer, gain=gain))
     contenders = [t for t in tried if t.model is not None]
     record = SimpleNamespace(base=null, tried=tried, contenders=contenders, accepted=answer.keys[-1] if answer else "")
     return Evidence(Search(null, answer or null, (record,)), bare, answer or bare, rest, **more)
@@ -198,7 +199,7 @@ def test_a_lead_becomes_odds_at_the_temperature():
 
 
 def test_what_is_unexplained_has_most_likely_no_name():
-    """Guards the probability that is said of `unexplained`: a library's effect that leads by hundreds, but leaves too much, is not the cause with
-    one half."""
+    """Guards the probability that is said of `unexplained`: a library's effect that leads by hundreds, but leaves too much, is not the
+    cause with one half."""
     found = probabilities(evidence(model(500.0, ("pitch_curvature",), 100.0)), "unexplained")
     assert found["something_else"] > 0.9
