@@ -35,14 +35,15 @@ def problem(log):
 
 
 def test_memories_are_those_of_made_gusts(log):
-    """Guards the processes against the generator: over its memory a horizontal or rolling gust falls to 1/e of what it was; the vertical one, of
-    another form, to half of that."""
+    """Guards the processes against the generator: over its memory a horizontal or rolling gust falls to 1/e of what it was; the vertical
+    one, of another form, to half of that."""
     airspeed, b = mean_airspeed(log), DEVELOPMENT.parameters["b"].value
     memory = {g.name: g.memory for process in (Gusts, RollGusts) for g in process.of(DEVELOPMENT, log).groups}
     made = dryden(100_000, 0.1, airspeed, seed=3)
     rolling = roll_gust(100_000, 0.02, airspeed, b, seed=4)
     for name, series, dt, expected in (
-        ("horizontal gusts", made[:, 0], 0.1, np.exp(-1)), ("vertical gusts", made[:, 2], 0.1, np.exp(-1) / 2), ("roll gusts", rolling, 0.02, np.exp(-1)),
+        ("horizontal gusts", made[:, 0], 0.1, np.exp(-1)), ("vertical gusts", made[:, 2], 0.1, np.exp(-1) / 2),
+        ("roll gusts", rolling, 0.02, np.exp(-1)),
     ):  # fmt: skip
         lag = int(round(memory[name] / dt))
         assert np.mean(series[lag:] * series[:-lag]) / np.mean(series**2) == pytest.approx(expected, abs=0.06), name
@@ -53,8 +54,8 @@ def coarse(problem, seconds: float):
 
 
 def test_the_tilt_is_the_gradient_of_the_log_determinant(problem, monkeypatch):
-    """Guards what integrating gusts out adds, against central differences of the log determinant with the nuisances at their best throughout:
-    the mean over random probes, within three standard errors and a fifth."""
+    """Guards what integrating gusts out adds, against central differences of the log determinant with the nuisances at their best
+    throughout: the mean over random probes, within three standard errors and a fifth."""
     names = ("CLa", "Cmq", "CtD")
     at = coarse(problem, 0.25)
     misfit = replace(at.misfit(names=names), observed=at.fitted.pick(np.arange(3)))
