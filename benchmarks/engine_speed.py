@@ -94,8 +94,8 @@ def measure_first_calls(problem: Problem, rounds: int) -> dict:
 
 def identification(rounds: int) -> tuple[float, int, int]:
     """(median seconds, segments, parameters) of a whole identification of a 150 s flight, from the declared guess: three horizons."""
-    from awescli.estimation.question import ask, simulator_of
-    from awescli.estimation.staged_fit import Flown, fit_flights
+    from awescli.estimation.problem import build, simulator_of
+    from awescli.estimation.staged_fit import Flight, fit_flights
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
     from awescli.simulation.campaign_flights import dev_like
@@ -105,10 +105,10 @@ def identification(rounds: int) -> tuple[float, int, int]:
     seconds = []
     for _ in range(rounds):
         begun = time.perf_counter()
-        question = ask(simulator_of(flight.declared, flight.log), flight.log, parts, 5.0, tuple(flight.log.measured))
-        fit_flights([Flown(question, flight.log, parts)], (1.0, 2.5))
+        problem = build(simulator_of(flight.declared, flight.log), flight.log, parts, 5.0, tuple(flight.log.measured))
+        fit_flights([Flight(problem)], (1.0, 2.5))
         seconds.append(time.perf_counter() - begun)
-    return float(np.median(seconds)), len(question.fitted.segments), len(question.kite.parameters.free)
+    return float(np.median(seconds)), len(problem.fitted.segments), len(problem.kite.parameters.free)
 
 
 # --- the report ---

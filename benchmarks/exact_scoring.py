@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import Any, Literal
 
+RIGHT = ("right", "among rivals")
+"""Outcomes of answers that hold the truth."""
 OUTCOMES = ("right", "among rivals", "unexplained", "silent", "false alarm", "wrong", "failed")
 
 Name = tuple[str, str]
@@ -66,9 +68,9 @@ def counted(outcomes: Iterable[str]) -> list[int]:
 
 def _of_library(truth: Truth, answer: Answer) -> str:
     if answer.verdict == "found":
-        return "right" if any(_is(keys, [(name,) for name in answer.first]) for keys in _sets(truth)) else "wrong"
+        return "right" if any(matches(keys, [(name,) for name in answer.first]) for keys in _sets(truth)) else "wrong"
     if answer.verdict == "cannot_tell":
-        return "among rivals" if any(_is(keys, answer.named) for keys in _sets(truth)) else "wrong"
+        return "among rivals" if any(matches(keys, answer.named) for keys in _sets(truth)) else "wrong"
     if any(not any(_holds((name,), key) for keys in _sets(truth) for key in keys) for name in answer.first):
         return "wrong"
     return "unexplained" if answer.verdict == "unexplained" else "silent" if not answer.named else "wrong"
@@ -93,7 +95,7 @@ def _sets(truth: Truth) -> list[list[str]]:
     return [[key.strip() for key in answer.split("+")] for answer in truth.answers]
 
 
-def _is(keys: Sequence[str], entries: Sequence[Sequence[Name]]) -> bool:
+def matches(keys: Sequence[str], entries: Sequence[Sequence[Name]]) -> bool:
     """Are there as many entries as effects, and does each effect stand in an entry of its own?"""
     return len(keys) == len(entries) and any(all(map(_holds, order, keys)) for order in permutations(entries))
 

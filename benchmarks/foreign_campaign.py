@@ -16,8 +16,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from calibration import lines as calibration_lines
+from calibration import stated
 from campaign import add_options, commit, kept, run_campaign
-from exact_scoring import OUTCOMES, Truth, answer_of, counted, outcome
+from exact_scoring import OUTCOMES, RIGHT, Truth, answer_of, counted, outcome
 from foreign_kinds import SHARES, read_kinds
 
 import awescli  # noqa: F401  (thread settings before numpy)
@@ -31,6 +33,7 @@ DEVELOPMENT = (0, 1)
 
 def answered(folder: Path) -> dict[str, Any]:
     """A flight folder, traced as a user would: effects.json, as plain data. The only lines here that know how a flight is traced."""
+    from awescli.estimation.prediction import predict
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.read import read_flight
     from awescli.flightlog.split import split
@@ -42,8 +45,9 @@ def answered(folder: Path) -> dict[str, Any]:
     try:
         log, declared = read_flight(folder), read_kite(folder / "kite.yaml")
         parts = split(find_loops(log), log=log)
-        finding, before = trace_flight(declared, log, parts)
-        return account(finding, log, parts, 5.0, before, finding.after())
+        finding = trace_flight(declared, log, parts)
+        before, after = (predict(model, log, parts.test, 5.0) for model in (finding.before(), finding.after()))
+        return account(finding, log, 5.0, before, after)
     except AwesError as e:
         return {"verdict": "failed", "why": str(e).splitlines()[0]}
 
@@ -79,7 +83,7 @@ def run_case(name: str, case: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "case": name, **case, "fly_s": round(flown - begin, 2), "wall_s": round(time.perf_counter() - flown, 2),
         "cpu_s": round(time.process_time() - clock, 2), "flight": folder.name,
-        **{key: told.get(key) for key in ("verdict", "why", "chi2", "gust_m_s", "unexplained")},
+        **{key: told.get(key) for key in ("verdict", "why", "probability", "chi2", "gust_m_s", "unexplained")},
         "error": {key: value["mean"] for key, value in told.get("error", {}).items() if isinstance(value, Mapping)},
         "effects": told.get("effects", []), "ranking": [f"{r['name']}:{r['acts_on']}" for r in told.get("ranking", ())[:3]],
     }  # fmt: skip
@@ -100,6 +104,11 @@ def scored(result: Mapping[str, Any]) -> str:
     return outcome(truth_of(result), answer_of(result))
 
 
+def claimed(results: Iterable[Mapping[str, Any]]) -> list[tuple[float, bool]]:
+    """(probability that an answer gives itself, was it right?) of all that state one."""
+    return [(stated(answer_of(r), r["probability"]), scored(r) in RIGHT) for r in results if r.get("probability")]
+
+
 def table(results: list[dict], agreed: str) -> str:
     """Totals, kinds, and every flight."""
     commits = sorted({r["commit"] for r in results})
@@ -117,7 +126,8 @@ def table(results: list[dict], agreed: str) -> str:
     lines += [_row(name, outcomes) for name, outcomes in sorted(totals.items())]
     lines += ["", "## Every kind", "", head]
     lines += [_row(f"{group}: {kind}, {size}, {air}", outcomes) for (group, kind, size, air), outcomes in sorted(kinds.items())]
-    lines += ["", "## Every flight", "", "| flight | lacks | outcome | verdict | named | chi2 before -> after |", "|" + "---|" * 6]
+    lines += ["", *calibration_lines(claimed(results)), "## Every flight", ""]
+    lines += ["| flight | lacks | outcome | verdict | named | probability | chi2 before -> after |", "|" + "---|" * 7]
     return "\n".join([*lines, *(_line(r) for r in results)]) + "\n"
 
 
@@ -130,7 +140,8 @@ def _line(r: Mapping[str, Any]) -> str:
     if r.get("unexplained"):
         named += f" {r['unexplained']['expression'] or r['unexplained']['channel']}"
     chi2 = "{train_before:.3f} -> {train_after:.3f}".format(**r["chi2"]) if r.get("chi2") else ""
-    return f"| {r['case']} | {read_kinds()[r['kind']].lacks} | {scored(r)} | {r['verdict']} | {named} | {chi2} |"
+    sure = "".join(f"{p:.2f}" for p, _ in claimed([r]))
+    return f"| {r['case']} | {read_kinds()[r['kind']].lacks} | {scored(r)} | {r['verdict']} | {named} | {sure} | {chi2} |"
 
 
 def _listed(families) -> str:

@@ -105,7 +105,7 @@ def cases() -> dict[str, dict]:
 def run_case(name: str, case: Mapping) -> dict:
     """Fly, declare wrongly, identify, train, predict what nobody was shown."""
     from awescli.estimation.prediction import predict
-    from awescli.estimation.question import ask, simulator_of, without_record
+    from awescli.estimation.problem import build, simulator_of, without_record
     from awescli.estimation.staged_fit import fit_in_stages
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
@@ -124,8 +124,7 @@ def run_case(name: str, case: Mapping) -> dict:
     flight = dev_like(truth, case["seed"], effects)
     log, parts, began = flight.log, split(find_loops(flight.log), log=flight.log), time.time()
     simulator = simulator_of(flight.declared, log)
-    question = ask(simulator, log, parts, HORIZON, tuple(log.measured))
-    fitted, question = fit_in_stages(question, log, parts, (1.0, 2.5))
+    fitted, _ = fit_in_stages(build(simulator, log, parts, HORIZON, tuple(log.measured)), (1.0, 2.5))
     declaration = simulator.holding(without_record(simulator.kite, fitted.parameters)).kite.declare(())
     kite, identified = Kite(declaration, log.wind.height), time.time()
     # no limit of time: a result must not depend on what else the machine does

@@ -20,9 +20,9 @@ RESULTS = HERE / "results" / "coverage"
 
 def run_fit(name: str, seed: int) -> dict:
     """One flight, one declaration, one fit: parameter -> (error in std, excited, at bound)."""
-    from awescli.estimation.answer import describe
-    from awescli.estimation.question import ask, simulator_of
-    from awescli.estimation.staged_fit import Flown, fit_flights
+    from awescli.estimation.identifiability import describe
+    from awescli.estimation.problem import build, simulator_of
+    from awescli.estimation.staged_fit import Flight, fit_flights
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
     from awescli.physics.declaration import read_kite
@@ -32,9 +32,9 @@ def run_fit(name: str, seed: int) -> dict:
     flight = dev_like(truth, seed, {}, air=("table", "power")[seed % 2], turn=(-1.0, 1.0)[seed // 2 % 2])
     parts = split(find_loops(flight.log), 0.7, 0.1, 0.2, log=flight.log)
     simulator = simulator_of(flight.declared, flight.log)
-    question = ask(simulator, flight.log, parts, 5.0, tuple(flight.log.measured))
-    fit, _ = fit_flights([Flown(question, flight.log, parts)], (1.0, 2.5))
-    answer, true = describe(fit, question.kite.record)["parameters"], flight.flown.table()
+    problem = build(simulator, flight.log, parts, 5.0, tuple(flight.log.measured))
+    fit, _ = fit_flights([Flight(problem)], (1.0, 2.5))
+    answer, true = describe(fit, set(problem.kite.record))["parameters"], flight.flown.table()
     return {
         "seed": seed, "outcome": fit.solution.outcome, "chi2": fit.chi2,
         "parameters": {n: [(r["value"] - true[n].value) / r["std"], r["excited"], r["at_bound"]] for n, r in answer.items()},

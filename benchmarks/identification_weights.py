@@ -25,9 +25,9 @@ WEIGHTS = ("noise", "seed")
 
 def run_flight(name: str, case: dict) -> dict:
     """One flight, both weights: errors of the parameters and on unseen loops."""
-    from awescli.estimation.answer import describe
-    from awescli.estimation.question import ask, simulator_of, without_record
-    from awescli.estimation.staged_fit import Flown, fit_flights
+    from awescli.estimation.identifiability import describe
+    from awescli.estimation.problem import build, simulator_of, without_record
+    from awescli.estimation.staged_fit import Flight, fit_flights
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
     from awescli.physics.declaration import read_kite
@@ -41,9 +41,9 @@ def run_flight(name: str, case: dict) -> dict:
     true, result = flight.flown.table(), {"initial": score_parts(simulator, flight.log, parts, 5.0)["nrmse"]["test"]["mean"]}
     for weights in WEIGHTS:
         outputs = outputs_of(flight.log, IdentifyConfig(weights=weights))
-        question = ask(simulator, flight.log, parts, 5.0, outputs, seed_weights=weights == "seed")
-        fit, _ = fit_flights([Flown(question, flight.log, parts)], (1.0, 2.5))
-        answer = describe(fit, question.kite.record)
+        problem = build(simulator, flight.log, parts, 5.0, outputs, by_range=weights == "seed")
+        fit, _ = fit_flights([Flight(problem)], (1.0, 2.5))
+        answer = describe(fit, set(problem.kite.record))
         rows, groups = answer["parameters"], [f["parameters"] for f in answer["common_factors"]]
         identified = simulator.holding(without_record(simulator.kite, fit.flights[0].parameters))
         result[weights] = {

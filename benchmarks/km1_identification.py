@@ -24,9 +24,9 @@ SHOWN = ("mean", "phi", "theta", "psi")
 
 def run_flight(name: str, seed: int) -> dict:
     """One flight and its fit: parameter -> row of params.json and the published value."""
-    from awescli.estimation.answer import describe
-    from awescli.estimation.question import ask, simulator_of, without_record
-    from awescli.estimation.staged_fit import Flown, fit_flights
+    from awescli.estimation.identifiability import describe
+    from awescli.estimation.problem import build, simulator_of, without_record
+    from awescli.estimation.staged_fit import Flight, fit_flights
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
     from awescli.physics.declaration import read_kite
@@ -38,9 +38,9 @@ def run_flight(name: str, seed: int) -> dict:
     log = demo.flown(seed, {})
     declared, published = read_kite(DATA / "kites" / "km1_initial.yaml"), read_kite(DATA / "kites" / "km1_identified.yaml").table()
     parts, simulator = split(find_loops(log), log=log), simulator_of(declared, log)
-    question = ask(simulator, log, parts, 5.0, tuple(log.measured))
-    fit, _ = fit_flights([Flown(question, log, parts)], (1.0, 2.5))
-    answer = describe(fit, question.kite.record)
+    problem = build(simulator, log, parts, 5.0, tuple(log.measured))
+    fit, _ = fit_flights([Flight(problem)], (1.0, 2.5))
+    answer = describe(fit, set(problem.kite.record))
     identified = simulator.holding(without_record(simulator.kite, fit.flights[0].parameters))
     true = simulator.holding(simulator.kite.parameters.with_values({n: published[n].value for n in declared.parameters}))
     models = {"initial": simulator, "identified": identified, "published identified": true}

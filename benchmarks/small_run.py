@@ -19,7 +19,12 @@ split: {train: 0.4, validation: 0.2, test: 0.4}
 stages:
   fit-controller: {kind: linear, features: state, folds: 2, prove: 5.0}
   identify: {horizon: 1.0, curriculum: [], outputs: [p_n, p_e, p_d, phi, theta, psi, V_a, tension]}
-  trace-residual: {horizon: 1.0, curriculum: [], rounds: 1, candidates: ["actuator_lag:rudder", airspeed_scale]}
+  trace-residual:
+    horizon: 1.0
+    curriculum: []
+    rounds: 1
+    candidates: ["actuator_lag:rudder", airspeed_scale]
+    outputs: [p_n, p_e, p_d, phi, theta, psi, V_a, tension]
   # the budget [s] is far from what these rounds take: only then does the clock not decide the numbers
   train-hybrid: {hidden: [4], horizons: [0.5], warmup: 0.5, batch: 8, rounds: 1, patience: 1, budget: 100000.0}
   simulate: {surfaces: recorded, duration: 6.0}

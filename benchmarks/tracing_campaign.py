@@ -11,10 +11,13 @@ import math
 import sys
 import time
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
 
+from calibration import brier, stated
+from calibration import lines as calibration_lines
 from campaign import add_options, commit, kept, run_campaign
-from exact_scoring import OUTCOMES, Truth, answer_of, counted, outcome
+from exact_scoring import OUTCOMES, RIGHT, Truth, answer_of, counted, outcome
 from wrong_bounds import with_wrong_bounds
 
 import awescli  # noqa: F401  (thread settings before numpy)
@@ -133,6 +136,7 @@ def cases(family: int = 1) -> dict[str, dict]:
 
 def run_case(name: str, case: dict) -> dict:
     """Fly, declare wrongly, trace, compare with the truth."""
+    from awescli.estimation.prediction import predict
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
     from awescli.notation.errors import AwesError
@@ -151,15 +155,16 @@ def run_case(name: str, case: dict) -> dict:
         if case["set"].startswith("wrong bounds"):
             declared = with_wrong_bounds(declared, truth, BOUNDED, case["seed"])
         parts = split(find_loops(flight.log), log=flight.log)
-        finding, before = trace_flight(declared, flight.log, parts)
-        told = account(finding, flight.log, parts, 5.0, before, finding.after())
+        finding = trace_flight(declared, flight.log, parts)
+        before, after = (predict(model, flight.log, parts.test, 5.0) for model in (finding.before(), finding.after()))
+        told = account(finding, flight.log, 5.0, before, after)
     except AwesError as e:
         return {"case": name, **case, "commit": made_by, "verdict": "failed", "error": str(e)}
     return {
         "case": name, **case, "commit": made_by, "flown": effects, "verdict": told["verdict"],
         "cpu_s": round(time.process_time() - begin, 2), "wall_s": round(time.perf_counter() - clock, 2),
-        "effects": told["effects"], "chi2": told["chi2"], "gust": told["gust_m_s"],
-        "before": told["error"]["before"]["mean"], "after": told["error"]["after"]["mean"],
+        "effects": told["effects"], "probability": told["probability"], "chi2": told["chi2"], "gust": told["gust_m_s"],
+        "before": told["error"].get("before", {}).get("mean"), "after": told["error"]["after"]["mean"],
         "floor": told["error"]["noise_floor"]["mean"], "unexplained": told["unexplained"],
         "top": [r["name"] for r in told["ranking"][:3]], "detectable": {k: v for k, v in told["detectable"].items() if k in effects},
     }  # fmt: skip
@@ -215,6 +220,11 @@ def scored(result: dict) -> str:
     return outcome(truth_of(result), answer_of(result))
 
 
+def claimed(results: Iterable[dict]) -> list[tuple[float, bool]]:
+    """(probability that an answer gives itself, was it right?) of all that state one."""
+    return [(stated(answer_of(r), r["probability"]), scored(r) in RIGHT) for r in results if r.get("probability")]
+
+
 def inside(result: dict) -> list[bool]:
     """Of an effect that was named right and flown in the library's form: does each strength's 95 % interval hold the truth?"""
     values = {}
@@ -240,17 +250,21 @@ def table(results: list[dict], family: int) -> str:
         "whole library, scored exactly;",
         f"a trace takes {wall[len(wall) // 2]:.0f} s (median; longest {wall[-1]:.0f} s), of processor time {cpu[len(cpu) // 2]:.0f} s "
         f"(longest {cpu[-1]:.0f} s).", "",
-        f"| set | flights | {' | '.join(OUTCOMES)} | silent, and too small to be seen | sizes inside their 95 % interval |",
-        "|" + "---|" * (4 + len(OUTCOMES)),
+        f"| set | flights | {' | '.join(OUTCOMES)} | silent, and too small to be seen | sizes inside their 95 % interval | "
+        "probability, mean | Brier |",
+        "|" + "---|" * (6 + len(OUTCOMES)),
     ]  # fmt: skip
     for name, group in by_set.items():
         counts, sizes = counted(map(scored, group)), [x for r in group for x in inside(r)]
         held = f"{sum(sizes)} of {len(sizes)}" if sizes else ""
         small = sum(scored(r) == "silent" and not seen(r) for r in group)
-        lines.append(f"| {name} | {len(group)} | {' | '.join(str(n or '') for n in counts)} | {small or ''} | {held} |")
+        pairs = claimed(group)
+        sure = f"{sum(p for p, _ in pairs) / len(pairs):.2f} | {brier(pairs):.3f}" if pairs else " | "
+        lines.append(f"| {name} | {len(group)} | {' | '.join(str(n or '') for n in counts)} | {small or ''} | {held} | {sure} |")
     lines += [
-        "", "## Every flight", "",
-        "| flight | outcome | verdict | named | chi2 before -> after | test error before -> after (floor) |", "|---|---|---|---|---|---|",
+        "", *calibration_lines(claimed(results)), "## Every flight", "",
+        "| flight | outcome | verdict | named | probability | chi2 before -> after | test error before -> after (floor) |",
+        "|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     lines += [_line(r) for r in sorted(results, key=lambda r: r["case"])]
     return "\n".join(lines) + "\n"
@@ -258,14 +272,15 @@ def table(results: list[dict], family: int) -> str:
 
 def _line(r: dict) -> str:
     if r["verdict"] == "failed":
-        return f"| {r['case']} | failed | failed: {r['error'].splitlines()[0]} | | | |"
+        return f"| {r['case']} | failed | failed: {r['error'].splitlines()[0]} | | | | |"
     named = ", ".join(" or ".join(":".join(name) for name in entry) for entry in answer_of(r).named)
     if r["unexplained"]:
         named += f"{r['unexplained']['expression'] or r['unexplained']['channel']}"
-    c = r["chi2"]
+    c, sure = r["chi2"], "".join(f"{p:.2f}" for p, _ in claimed([r]))
+    before = "" if r["before"] is None else f"{r['before']:.4f}"
     return (
-        f"| {r['case']} | {scored(r)} | {r['verdict']} | {named} | {c['train_before']:.3f} -> {c['train_after']:.3f} | "
-        f"{r['before']:.4f} -> {r['after']:.4f} ({r['floor']:.4f}) |"
+        f"| {r['case']} | {scored(r)} | {r['verdict']} | {named} | {sure} | {c['train_before']:.3f} -> {c['train_after']:.3f} | "
+        f"{before} -> {r['after']:.4f} ({r['floor']:.4f}) |"
     )
 
 

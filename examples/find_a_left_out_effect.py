@@ -7,6 +7,7 @@ the sensor. The tracer gets the log and the declaration.
 import awescli  # noqa: F401, I001  (before numpy: one BLAS thread)
 from pathlib import Path
 
+from awescli.estimation.prediction import predict
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
 from awescli.physics.declaration import read_kite
@@ -21,8 +22,9 @@ def main() -> dict:
     truth = read_kite(Path(__file__).parent.parent / "data" / "kites" / "development.yaml")
     flight = dev_like(truth, seed=11, effects=LEFT_OUT)
     parts = split(find_loops(flight.log), log=flight.log)
-    finding, before = trace_flight(flight.declared, flight.log, parts)
-    answer = account(finding, flight.log, parts, 5.0, before, finding.after())
+    finding = trace_flight(flight.declared, flight.log, parts)
+    before, after = (predict(model, flight.log, parts.test, 5.0) for model in (finding.before(), finding.after()))
+    answer = account(finding, flight.log, 5.0, before, after)
     print(f"verdict: {answer['verdict']}")
     for effect in answer["effects"]:
         sizes = ", ".join(f"{n} = {p['value']:.4g} +- {2 * p['std']:.2g} {p['unit']}" for n, p in effect["parameters"].items())

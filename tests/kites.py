@@ -9,7 +9,6 @@ from awescli.flightlog.log import FlightLog
 from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration, read_kite
-from awescli.physics.disturbances import even, odd
 from awescli.physics.effects import EFFECTS
 from awescli.physics.kite import Kite, with_new
 from awescli.physics.propeller import Propeller, SpeedLaw
@@ -162,13 +161,6 @@ def lively(kite: Kite, log: FlightLog, count: int = 8, seconds: float = 5.0, see
         inputs[k, :, kite.input_names.index("turbulence_p")] = roll_gust(steps + 1, log.dt, 40.0, 5.0, seed + k)
     moved = segments.__class__(segments.first, segments.starts, setpoints, inputs, segments.dt, segments.values)
     return Observed(moved, observed.outputs, observed.measured, observed.sigma)
-
-
-def gust_windows(gusts, steps: int, dt: float) -> tuple[tuple[str, int, int], ...]:
-    """A column for every node and axis of a wind, carried through the whole segment: (parameter, first step, last step)."""
-    nodes = gusts.nodes(steps, dt)
-    edges = [0, *(int(n) for n in nodes), steps + 1]
-    return tuple(((even, odd)[j % 2](f"gust_{a}"), edges[j], edges[j + 2]) for j in range(len(nodes)) for a in gusts.axes)
 
 
 def _with_vanes(observed: Observed, std: float) -> Observed:

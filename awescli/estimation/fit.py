@@ -134,8 +134,8 @@ def _lifted(a: np.ndarray, place: np.ndarray, n: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Inner:
-    """Of one flight: its nuisances; what integrating them out adds to J'r (n,), and the unknowns at which that was found; how often; misled: it
-    has led uphill, and is left out."""
+    """Of one flight: its nuisances; what integrating them out adds to J'r (n,), and the unknowns at which that was found; how often;
+    misled: it has led uphill, and is left out."""
 
     own: Own
     tilt: np.ndarray

@@ -22,7 +22,7 @@ COARSE = 0.1
 """[s] between nodes while processes are only looked for."""
 SLIGHT = 0.05
 """The same of whatever may be there, once the parameters are near."""
-OPEN = ("gusts", "drift")
+OPEN = ("gusts", "roll_gusts", "drift")
 """Processes that are looked for once model error has shown what they are not."""
 LEVEL_ROUNDS = 4
 """The same while parameters are held."""
@@ -110,8 +110,8 @@ def fit_flights(
 
 
 def levels_first(problems, labels, tables, per_flight, on_iteration: OnIteration) -> tuple[list[EstimationProblem], list[Own]]:
-    """(The problems, nuisances) with levels of processes and noise as the flights show them while the parameters stay as declared: a flight that the model
-    follows badly would otherwise drive the parameters far away before its model error is as open as it must be."""
+    """(The problems, nuisances) with levels of processes and noise as the flights show them while the parameters stay as declared: a
+    flight that the model follows badly would otherwise drive the parameters far away before its model error is as open as it must be."""
     held = [replace(p, names=()) for p in problems]
     found, held = fit_levels(held, labels, tables, per_flight, False, LEVEL_ROUNDS, LOOSE, on_iteration)
     return [replace(h, names=p.names) for h, p in zip(held, problems, strict=True)], [f.own for f in found.flights]
@@ -184,15 +184,16 @@ def fit_levels(
     tolerance: float,
     on_iteration: OnIteration = lambda h, i, c: None,
     owns: Sequence[Own | None] | None = None,
+    noise: bool = True,
 ) -> tuple[JointFit, list[EstimationProblem]]:
     """Fit parameters and levels in turn until neither moves, at most `rounds` times; the last fit has the levels that are returned.
 
-    tables: parameters to start from; owns: nuisances to begin from; others as `fit_flights`.
+    tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; others as `fit_flights`.
     """
     owns = owns or [None] * len(problems)
     result = _fitted(problems, labels, tables, owns, per_flight, prior, max(tolerance, LOOSE), on_iteration)
     for _ in range(rounds - 1):
-        moved = [_relevelled(p, f) for p, f in zip(problems, result.flights, strict=True)]
+        moved = [_relevelled(p, f, noise) for p, f in zip(problems, result.flights, strict=True)]
         if all(gain < UNCHANGED for _, _, gain in moved):
             break
         problems, owns = ([m[i] for m in moved] for i in (0, 1))
@@ -210,13 +211,13 @@ def _fitted(problems, labels, tables, owns, per_flight, prior: bool, tolerance: 
     return fit_together(shares, prior=prior, tolerance=tolerance, on_iteration=lambda i, c: on_iteration(length, i, c))
 
 
-def _relevelled(problem: EstimationProblem, fit: Fit) -> tuple[EstimationProblem, Own, float]:
+def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool) -> tuple[EstimationProblem, Own, float]:
     """The problem with the likeliest levels and noise at a fit, the nuisances to go on from, and the deviance that the levels gain (that
     of a noise that is off is not counted, and enough)."""
     if not len(fit.heard) or not problem.processes:
         return problem, fit.own, 0.0
     processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.heard)
-    factors = noise_factors(fit.misfit, fit.information, fit.links, fit.heard)
+    factors = noise_factors(fit.misfit, fit.information, fit.links, fit.heard) if noise else {}
     off = {n: g for n, f in factors.items() if abs((g := _trusted(problem.factors.get(n, 1.0), f)) - 1) > OFF}
     problem = problem.with_processes(_hurried(problem.processes, processes))
     new = problem.with_factors(off) if off else problem
@@ -224,8 +225,8 @@ def _relevelled(problem: EstimationProblem, fit: Fit) -> tuple[EstimationProblem
 
 
 def _trusted(before: float, factor: float) -> float:
-    """A further factor on a noise, in small steps and never far from what is declared: what is much more than noise is not noise, and a model that
-    is still far from the flight would be excused by it."""
+    """A further factor on a noise, in small steps and never far from what is declared: what is much more than noise is not noise, and a
+    model that is still far from the flight would be excused by it."""
     return float(np.clip(before * np.clip(factor, 1 / AT_ONCE, AT_ONCE), SMALLEST, LARGEST)) / before
 
 

@@ -108,7 +108,7 @@ def _roll_gusts(finding: Finding) -> dict | None:
     roll = finding.roll_gusts
     if roll is None:
         return None
-    before, after = finding.null, roll.model
+    before, after = roll.without, roll.model
     channels = {n: {"before": roll.channels_before[n], "after": roll.channels_after[n]} for n in roll.channels_before}
     return {
         "std_rad_s": roll.level, "lasts_s": roll.memory, "split": "validation", "chi2": {"before": before.chi2, "after": after.chi2},

@@ -17,7 +17,7 @@ from awescli.tracing.candidates import variants
 from awescli.tracing.classes import rivals
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import Evidence, Suspect
-from awescli.tracing.models import FittedModel, Frame, fit_added, fit_beyond, fit_in
+from awescli.tracing.models import FittedModel, Frame, fit_added, fit_beyond, fit_without_process
 from awescli.tracing.rest import Rest, channels_of, rest_of
 from awescli.tracing.screen import CandidateColumns, informed
 from awescli.tracing.search import Search, Tried, search
@@ -34,10 +34,11 @@ BANK_ROUNDS = 3
 
 @dataclass(frozen=True)
 class RollGusts:
-    """Gusts that roll the kite. model: the declared one, fitted with them; worth: deviance; channels: chi-square of each on validation
-    loops, without and with them."""
+    """Gusts that roll the kite. model, without: the declared one, fitted with and without them; worth: deviance; channels: chi-square of
+    each on validation loops, without and with them."""
 
     model: FittedModel
+    without: FittedModel
     worth: float
     channels_before: Mapping[str, float]
     channels_after: Mapping[str, float]
@@ -147,12 +148,14 @@ def _implausible(frame: Frame, evidence: Evidence, criteria: Criteria) -> tuple[
 
 def _roll_gusts(frame: Frame, null: FittedModel, criteria: Criteria = CRITERIA) -> RollGusts | None:
     """Feedback hides roll gusts: a controller answers the roll that a gust makes, and a model without them sees surfaces that move and a
-    kite that does not follow. None where they are worth nothing."""
-    model = fit_in(frame, null, ROLL_GUSTS)
-    worth = null.deviance - model.deviance
+    kite that does not follow. None where there are none, or they are worth nothing."""
+    if not any(g.level > 0 for p in null.problems[0].processes if p.name == ROLL_GUSTS for g in p.groups):
+        return None
+    without = fit_without_process(frame, null, ROLL_GUSTS)
+    worth = without.deviance - null.deviance
     if worth < criteria.decisive:
         return None
-    return RollGusts(model.light(), worth, channels_of(null), channels_of(model))
+    return RollGusts(null.light(), without.light(), worth, channels_of(without), channels_of(null))
 
 
 def _settled(frame: Frame, library: Search, bare: FittedModel, rest: Rest, criteria: Criteria) -> dict:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from awescli.estimation.fit import Fit, JointFit, Share, fit_together
-from awescli.estimation.levels import opened, prior_deviance
+from awescli.estimation.levels import prior_deviance
 from awescli.estimation.misfit import DIVERGED_COST, Misfit
 from awescli.estimation.problem import EstimationProblem, build, simulator_of, without_record
 from awescli.estimation.processes.base import Process
@@ -285,11 +285,17 @@ def fit_instead(
 
 
 def fit_bare(frame: Frame, model: FittedModel) -> FittedModel:
-    """The model without model error: what it is worth when nothing helps it."""
-    bare = [p.with_processes(_slight(p.processes, share=0.0)) for p in model.problems]
+    """The model without model error: what it is worth when nothing helps it. The noise stays as model error left it: it would grow until
+    what is missing looked like noise."""
+    return _fitted_as_known(frame, model, [_slight(p.processes, share=0.0) for p in model.problems])
+
+
+def _fitted_as_known(frame: Frame, model: FittedModel, processes: Sequence[Sequence[Process]]) -> FittedModel:
+    """The model fitted anew with other processes of every flight, the noise as it is."""
+    bare = [p.with_processes(others) for p, others in zip(model.problems, processes, strict=True)]
     owns = [p.misfit().carried(f.own, f.misfit) for p, f in zip(bare, model.fit.flights, strict=True)]
     tables = [f.parameters for f in model.fit.flights]
-    found = fit_levels(bare, frame.labels, tables, frame.per_flight, True, *WHOLE, owns=owns)
+    found = fit_levels(bare, frame.labels, tables, frame.per_flight, True, *WHOLE, owns=owns, noise=False)
     return FittedModel.of(model.keys, model.strengths, *found)
 
 
@@ -298,10 +304,9 @@ def fit_beyond(frame: Frame, model: FittedModel, names: Sequence[str]) -> Fitted
     return _fitted(frame, model, model.keys, model.strengths, {}, WHOLE, beyond=names)
 
 
-def fit_in(frame: Frame, model: FittedModel, kind: str) -> FittedModel:
-    """The model fitted anew with a process of `kind` beside those that it has."""
-    there = tuple(p.with_processes(opened(p.processes, (kind,))) for p in model.problems)
-    return _fitted(frame, replace(model, problems=there), model.keys, model.strengths, {}, WHOLE)
+def fit_without_process(frame: Frame, model: FittedModel, kind: str) -> FittedModel:
+    """The model without processes of `kind`, the noise as it is."""
+    return _fitted_as_known(frame, model, [_gone(p.processes, kind) for p in model.problems])
 
 
 def _fitted(
@@ -328,6 +333,11 @@ def _fitted(
 
 def _unbounded(p: Parameter) -> Parameter:
     return replace(p, lower=p.value - BEYOND * p.prior_std, upper=p.value + BEYOND * p.prior_std, std=p.prior_std)
+
+
+def _gone(processes: Sequence[Process], kind: str) -> tuple[Process, ...]:
+    """The processes with those of a kind at zero."""
+    return tuple(p.at(dict.fromkeys(p.levels, 0.0)) if p.name == kind else p for p in processes)
 
 
 def _slight(processes: Sequence[Process], share: float = SLIGHT) -> tuple[Process, ...]:

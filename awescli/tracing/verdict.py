@@ -56,7 +56,12 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     ratio = e.null_error / e.identified_error if e.identified_error else None
     return (
         Criterion(
-            "null_flew", lost, c.lost_share, lost <= c.lost_share, "share of segments that diverged under the declared model", "set on development flights"
+            "null_flew",
+            lost,
+            c.lost_share,
+            lost <= c.lost_share,
+            "share of segments that diverged under the declared model",
+            "set on development flights",
         ),
         Criterion(
             "null_converged",
@@ -123,7 +128,9 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "chi-square per degree of freedom left on validation loops",
             "set on development flights",
         ),
-        Criterion("floor_by_channel", worst, of_one, worst <= of_one, f"the largest of a channel ({rest.largest})", "set on development flights"),
+        Criterion(
+            "floor_by_channel", worst, of_one, worst <= of_one, f"the largest of a channel ({rest.largest})", "set on development flights"
+        ),
         Criterion(
             "rest_repeats",
             1.0 if again is None else again.least,
@@ -171,7 +178,9 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "deviance by which as few empirical terms lead the answer",
             "set on development flights",
         ),
-        Criterion("calm_air", gusts, c.gusty, gusts < c.gusty, "level of the gusts that the flight shows [m/s]", "set on development flights"),
+        Criterion(
+            "calm_air", gusts, c.gusty, gusts < c.gusty, "level of the gusts that the flight shows [m/s]", "set on development flights"
+        ),
     )
 
 
@@ -183,8 +192,7 @@ def probabilities(e: Evidence, answer: str, criteria: Criteria = CRITERIA) -> di
     best = min(deviances.values())
     odds = {name: exp(-max(d - best, 0.0) / 2 / criteria.temperature) for name, d in deviances.items()}
     if answer in ("unexplained", "not_testable"):
-        odds = {name: odd if name == "something_else" else odd * criteria.unknown for name, odd in odds.items()}
-        odds["something_else"] = max(odds.values())
+        odds = {**{name: odd * criteria.unknown for name, odd in odds.items()}, "something_else": 1.0}
     total = sum(odds.values())
     found = {name: (1 - criteria.unknown) * odd / total for name, odd in odds.items()}
     return _rounded({**found, "something_else": found["something_else"] + criteria.unknown})

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from awescli.estimation.prediction import predict
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.read import read_flight
 from awescli.flightlog.split import split
@@ -54,8 +55,9 @@ def traced(request, tmp_path_factory):
     assert declare.main([str(flight / "nominal.yaml"), str(kite)]) == 0
     log = read_flight(flight)
     parts = split(find_loops(log), log=log)
-    finding, before = trace_flight(read_kite(kite), log, parts)
-    return request.param, account(finding, log, parts, 5.0, before, finding.after())
+    finding = trace_flight(read_kite(kite), log, parts)
+    before, after = (predict(model, log, parts.test, 5.0) for model in (finding.before(), finding.after()))
+    return request.param, account(finding, log, 5.0, before, after)
 
 
 def test_the_verdict_and_the_name_are_right(traced):

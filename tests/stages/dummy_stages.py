@@ -7,13 +7,13 @@ from pydantic import Field
 
 from awescli import artifacts
 from awescli.notation.errors import NumericalFailure
-from awescli.stages.base import KITE_FILE, Need, Stage, StageConfig
+from awescli.stages.base import FAILURE, KITE_FILE, Need, Stage, StageConfig
 
 
 class FitConfig(StageConfig):
     horizon: float = Field(5.0, gt=0, description="seconds between re-initialisations")
     law: Literal["seed", "exact"] = Field("seed", description="tether law")
-    end: Literal["good", "diverge", "fault", "interrupt"] = Field("good", description="how the stage ends")
+    end: Literal["good", "diverge", "fault", "interrupt", "no answer"] = Field("good", description="how the stage ends")
     weights: Path | None = Field(None, description="a file")
 
 
@@ -45,6 +45,8 @@ class Fit(Stage):
                 raise KeyboardInterrupt
         artifacts.write_json(context.folder / "params.json", {"horizon": config.horizon, "seed": context.seed})
         artifacts.write_text(context.folder / KITE_FILE, f"from: identify {config.horizon}\n")
+        if config.end == "no answer":
+            return {"outcome": "stalled", FAILURE: {"outcome": "stalled", "what": "the fit stalled", "do": "Start closer."}}
         return {"test error": 0.0361, "outcome": "converged"}
 
 

@@ -40,6 +40,14 @@ def test_the_users_own_sequence(folder):
     assert "identify: skipped, unchanged" in awes("identify").stdout
 
 
+def test_a_stage_without_an_answer_ends_with_code_3(folder):
+    """Also where nothing had to run: who goes by the exit code is never told that there is a model."""
+    for _ in range(2):
+        result = awes("identify", "--set", "identify.end=no answer")
+        assert result.exit_code == 3 and "the fit stalled" in result.stderr and "Start closer." in result.stderr
+    assert (folder / "out" / "identify" / "params.json").is_file()
+
+
 def test_figures_go_where_the_user_wants_them(folder):
     awes("run")
     (folder / "paper").mkdir()

@@ -165,6 +165,21 @@ def test_a_stage_that_does_not_end_well_leaves_the_old_artifacts(file, end, erro
     assert go(file)[0] == UNCHANGED
 
 
+def test_a_stage_without_an_answer_leaves_artifacts_that_say_so(file):
+    """Guards the named failure: what the stage wrote stands, the command ends with exit code 3 both when it runs and when nothing has
+    changed, and no later stage runs on it."""
+    out, overrides = file.parent / "out", {"identify.end": "no answer"}
+    for reason in ("first run", "unchanged"):
+        events = []
+        with pytest.raises(NumericalFailure, match="the fit stalled") as told:
+            go(file, overrides=overrides, report=lambda stage, event: events.append((stage, event)))  # noqa: B023
+        assert told.value.exit_code == 3 and told.value.outcome == "stalled"
+        assert [(s, e.reason) for s, e in events if not isinstance(e, str)] == [("identify", reason)]
+        assert read_json(out / "identify" / "params.json") == {"horizon": 5.0, "seed": 0}
+        assert sorted(os.listdir(out)) == [".lock", "identify"]
+    assert go(file)[0]["identify"] == "setting end changed no answer -> good"
+
+
 def test_an_interrupted_stage_continues_from_its_checkpoint(file, monkeypatch):
     overrides = {"identify.end": "interrupt"}
     with pytest.raises(KeyboardInterrupt):

@@ -12,10 +12,12 @@ from awescli.physics.effects import EFFECTS
 
 
 def result(kind: str, verdict: str, *effects, size="full", air="calm", family=0):
+    keys = [f"{n}:{a}" if a in ("rudder", "rates") else n for n, a in effects]
     entries = [{"name": n, "acts_on": a, "rivals": []} for n, a in effects]
     return {
         "case": f"{family}/{kind}", "kind": kind, "size": size, "air": air, "family": family, "commit": "abc1234", "verdict": verdict,
-        "effects": entries, "chi2": {"train_before": 2.0, "train_after": 1.0}, "unexplained": None, "wall_s": 8.0,
+        "effects": entries, "probability": {**dict.fromkeys(keys, 0.9), "none": 0.02, "something_else": 0.08},
+        "chi2": {"train_before": 2.0, "train_after": 1.0}, "unexplained": None, "wall_s": 8.0,
     }  # fmt: skip
 
 
@@ -53,8 +55,9 @@ def test_the_table_counts_exactly_and_names_the_commit():
     text = table(results, "Agreement first.")
     assert "traced by commit abc1234" in text and "families 0 (development), 2 of seeds" in text and "Agreement first." in text
     assert "| library, full, calm | 2 | 1 |  |  |  |  | 1 |  |" in text
+    assert "expected calibration error" in text and "Brier score" in text
     assert "| library: heading_bias, full, calm | 1 |  |  |  |  |  | 1 |  |" in text
-    assert "| 0/heading_bias | a compass that is mounted beside the axis | wrong | found | imu_bias:rates | 2.000 -> 1.000 |" in text
+    assert "| 0/heading_bias | a compass that is mounted beside the axis | wrong | found | imu_bias:rates | 0.90 | 2.000 -> 1.000 |" in text
 
 
 def test_kept_answers_make_the_table_without_flying(tmp_path, monkeypatch, capsys):

@@ -4,86 +4,118 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kites import DEVELOPMENT, lively, sizes, truly
+from kites import DEVELOPMENT, sizes
+from tracing.traced import null_model, short_flight
 
 from awescli.estimation.fit import fit
-from awescli.estimation.nuisance_wind import RecordError
-from awescli.estimation.simulation_error import SimulationError
-from awescli.physics.disturbances import GUSTS, both
-from awescli.physics.kite import Kite, make_effect
-from awescli.simulation.rollout import Simulator
+from awescli.estimation.problem import build, simulator_of
+from awescli.physics.kite import make_effect
 from awescli.tracing.candidates import variants
-from awescli.tracing.screen import holm, screen
+from awescli.tracing.models import Frame, TracedFlight, fit_null
+from awescli.tracing.screen import CandidateColumns, holm, informed, screen
 
 KEYS = ("sideslip_drag", "parasitic_drag", "actuator_lag:rudder", "pitch_curvature", "airspeed_scale", "position_latency",
         "surface_bias:roll", "tether_drag", "lift_stall", "heading_bias")  # fmt: skip
-FREE = ("CL0", "CLa", "CD0", "CYb", "Clb", "Cma", "Cnb", "Cndr", "dl")
+SMALL = {"sideslip_drag": 0.03, "airspeed_scale": 0.2, "pitch_curvature": 0.35}
+"""Shares of a plausible size at which nothing but the effect itself is needed to follow the flight."""
 
 
-@pytest.fixture(scope="module")
-def library(calm):
-    kite = Kite(DEVELOPMENT, calm.log.wind.height, KEYS)
-    own = [p.name for e in kite.effects if e.key in KEYS for p in e.rows()]
-    return Simulator(kite, (*FREE, *own, *both(GUSTS)))
+def small(key: str) -> tuple:
+    """A small effect as `null_model` takes it."""
+    null = {p.name: p.value for p in make_effect(key, DEVELOPMENT).parameters}
+    values = {n.rpartition(".")[2]: v for n, v in sizes(key).items()}
+    return ((key, tuple((n, null[n] + SMALL[key] * (v - null[n])) for n, v in values.items())),)
 
 
-@pytest.fixture(scope="module")
-def cut(library, calm):
-    return lively(library.kite, calm.log, count=12, seconds=3.0)
+def test_nothing_is_significant_where_nothing_is_missing():
+    """Guards the false alarm: noise alone, ten candidates, and none passes the family-wise test."""
+    frame, null = null_model()
+    found = screen(frame, null, KEYS)
+    assert len(found.scores) >= 8 and not holm([s.p_value for s in found.scores], 0.01).any()
 
 
-def screened(library, observed, names=FREE):
-    """The screening at the null model's own fit."""
-    table = library.kite.parameters
-    null = fit(library, observed, table, names, gusts=RecordError(0.0), tolerance=1e-3)
-    problem = SimulationError(library.holding(null.parameters), observed, names, RecordError(0.0))
-    problem.own = null.own
-    x = np.array([null.parameters[n].value for n in names])
-    precision = np.array([1 / table[n].prior_std ** 2 for n in names])
-    return screen(problem, x, precision, np.array([table[n].value for n in names]), library.kite, KEYS)
+@pytest.mark.parametrize("key", SMALL)
+def test_a_score_is_what_a_fit_finds(key):
+    """Guards size and drop: the effect in the truth leads, and where it is small its one-step estimate and the predicted fall of the
+    deviance are those of a fit of the same segments with its strength free."""
+    frame, null = null_model(small(key), seed=34)
+    assert not null.rest  # so small that model error is not worth its while
+    best = screen(frame, null, KEYS).scores[0]
+    assert best.key == key and best.p_value < 1e-3
+    problem = null.problems[0]
+    simulator = simulator_of(frame.declared, frame.flights[0].log, (key,))
+    table = simulator.kite.parameters.with_values({n: null.table[n].value for n in null.table})
+    prior = simulator.kite.parameters.with_rows(replace(simulator.kite.parameters[n], std=1e6) for n in best.moving)
+    raw = build(simulator.holding(table), problem.log, problem.split, frame.horizon, frame.outputs).with_factors(problem.factors)
+    raw = replace(raw, processes=problem.processes, names=problem.names)
+    before = fit(raw.misfit(), table, prior_table=prior, tolerance=1e-4)
+    after = fit(raw.misfit(names=(*problem.names, *best.moving)), table, prior_table=prior, tolerance=1e-4)
+    moved = [after.parameters[n].value - table[n].value for n in best.moving]
+    assert np.abs((np.array(moved) - best.size) / best.std).max() < 0.25
+    assert best.drop == pytest.approx(before.solution.cost - after.solution.cost, rel=0.05)
+    std = np.sqrt(np.diag(after.covariance)[len(problem.names) :])
+    assert best.std == pytest.approx(std, rel=0.05)
 
 
-def test_nothing_is_significant_where_nothing_is_missing(library, cut):
-    """Guards the false alarm: noise alone, a dozen candidates, and none passes the family-wise test."""
-    found = screened(library, truly(cut, library, noise_seed=1))
-    assert not holm([s.p_value for s in found.scores]).any()
+def test_the_projection_is_least_squares_of_everything_at_once():
+    """Guards the elimination of what the free parameters absorb: size, drop and standard deviation of every plain candidate are those of
+    one dense regression on all free parameters and its own columns."""
+    frame, null = null_model(small("sideslip_drag"), seed=34)
+    found = screen(frame, null, KEYS)
+    columns = CandidateColumns([v for key in KEYS for v in variants(make_effect(key, frame.declared))])
+    H, b = informed(frame, null, KEYS, columns, frame.horizon)
+    n, tested = len(null.fit.names), 0
+    for s in found.scores:
+        at = np.r_[:n, n + np.array(s.place)]
+        whole = np.linalg.lstsq(H[np.ix_(at, at)], b[at], rcond=1e-14)[0]
+        without = np.linalg.solve(H[:n, :n], b[:n])
+        assert s.size == pytest.approx(whole[n:], rel=1e-4, abs=1e-4 * s.std.max())
+        assert s.drop == pytest.approx(b[at] @ whole - b[:n] @ without, rel=1e-4, abs=1e-4)
+        assert s.std == pytest.approx(np.sqrt(np.diag(np.linalg.inv(H[np.ix_(at, at)]))[n:]), rel=1e-4)
+        tested += 1
+    assert tested >= 6
 
 
-@pytest.mark.parametrize("key", ["sideslip_drag", "airspeed_scale", "pitch_curvature", "tether_drag"])
-def test_the_effect_in_the_truth_leads_with_its_size(library, cut, key):
-    """Guards the score test: at a small size the true effect has the largest predicted drop, and the one-step estimate is its size."""
-    small = {n: p.value + 0.2 * (sizes(key)[n] - p.value) for n, p in ((n, library.kite.parameters[n]) for n in sizes(key))}
-    found = screened(library, truly(cut, library, small, noise_seed=2))
-    best = found.scores[0]
-    assert best.key == key and holm([s.p_value for s in found.scores])[0]
-    for name, size, std in zip(best.moving, best.size, best.std, strict=True):
-        expected = small[name] - library.kite.parameters[name].value
-        assert size == pytest.approx(expected, abs=4 * std + 0.1 * abs(expected)), name
-
-
-def test_a_one_sided_effect_is_found_through_its_probe(library, cut):
-    """Guards secants: a lag has no slope at null, its difference at a probe leads all the same, with a positive share."""
-    truth = {"actuator_lag:rudder.tau": 0.15}
-    found = screened(library, truly(cut, library, truth, noise_seed=3))
-    best = found.scores[0]
+def test_a_one_sided_effect_is_found_through_its_probe():
+    """Guards secants: a lag has no slope at null, its difference at a probe leads all the same, with a positive share of about its size."""
+    frame, null = null_model((("actuator_lag:rudder", (("tau", 0.1),)),), seed=33)
+    best = screen(frame, null, KEYS).scores[0]
     assert best.key == "actuator_lag:rudder" and best.variant.secant and best.size[0] > 0
-    assert best.variant.at["actuator_lag:rudder.tau"] * best.size[0] == pytest.approx(0.15, rel=0.35)
+    assert best.variant.at["actuator_lag:rudder.tau"] * best.size[0] == pytest.approx(0.1, rel=0.5)
+    strengths, shapes = best.start(screen(frame, null, KEYS).rows)
+    assert 0.03 < strengths["actuator_lag:rudder.tau"] < 0.3 and not set(strengths) & set(shapes)
 
 
-def test_what_a_free_parameter_absorbs_does_not_count(library, cut):
-    """Guards the projection: constant extra drag is CD0 by another name, so with CD0 free it cannot be told; with CD0 fixed it can."""
-    observed = truly(cut, library, {"parasitic_drag.dCD": 0.03}, noise_seed=4)
-    found = screened(library, observed)
-    significant = dict(zip((s.key for s in found.scores), holm([s.p_value for s in found.scores]), strict=True))
-    drag = next((s for s in found.scores if s.key == "parasitic_drag"), None)
-    assert drag is None or "parasitic_drag.dCD" not in drag.moving or not significant["parasitic_drag"]
-    fixed = screened(library, observed, tuple(n for n in FREE if n != "CD0"))
-    assert fixed.scores[0].key == "parasitic_drag" and "parasitic_drag.dCD" in fixed.scores[0].moving
+def with_drag_bounded(upper: float | None):
+    """(frame, declared model) of a flight with more constant drag than declared, CD0 bounded above (None: as wide as ever)."""
+    declared, log, parts = short_flight({"parasitic_drag": {"dCD": 0.01}}, 35, 50.0, ("CL0", "CD0", "Cndr"))
+    if upper is not None:
+        row = declared.parameters["CD0"]
+        truth = DEVELOPMENT.table()["CD0"].value
+        bounded = row.model_copy(update={"value": 0.95 * truth, "lower": 0.5 * truth, "upper": upper * truth, "std": 0.5 * truth})
+        declared = declared.model_copy(update={"parameters": {**declared.parameters, "CD0": bounded}})
+    frame = Frame((TracedFlight(log, parts, declared),), 2.0, tuple(log.measured))
+    return frame, fit_null(frame, {}, (1.0,))
 
 
-def test_cosines_are_those_of_directions(library, cut):
+def test_a_parameter_absorbs_an_effect_until_it_is_at_its_bound():
+    """Guards the projection and its limit: constant extra drag is CD0 by another name, so with CD0 free only the priors tell them apart;
+    where CD0 has come to its bound it takes up nothing any more, and the effect leads with its size."""
+    keys, stds = ("parasitic_drag", "sideslip_drag"), []
+    for upper, bound in ((None, []), (1.0, ["CD0"])):
+        frame, null = with_drag_bounded(upper)
+        found = screen(frame, null, keys)
+        drag = next(s for s in found.scores if s.key == "parasitic_drag")
+        at = drag.moving.index("parasitic_drag.dCD")
+        stds.append(drag.std[at])
+        assert null.at_bound == bound and holm([s.p_value for s in found.scores], 0.01)[found.scores.index(drag)] == bool(bound)
+    assert stds[0] > 5 * stds[1] and drag.size[at] == pytest.approx(0.01, abs=4 * stds[1]) and drag.size[at] > 5 * stds[1]
+
+
+def test_cosines_are_those_of_directions():
     """Guards the angle between candidates: one with itself, symmetric, and never above one."""
-    found = screened(library, truly(cut, library, sizes("sideslip_drag"), noise_seed=5))
+    frame, null = null_model(small("sideslip_drag"), seed=34)
+    found = screen(frame, null, KEYS)
     for a in found.scores[:4]:
         assert found.cosine(a, a) == pytest.approx(1.0, abs=1e-6)
         for b in found.scores[:4]:
@@ -107,12 +139,20 @@ def test_variants_are_the_grid_of_shapes_and_probes():
     assert len({v.label for v in (*lag, *stall)}) == 10
 
 
-def test_segments_that_do_not_count_have_no_say(library, cut):
-    """Guards invalid samples in the screening: a gross error where sigma is infinite changes nothing."""
-    observed = truly(cut, library, noise_seed=6)
-    sigma, spoilt = observed.sigma.copy(), observed.measured.copy()
-    sigma[3, 40:60] = np.inf
-    spoilt[3, 40:60] += 1e3
-    clean, dirty = (screened(library, replace(observed, measured=m, sigma=sigma)) for m in (observed.measured, spoilt))
-    assert [s.key for s in clean.scores] == [s.key for s in dirty.scores]
+def test_samples_that_do_not_count_have_no_say():
+    """Guards invalid samples in the screening: a gross error where a channel does not count changes nothing."""
+    frame, null = null_model()
+    flight = frame.flights[0]
+    at, found = flight.split.train[0][0] + 40, []
+    for error in (0.0, 1e3):
+        values, counts = flight.log["V_a"].copy(), np.ones(len(flight.log), bool)
+        values[at : at + 20] += error
+        counts[at : at + 20] = False
+        log = replace(flight.log, measured={**flight.log.measured, "V_a": values}, fresh={"V_a": counts})
+        problem = build(null.problems[0].simulator, log, flight.split, frame.horizon, frame.outputs)
+        there = replace(frame, flights=(replace(flight, log=log),))
+        problem = replace(null.problems[0], log=log, fitted=problem.fitted, validation=problem.validation)
+        found.append(screen(there, replace(null, problems=(problem,)), KEYS[:4]))
+    clean, dirty = found
     assert [s.drop for s in clean.scores] == pytest.approx([s.drop for s in dirty.scores], rel=1e-6)
+    assert [s.drop for s in clean.scores] != pytest.approx([s.drop for s in screen(frame, null, KEYS[:4]).scores], rel=1e-6)

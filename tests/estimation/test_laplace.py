@@ -1,0 +1,108 @@
+"""Gusts as nuisances: their memory is Dryden's, and integrating them out leaves parameters without bias."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from kites import DEVELOPMENT, flight
+
+from awescli.estimation.fit import fit
+from awescli.estimation.information_filter import Information
+from awescli.estimation.laplace import tilt
+from awescli.estimation.problem import build, simulator_of
+from awescli.estimation.processes.gusts import Gusts, mean_airspeed
+from awescli.estimation.processes.roll_gusts import RollGusts
+from awescli.flightlog.split import Split
+from awescli.simulation.gusts import dryden, roll_gust
+
+LEVEL = 0.8
+
+
+@pytest.fixture(scope="module")
+def log():
+    """40 s in gusts of 0.8 m/s, as a flight with noise is logged."""
+    return flight(seed=5, duration=42.0, noise=True, effects=(("turbulence", (("sigma", LEVEL), ("L", 150.0))),)).log
+
+
+@pytest.fixture(scope="module")
+def problem(log):
+    """Of the true kite in these gusts, their level known."""
+    n = len(log)
+    parts = Split(((0, int(0.85 * n)),), ((int(0.85 * n), n),), (), (1, 1, 0), "time")
+    built = build(simulator_of(DEVELOPMENT, log), log, parts, 5.0, tuple(log.measured))
+    gusts = Gusts.of(DEVELOPMENT, log).at(dict.fromkeys(("horizontal gusts", "vertical gusts"), LEVEL))
+    return built.with_processes([gusts])
+
+
+def test_memories_are_those_of_made_gusts(log):
+    """Guards the processes against the generator: over its memory a horizontal or rolling gust falls to 1/e of what it was; the vertical
+    one, of another form, to half of that."""
+    airspeed, b = mean_airspeed(log), DEVELOPMENT.parameters["b"].value
+    memory = {g.name: g.memory for process in (Gusts, RollGusts) for g in process.of(DEVELOPMENT, log).groups}
+    made = dryden(100_000, 0.1, airspeed, seed=3)
+    rolling = roll_gust(100_000, 0.02, airspeed, b, seed=4)
+    for name, series, dt, expected in (
+        ("horizontal gusts", made[:, 0], 0.1, np.exp(-1)), ("vertical gusts", made[:, 2], 0.1, np.exp(-1) / 2),
+        ("roll gusts", rolling, 0.02, np.exp(-1)),
+    ):  # fmt: skip
+        lag = int(round(memory[name] / dt))
+        assert np.mean(series[lag:] * series[:-lag]) / np.mean(series**2) == pytest.approx(expected, abs=0.06), name
+
+
+def coarse(problem, seconds: float):
+    return problem.with_processes([replace(p, spacing=seconds) for p in problem.processes])
+
+
+def test_the_tilt_is_the_gradient_of_the_log_determinant(problem, monkeypatch):
+    """Guards what integrating gusts out adds, against central differences of the log determinant with the nuisances at their best
+    throughout: the mean over random probes, within three standard errors and a fifth."""
+    names = ("CLa", "Cmq", "CtD")
+    at = coarse(problem, 0.25)
+    misfit = replace(at.misfit(names=names), observed=at.fitted.pick(np.arange(3)))
+    table = problem.kite.parameters
+    x, every = np.array([table[n].value for n in names]), np.arange(3)
+
+    def best(x):
+        held = replace(misfit, simulator=misfit.simulator.holding(table.with_values(dict(zip(names, x, strict=True)))), names=())
+        return fit(held, held.simulator.kite.parameters, prior=False, tolerance=1e-8).own
+
+    def log_det(x):
+        own = best(x)
+        return float(misfit.eliminated(misfit.links(x, own)[0].gram(), own, every).log_det.sum())
+
+    own = best(x)
+    links, _ = misfit.links(x, own)
+    gram, samples, tilts = links.gram(), Information.samples, []
+    for seed in range(24):
+        monkeypatch.setattr(Information, "samples", lambda info, draws, seed, s=seed: samples(info, draws, s))
+        tilts.append(tilt(misfit, x, own, links, gram, every))
+    tilts = np.array(tilts)
+    chance, seen = tilts.std(axis=0) / np.sqrt(len(tilts)), 0
+    for i, name in enumerate(names):
+        e = np.eye(len(names))[i] * 2e-3 * abs(x[i])
+        slope = -(log_det(x + e) - log_det(x - e)) / (4 * e[i])
+        assert abs(tilts[:, i].mean() - slope) < 3 * chance[i] + 0.2 * abs(slope), name
+        seen += abs(slope) > 3 * chance[i]
+    assert seen >= 2
+
+
+def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
+    """Guards the fit in gusty air: at the truth the gradient is what chance makes of it (chi-square in the norm of the information), while
+    gusts at their best alone would pull by many standard deviations."""
+    names = tuple(n for n in problem.names if n not in problem.kite.record)
+    at = coarse(problem, 0.1)
+    nothing = at.misfit(names=())
+    own = fit(nothing, problem.kite.parameters, prior=False, tolerance=0.01).own
+    misfit, x = at.misfit(names=names), problem.kite.parameters.vector(names)
+    links, _ = misfit.links(x, own)
+    gram, every = links.gram(), np.arange(len(at.fitted.segments))
+    info = misfit.eliminated(gram, own, every)
+    scale = np.array([problem.prior[n].prior_std for n in names])
+    values, vectors = np.linalg.eigh(info.H * np.outer(scale, scale))
+    known = values > 1.0
+
+    def size(b):
+        return float((((vectors.T @ (scale * b))[known]) ** 2 / values[known]).sum()) / known.sum()
+
+    assert size(info.b) > 2.5
+    assert size(info.b + tilt(misfit, x, own, links, gram, every)) < 1.7

@@ -1,0 +1,148 @@
+"""Levels of processes and of noise: what was flown is estimated, what was not there is not found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from kites import flight, lively, truly
+from scipy import stats
+
+from awescli.estimation.fit import fit
+from awescli.estimation.levels import noise_factors, opened, prior_deviance, relevelled
+from awescli.estimation.misfit import Misfit
+from awescli.estimation.problem import build, levels_found, simulator_of
+from awescli.estimation.processes.base import Group, Prior
+from awescli.estimation.processes.gusts import Gusts
+from awescli.estimation.processes.model_error import ModelError
+from awescli.estimation.staged_fit import MODEL_ERROR, fit_in_stages
+from awescli.flightlog.split import Split
+from awescli.notation.parameters import ParameterTable
+from awescli.physics.disturbances import DISTURBANCES, both
+from awescli.simulation.rollout import Simulator
+
+
+def wandering(*axes: tuple[str, float], memory: float = 0.7, spacing: float = 0.25) -> ModelError:
+    """Model error on some axes: (axis, level), with priors so wide that they do not matter."""
+    wide = Prior(0.3, 3.0)
+    return ModelError(tuple(Group(a, (a,), level, memory, wide, Prior(memory)) for a, level in axes), spacing)
+
+
+@pytest.fixture(scope="module")
+def simulator(kite):
+    return Simulator(kite, both(DISTURBANCES))
+
+
+@pytest.fixture(scope="module")
+def observed(kite, calm):
+    """16 segments of 2.5 s, apart from one another."""
+    return lively(kite, calm.log, count=16, seconds=2.5)
+
+
+def drawn(misfit: Misfit, seed: int) -> np.ndarray:
+    """(K, L + 1, W) paths of the processes, drawn from their own distribution; no two segments are one flight."""
+    random, axes = np.random.default_rng(seed), misfit.axes
+    gap = np.diff(misfit.nodes) * misfit.observed.segments.dt
+    path = axes.level * random.standard_normal((len(misfit.observed.segments), len(misfit.nodes), len(axes)))
+    for m, dt in enumerate(gap):
+        path[:, m + 1] = axes.decay(dt) * path[:, m] + np.sqrt(axes.variance(dt)) * path[:, m + 1] / axes.level
+    return path
+
+
+def levelled(misfit: Misfit, table, rounds: int = 5):
+    """(levels, noise factors) after fits of the nuisances and new levels in turn."""
+    own, factors = None, {}
+    for _ in range(rounds):
+        found = fit(misfit, table, prior=False, own=own, tolerance=0.1)
+        processes, _ = relevelled(misfit, found.gram, found.own, found.heard)
+        factors = noise_factors(found.misfit, found.information, found.links, found.heard)
+        new = misfit.with_processes(processes)
+        misfit, own = new, new.carried(found.own, misfit)
+    return {g.name: g.level for p in misfit.processes for g in p.groups}, factors
+
+
+def test_a_level_that_was_flown_is_estimated(simulator, observed, kite):
+    """Guards the estimate by simulation: forces and moments of known level are drawn, flown and measured with noise; from levels that are
+    four times too small and too large the estimates agree and hold the truth within what so many steps can tell."""
+    true = {"force_z": 1.0, "moment_y": 0.3}
+    loose = Misfit(simulator, observed, (), (wandering(*true.items()),))
+    own = replace(loose.own(), path=drawn(loose, 5))
+    flown = truly(replace(observed, segments=loose.segments(own)), simulator, noise_seed=6)
+    measured = replace(observed, measured=flown.measured)
+    found = []
+    for factor in (0.25, 4.0):
+        begun = wandering(*((a, factor * level) for a, level in true.items()))
+        levels, factors = levelled(Misfit(simulator, measured, (), (begun,)), kite.parameters)
+        found.append(levels)
+        for axis, level in true.items():
+            assert levels[axis] == pytest.approx(level, rel=0.2), axis  # 160 nodes: 6 % if every step were seen
+        assert max(abs(f - 1) for f in factors.values()) < 0.1
+    assert found[0] == pytest.approx(found[1], rel=0.05)
+
+
+def test_what_was_not_flown_is_not_found(simulator, observed, kite):
+    """Guards the false alarm: of six axes and gusts that are open in noise alone, none stays."""
+    measured = truly(observed, simulator, noise_seed=7)
+    open_ = (wandering(*((a, 0.1) for a in ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z"))),)
+    levels, _ = levelled(Misfit(simulator, measured, (), open_), kite.parameters, rounds=2)
+    assert set(levels.values()) == {0.0}
+
+
+def test_noise_is_estimated_beside_a_process(simulator, observed, kite):
+    """Guards the noise's factors: a channel that is twice as noisy as declared is told, the others are not, although starts and a process
+    take up a part of every residual."""
+    loose = Misfit(simulator, observed, (), (wandering(("force_z", 1.0)),))
+    own = replace(loose.own(), path=drawn(loose, 8))
+    flown = truly(replace(observed, segments=loose.segments(own)), simulator, noise_seed=9)
+    at = observed.outputs.index("q")
+    truth = truly(replace(observed, segments=loose.segments(own)), simulator)
+    measured = flown.measured.copy()
+    measured[..., at] += flown.measured[..., at] - truth.measured[..., at]
+    found = fit(Misfit(simulator, replace(observed, measured=measured), (), loose.processes), kite.parameters, prior=False, tolerance=0.1)
+    factors = noise_factors(found.misfit, found.information, found.links, found.heard)
+    assert factors["q"] == pytest.approx(2.0, rel=0.06)
+    assert max(abs(f - 1) for n, f in factors.items() if n != "q") < 0.1
+
+
+def test_a_group_that_is_worth_nothing_goes_alone(simulator, observed, kite):
+    """Guards pruning: of two axes the one that was flown stays, the other goes, and the deviance of the rest does not rise."""
+    loose = Misfit(simulator, observed, (), (wandering(("force_z", 1.0)),))
+    own = replace(loose.own(), path=drawn(loose, 11))
+    flown = truly(replace(observed, segments=loose.segments(own)), simulator, noise_seed=12)
+    both = wandering(("force_z", 0.5), ("moment_x", 0.1))
+    misfit = Misfit(simulator, replace(observed, measured=flown.measured), (), (both,))
+    found = fit(misfit, kite.parameters, prior=False, tolerance=0.1)
+    (kept,), gain = relevelled(misfit, found.gram, found.own, found.heard)
+    assert kept.levels["moment_x"] == 0.0 and kept.levels["force_z"] == pytest.approx(1.0, rel=0.3) and gain > 0
+
+
+def test_opening_and_priors():
+    """Guards what is tried first: groups at zero at a share of their median, others as they are; the prior is log-normal."""
+    process = wandering(("force_z", 0.0), ("moment_y", 0.7))
+    (there,) = opened((process,), (MODEL_ERROR,), 0.05)
+    assert there.levels == {"force_z": pytest.approx(0.015), "moment_y": 0.7}
+    assert opened((process,), ("gusts",)) == (process,)
+    density = stats.lognorm(s=3.0, scale=0.3)
+    # -2 log density in log level, less its value at the median
+    value = -2 * (density.logpdf(0.7) + np.log(0.7) - density.logpdf(0.3) - np.log(0.3))
+    assert prior_deviance((process,)) == pytest.approx(value)
+
+
+def test_gusts_that_were_flown_are_found_and_none_where_none_were():
+    """Guards the whole way from a log: in gusts of 0.8 m/s their level is estimated and nothing is called model error; in calm air both are
+    absent."""
+    found = {}
+    for sigma in (0.8, 0.0):
+        flown = flight(seed=5, duration=42.0, noise=True, effects=(("turbulence", (("sigma", sigma), ("L", 150.0))),) if sigma else ())
+        n = len(flown.log)
+        parts = Split(((0, int(0.85 * n)),), ((int(0.85 * n), n),), (), (1, 1, 0), "time")
+        truth, guess = flown.flown.table(), flown.declared.table()
+        rows = [guess[p] if p in ("CL0", "Cma", "Cndr") else replace(guess[p], value=truth[p].value, free=False) for p in guess]
+        declared = flown.declared.with_parameters(ParameterTable(rows))
+        problem = build(simulator_of(declared, flown.log), flown.log, parts, 2.5, tuple(flown.log.measured))
+        _, problem = fit_in_stages(problem, (1.0,))
+        found[sigma] = {name: said["level"] for name, said in levels_found(problem).items() if name != "wind record"}
+    assert found[0.0] == {}
+    gusts = {g.name for g in Gusts.of(declared, flown.log).groups}
+    assert set(found[0.8]) <= gusts and "horizontal gusts" in found[0.8]
+    # 35 s hold a dozen correlation times of the horizontal gusts
+    assert found[0.8]["horizontal gusts"] == pytest.approx(0.8, rel=0.4)

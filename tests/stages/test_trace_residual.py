@@ -1,0 +1,98 @@
+"""trace-residual from a plan: what it leaves for each kind of verdict, and how it ends."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from flightlog.synthetic import write_folder
+from kites import DEVELOPMENT
+
+from awescli.artifacts import read_json
+from awescli.notation.errors import NumericalFailure
+from awescli.notation.parameters import ParameterTable
+from awescli.physics.declaration import kite_text, read_kite
+from awescli.simulation.campaign_flights import dev_like
+from awescli.stages import STAGES
+from awescli.stages.plan import read_plan
+from awescli.stages.runner import run_plan
+
+PLAN = """
+flight: flight
+kite: kite.yaml
+out: out
+split: {train: 0.5, validation: 0.25, test: 0.25}
+stages:
+  identify: {horizon: 2.0, curriculum: []}
+  trace-residual: {horizon: 2.0, curriculum: [], candidates: [sideslip_drag, airspeed_scale, "surface_bias:yaw"]}
+"""
+GUESSED = ("CL0", "CD0", "Cndr", "dl")
+
+
+def folder_of(path, effects: dict, changes: Mapping[str, float] = MappingProxyType({})):
+    """A plan, a short flight with `effects`, and a kite file of which only GUESSED is not known; changes: factors on declared values."""
+    flight = dev_like(DEVELOPMENT, 51, effects, duration=50.0)
+    truth, guess = flight.flown.table(), flight.declared.table()
+    rows = [guess[n] if n in GUESSED else replace(guess[n], value=truth[n].value, free=False) for n in guess]
+    rows = [replace(r, value=changes[r.name] * r.value, lower=-np.inf, upper=np.inf) if r.name in changes else r for r in rows]
+    write_folder(path / "flight", flight.log)
+    (path / "kite.yaml").write_text(kite_text(flight.declared.with_parameters(ParameterTable(rows))))
+    (path / "stages.yaml").write_text(PLAN)
+    return path
+
+
+def run(folder) -> dict:
+    """Summary of trace-residual."""
+    results = run_plan(read_plan(folder / "stages.yaml", STAGES, {"out": str(folder / "out")}), STAGES)
+    return next(dict(r.summary) for r in results if r.stage == "trace-residual")
+
+
+def effects_of(folder) -> dict:
+    return read_json(folder / "out" / "trace-residual" / "effects.json")
+
+
+def test_an_effect_is_found_and_handed_on(tmp_path):
+    """Guards the whole stage for `found`: size and probability in effects.json, the effect in the kite file, errors of one and the same
+    prediction in all files, and the trace begun where identify ended."""
+    folder = folder_of(tmp_path, {"sideslip_drag": {"k": 2.5}})
+    summary, effects = run(folder), effects_of(folder)
+    assert summary["verdict"] == effects["verdict"] == "found" and "failure" not in summary
+    (effect,) = effects["effects"]
+    size = effect["parameters"]["k"]
+    assert effect["name"] == "sideslip_drag" and abs(size["value"] - 2.5) < 3.5 * size["std"] and size["std"] < 0.1
+    kite = read_kite(folder / "out" / "trace-residual" / "kite.yaml")
+    assert "sideslip_drag" in kite.effects and kite.table()["sideslip_drag.k"].value == pytest.approx(size["value"])
+    metrics = read_json(folder / "out" / "trace-residual" / "metrics.json")
+    assert metrics["outcome"] == "found"
+    assert metrics["before"]["nrmse"]["test"]["mean"] == effects["error"]["before"]["mean"]
+    assert metrics["nrmse"]["test"]["mean"] == effects["error"]["after"]["mean"] < 0.5 * effects["error"]["before"]["mean"]
+    assert sum(effects["probability"].values()) == pytest.approx(1.0) and effects["probability"]["sideslip_drag"] > 0.9
+    rows = {row["name"]: row for row in effects["criteria"]}
+    assert rows["null_as_identified"]["pass"] and isinstance(rows["null_as_identified"]["value"], float)
+
+
+def test_nothing_is_found_where_nothing_is_missing(tmp_path):
+    """Guards `none`: no effect, the kite file as identified, and what would have been seen."""
+    folder = folder_of(tmp_path, {})
+    summary, effects = run(folder), effects_of(folder)
+    assert summary["verdict"] == effects["verdict"] == "none" and effects["effects"] == []
+    assert effects["error"]["after"] == effects["error"]["before"] and set(summary["would have been seen from"]) >= {"sideslip_drag"}
+    assert max(effects["probability"], key=effects["probability"].get) == "none"
+    identified, traced = (read_kite(folder / "out" / s / "kite.yaml") for s in ("identify", "trace-residual"))
+    assert traced.effects == identified.effects
+
+
+def test_a_kite_that_cannot_fly_the_flight_is_a_named_failure(tmp_path):
+    """Guards A2: where the model diverges, artifacts say `not_testable` without an error "before", the kite is identify's, and the command
+    ends as a numerical failure, again when nothing has changed."""
+    folder = folder_of(tmp_path, {}, {"Cma": -8.0, "Cmq": -8.0})
+    for _ in range(2):
+        with pytest.raises(NumericalFailure, match="there is no model to trace") as told:
+            run(folder)
+        assert told.value.exit_code == 3 and told.value.outcome == "not_testable"
+        effects = effects_of(folder)
+        assert effects["verdict"] == "not_testable" and effects["reason"] and "before" not in effects["error"] and not effects["effects"]
+        assert any(row["pass"] is False for row in effects["criteria"] if row["name"].startswith("null_"))
+        files = [(folder / "out" / s / "kite.yaml").read_text() for s in ("identify", "trace-residual")]
+        assert files[0] == files[1]

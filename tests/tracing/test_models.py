@@ -1,0 +1,68 @@
+"""What a fitted model says of loops that it was not fitted to, parameters integrated out: exact where everything is linear."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tracing.traced import null_model
+
+from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.tracing.models import Frame, _asked_of, fit_null
+
+N, FIT, SEEN = 4, 30, 20
+
+
+def linear(seed: int, bounded: tuple[int, ...] = ()):
+    """(fit of y = A p + e to `FIT` samples with priors, judged on `SEEN` others, their residual r at the fit, B, H of the fit); parameters
+    `bounded` sit at an end of their range."""
+    random = np.random.default_rng(seed)
+    A, B, truth = random.standard_normal((FIT, N)), random.standard_normal((SEEN, N)), 0.5 * random.standard_normal(N)
+    y, seen = A @ truth + random.standard_normal(FIT), B @ truth + random.standard_normal(SEEN)
+    H = A.T @ A + np.eye(N)
+    x = np.linalg.solve(H, A.T @ y)
+    r = seen - B @ x
+    names = tuple(f"p{i}" for i in range(N))
+    lower = [v if i in bounded else v - 5 for i, v in enumerate(x)]
+    rows = [Parameter(n, v, "-", low, v + 5, free=True) for n, v, low in zip(names, x, lower, strict=True)]
+    fitted = SimpleNamespace(names=names, parameters=ParameterTable(rows), solution=SimpleNamespace(H=H, x=x), places=(np.arange(N),))
+    judged = SimpleNamespace(information=SimpleNamespace(H=B.T @ B, b=B.T @ r))
+    return fitted, judged, r, B, H
+
+
+@pytest.mark.parametrize("bounded", [(), (1,), (0, 3)])
+def test_unseen_loops_are_predicted_with_what_is_not_known_of_the_parameters(bounded):
+    """Guards `unseen` and `shift`: for a linear model they are the marginal likelihood of the unseen samples, and the parameters that all
+    samples together ask for, those at a bound held."""
+    fitted, judged, r, B, H = linear(3, bounded)
+    shift, gained, wider = _asked_of(fitted, (judged,))
+    free = [i for i in range(N) if i not in bounded]
+    S = np.eye(SEEN) + B[:, free] @ np.linalg.inv(H[np.ix_(free, free)]) @ B[:, free].T
+    assert r @ r - gained + wider == pytest.approx(r @ np.linalg.solve(S, r) + np.linalg.slogdet(S)[1])
+    together = np.zeros(N)
+    together[free] = np.linalg.solve((H + B.T @ B)[np.ix_(free, free)], (B.T @ r)[free])
+    assert shift == pytest.approx(together) and np.abs(shift[free]).max() > 0.01
+
+
+def test_what_all_loops_want_is_what_a_fit_of_all_loops_finds():
+    """Guards `shift` on a flight: to first order it leads to the parameters of a fit of train and validation together."""
+    frame, null = null_model()
+    flight = frame.flights[0]
+    bounds = sorted((*flight.split.train, *flight.split.validation))
+    both = replace(flight, split=replace(flight.split, train=tuple(bounds)))
+    start = {n: null.table[n].value for n in null.problems[0].kite.parameters.free}
+    again = fit_null(Frame((both,), frame.horizon, frame.outputs), start, (1.0,))
+    std = np.sqrt(np.diag(np.linalg.inv(null.fit.solution.H)))
+    moved = np.array([again.table[n].value - null.table[n].value for n in null.fit.names])
+    kite = [i for i, n in enumerate(null.fit.names) if "." not in n]
+    assert np.abs(null.shift[kite] / std[kite]).max() > 0.3  # there is something to be right about
+    assert np.abs((moved - null.shift) / std)[kite].max() < 0.35
+
+
+def test_a_true_model_leaves_noise_alone():
+    """Guards chi-square on loops that were not fitted: one per degree of freedom."""
+    _, null = null_model()
+    assert null.chi2 == pytest.approx(1.0, abs=0.06) and null.fit.chi2 == pytest.approx(1.0, abs=0.03)
+    assert null.flies == null.segments == len(null.train) + len(null.validation)
+    light = null.light()
+    assert light.deviance == null.deviance and light.chi2 == pytest.approx(null.chi2) and light.fit.flights[0].links is None

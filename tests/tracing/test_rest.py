@@ -1,0 +1,56 @@
+"""What is left: what repeats from loop to loop is seen, what does not is not called so; noise does not grow to hide it."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from tracing.traced import null_model
+
+from awescli.tracing.rest import BINS, Repetition, repeated, rest_of
+
+LOOPS = 10
+
+
+def smooth(seed: int, rows: int = LOOPS) -> np.ndarray:
+    """(rows, BINS) of rows that are smooth along the loop, each with a phase of its own: what a slow process leaves."""
+    white = np.random.default_rng(seed).standard_normal((rows, BINS))
+    return sum(np.roll(white, k, axis=1) for k in range(4)) / 2
+
+
+def test_a_pattern_in_noise_is_found():
+    """Guards the test for what repeats: a pattern with half of the variance is seen with its share, whatever the rows' means."""
+    pattern = np.sqrt(2) * np.sin(2 * np.pi * np.arange(BINS) / BINS)
+    shares = []
+    for seed in range(10):
+        offsets = 3 * np.random.default_rng(seed).standard_normal((LOOPS, 1))
+        share, p = repeated(pattern + smooth(seed) + offsets)
+        shares.append(share)
+        assert p < 0.01
+        assert Repetition({"force_z": share}, {"force_z": p}, LOOPS).repeats()
+    assert np.mean(shares) == pytest.approx(0.55, abs=0.1)  # means of rows taken off, noise loses a part of its variance
+
+
+def test_smooth_chance_is_not_called_a_pattern():
+    """Guards the false alarm: of rows that are smooth and do not repeat p is uniform, and a share of nothing is near zero."""
+    found = np.array([repeated(smooth(100 + seed), seed) for seed in range(80)])
+    assert stats.kstest(found[:, 1], "uniform").pvalue > 0.01
+    assert found[:, 0].mean() < 0.1 and (found[:, 1] < 0.01).sum() <= 3
+
+
+def test_many_axes_must_not_repeat_by_their_number():
+    """Guards Bonferroni over the axes: one of six at 0.005 is chance."""
+    axes = [f"axis {i}" for i in range(6)]
+    assert not Repetition(dict.fromkeys(axes, 0.5), {**dict.fromkeys(axes, 0.5), "axis 0": 0.005}, 8).repeats()
+    assert Repetition({"force_z": 0.5}, {"force_z": 0.005}, 8).repeats()
+    assert not Repetition({"force_z": 0.1}, {"force_z": 0.001}, 8).repeats()  # for sure, and yet next to nothing
+
+
+def test_noise_does_not_grow_to_hide_what_is_missing():
+    """Guards "1 is noise alone": without model error a flight with an effect that is missing leaves far more than the noise that was found
+    with it, in all and on the channels where it shows; a clean flight leaves noise."""
+    frame, null = null_model((("sideslip_drag", (("k", 2.5),)),), seed=32)
+    assert null.rest
+    _, left = rest_of(frame, null)
+    assert left.chi2 > 1.5 and left.channels[left.largest] > 2 and left.worth > 100
+    frame, null = null_model()
+    bare, left = rest_of(frame, null)
+    assert bare is null and left.chi2 == pytest.approx(1.0, abs=0.06) and left.worth == 0 and left.repetition is None

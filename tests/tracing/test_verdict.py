@@ -1,0 +1,205 @@
+"""The verdict is made of its criteria and of nothing else; probabilities are probabilities."""
+
+import itertools
+import random
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from awescli.tracing.classes import Rival
+from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.evidence import Evidence, Suspect
+from awescli.tracing.rest import Repetition, Rest
+from awescli.tracing.search import Search
+from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, table, verdict
+
+ANSWER = ("effect_likelier", "effect_on_unseen_loops")
+REST = ("rest_is_noise", "floor", "floor_by_channel")
+OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "no_better_empirical_term", "calm_air")
+ROWS = {
+    (name, passed): Criterion(name, 0.0, 0.0, passed, "", "")
+    for name in (*NULL, *ANSWER, *REST, "rest_repeats", *OTHERS)
+    for passed in (True, False, None)
+}
+
+
+def rows(**passed: bool | None) -> list[Criterion]:
+    """A table: a flight of a flawless model with nothing missing, but for what is said."""
+    clean = {**dict.fromkeys((*NULL, *REST, *OTHERS), True), **dict.fromkeys(ANSWER, False), "rest_repeats": None}
+    return [ROWS[item] for item in {**clean, **passed}.items()]
+
+
+FOUND = dict.fromkeys(ANSWER, True)
+LEFT = dict.fromkeys(REST, False)
+
+
+@pytest.mark.parametrize(
+    "expected, passed",
+    [
+        ("none", {}),
+        ("none", {"null_as_identified": None}),
+        ("none", {"rest_is_noise": False}),  # model error is worth something, and yet nothing is left above the noise
+        ("found", FOUND),
+        ("found", {**FOUND, "calm_air": False}),
+        ("found", {**FOUND, "all_candidates_fitted": False}),
+        ("cannot_tell", {**FOUND, "no_rival": False}),
+        ("cannot_tell", {"all_candidates_fitted": False}),
+        ("cannot_tell", {"no_parameter_hides_it": False}),
+        ("unexplained", {**FOUND, "no_better_empirical_term": False}),
+        ("unexplained", LEFT),
+        ("unexplained", {**FOUND, **LEFT}),
+        ("unexplained", {**LEFT, "rest_repeats": True}),
+        ("unexplained", {"rest_is_noise": False, "floor_by_channel": False}),
+        ("not_deterministic", {**LEFT, "rest_repeats": False}),
+        ("not_deterministic", {**FOUND, **LEFT, "rest_repeats": False}),
+        ("not_deterministic", {"calm_air": False}),
+        *(("not_testable", {**FOUND, name: False}) for name in NULL),
+        *(("not_testable", {name: False}) for name in NULL),
+    ],
+)
+def test_every_verdict_is_reached_by_its_table(expected, passed):
+    """Guards the rules by hand-made tables; what stands in a row beside `passed`, and the rows' order, do not matter."""
+    assert verdict(rows(**passed)) == expected
+    other = [Criterion(c.name, random.random(), 1.0, c.passed, "other", "other") for c in rows(**passed)]
+    assert verdict(other[::-1]) == expected
+
+
+def test_what_holds_for_every_table():
+    """Guards the promises of each verdict over all 2^14 tables: `found` and `none` promise a null model that stands, a rest that is noise,
+    and no other explanation; `none` also that every significant candidate was fitted (A2, A3, A4)."""
+    reached = set()
+    names = (*NULL, *ANSWER, *REST, "rest_repeats", *OTHERS)
+    for values in itertools.product((True, False), repeat=len(names)):
+        p = dict(zip(names, values, strict=True))
+        said = verdict([ROWS[item] for item in p.items()])
+        reached.add(said)
+        stands, at_floor = all(p[n] for n in NULL), p["rest_is_noise"] or (p["floor"] and p["floor_by_channel"])
+        effect = all(p[n] for n in ANSWER)
+        assert (said == "not_testable") == (not stands)
+        if said in ("found", "cannot_tell", "none"):
+            assert at_floor
+        if said == "found":
+            assert effect and p["no_rival"] and p["no_better_empirical_term"]
+        if said == "none":
+            assert not effect and p["all_candidates_fitted"] and p["no_parameter_hides_it"] and p["calm_air"]
+        if said == "unexplained" and at_floor:
+            assert effect and not p["no_better_empirical_term"]
+    assert reached == set(VERDICTS)
+
+
+def model(deviance=0.0, keys=(), validation=0.0, flies=100, outcome="converged", rest=None):
+    """What a table needs to know of a model: two segments, one strength for each key."""
+    fitted = SimpleNamespace(solution=SimpleNamespace(outcome=outcome))
+    return SimpleNamespace(
+        keys=tuple(keys), strengths=tuple(f"{k}.k" for k in keys), deviance=deviance, validation=np.array([validation, 0.0]), flies=flies,
+        segments=100, fit=fitted, rest=rest or {},
+    )  # fmt: skip
+
+
+NOISE = Rest(0.0, 1.0, {"p": 1.01, "tension": 0.99}, {}, None)
+NULL_MODEL = model(1000.0, validation=300.0, rest={"force_z": 0.3})
+
+
+def evidence(answer=None, null=NULL_MODEL, bare=None, rest=NOISE, failed=(), **more) -> Evidence:
+    """Evidence of a search that ended with `answer` (default: with nothing); failed: significant candidates that could not be fitted."""
+    bare = bare or model(1200.0, validation=400.0)
+    tried = [SimpleNamespace(key=k, significant=True, outcome="failed", model=None, gain=0.0) for k in failed]
+    if answer is not None:
+        gain = null.deviance - answer.deviance
+        tried.append(SimpleNamespace(key=answer.keys[-1], significant=True, outcome="converged", model=answer, gain=gain))
+    contenders = [t for t in tried if t.model is not None]
+    record = SimpleNamespace(base=null, tried=tried, contenders=contenders, accepted=answer.keys[-1] if answer else "")
+    return Evidence(Search(null, answer or null, (record,)), bare, answer or bare, rest, **more)
+
+
+def passed(e: Evidence) -> dict:
+    return {c.name: c.passed for c in table(e)}
+
+
+GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
+
+
+def test_a_table_has_every_row_with_its_threshold_and_source():
+    """Guards the public table: all rows, each with what it says and where its threshold comes from."""
+    found = table(evidence(GOOD))
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 14
+    assert all(c.says and c.source for c in found) and verdict(found) == "found"
+
+
+@pytest.mark.parametrize(
+    "name, good, bad",
+    [
+        ("null_flew", {"null": model(1000.0, flies=90)}, {"null": model(1000.0, flies=89)}),
+        ("null_converged", {}, {"null": model(1000.0, outcome="iteration_limit")}),
+        ("null_as_identified", {"null_error": 0.0124, "identified_error": 0.01}, {"null_error": 0.0126, "identified_error": 0.01}),
+        ("effect_likelier", {"answer": model(987.9, ("a",), 250.0)}, {"answer": model(988.1, ("a",), 250.0)}),
+        ("effect_on_unseen_loops", {"answer": GOOD}, {"answer": model(900.0, ("a",), 300.5)}),
+        ("rest_is_noise", {"rest": Rest(19.9, 1.0, {}, {}, None)}, {"rest": Rest(20.1, 1.0, {}, {}, None)}),
+        ("floor", {"rest": Rest(50.0, 1.019, {}, {}, None)}, {"rest": Rest(50.0, 1.021, {}, {}, None)}),
+        ("floor_by_channel", {"rest": Rest(50.0, 1.0, {"p": 1.09}, {}, None)}, {"rest": Rest(50.0, 1.0, {"p": 1.0, "q": 1.11}, {}, None)}),
+        (
+            "rest_repeats", {"rest": Rest(50.0, 2.0, {}, {}, Repetition({"force_z": 0.5}, {"force_z": 0.001}, 8))},
+            {"rest": Rest(50.0, 2.0, {}, {}, Repetition({"force_z": 0.5}, {"force_z": 0.02}, 8))},
+        ),
+        ("no_rival", {"answer": GOOD}, {"answer": GOOD, "rivals": {"sideslip_drag": (Rival("parasitic_drag", model(903.0), 3.0),)}}),
+        ("all_candidates_fitted", {}, {"failed": ("pitch_curvature",)}),
+        ("no_parameter_hides_it", {}, {"suspects": (Suspect("surface_bias:yaw", "Cndr", 9.0, GOOD),)}),
+        (
+            "no_better_empirical_term", {"answer": GOOD, "bank": Search(NULL_MODEL, model(891.0, ("custom_term:f_x*beta",)), ())},
+            {"answer": GOOD, "bank": Search(NULL_MODEL, model(889.0, ("custom_term:f_x*beta",)), ())},
+        ),
+        ("calm_air", {"gusts": {"vertical gusts": 0.19}}, {"gusts": {"vertical gusts": 0.21}}),
+    ],
+)  # fmt: skip
+def test_every_row_fails_beyond_its_threshold(name, good, bad):
+    """Guards that each criterion is tested at all: just inside it passes, just outside it does not."""
+    assert passed(evidence(**good))[name] is True and passed(evidence(**bad))[name] is False
+
+
+def test_what_a_flight_does_not_allow_to_test_is_neither_passed_nor_failed():
+    found = passed(evidence())
+    assert found["null_as_identified"] is None and found["rest_repeats"] is None
+
+
+def test_more_empirical_terms_than_effects_do_not_beat_them():
+    """Guards a name against terms that only are more: two terms lead one effect by 100, and are no reason."""
+    more = Search(NULL_MODEL, model(800.0, ("custom_term:f_x*beta", "custom_term:m_y*beta")), ())
+    assert passed(evidence(GOOD, bank=more))["no_better_empirical_term"] is True
+
+
+RIVALLED = {"sideslip_drag": (Rival("parasitic_drag", model(901.0), 1.0),)}
+
+
+@pytest.mark.parametrize(
+    "e, answer, likeliest",
+    [
+        (evidence(), "none", "none"),
+        (evidence(null=model(1195.0), bare=model(1195.0)), "none", "none"),
+        (evidence(GOOD), "found", "sideslip_drag"),
+        (evidence(GOOD, rivals=RIVALLED), "cannot_tell", "sideslip_drag"),
+        (evidence(GOOD), "unexplained", "something_else"),
+        (evidence(), "not_testable", "something_else"),
+        (evidence(), "not_deterministic", "something_else"),
+    ],
+)
+def test_probabilities_are_probabilities(e, answer, likeliest):
+    """Guards their sum, that something else is never ruled out, and that the answer is the likeliest cause."""
+    found = probabilities(e, answer)
+    assert sum(found.values()) == pytest.approx(1.0) and all(0 <= p <= 1 for p in found.values())
+    assert found["something_else"] >= 0.99 * CRITERIA.unknown and "none" in found
+    assert next(iter(found)) == likeliest == max(found, key=found.get)
+
+
+def test_a_lead_becomes_odds_at_the_temperature():
+    """Guards the arithmetic: two explanations 10 apart in deviance have odds of exp(10 / 2 / temperature)."""
+    rivals = {"sideslip_drag": (Rival("parasitic_drag", model(910.0), 10.0),)}
+    found = probabilities(evidence(GOOD, rivals=rivals), "cannot_tell")
+    assert found["sideslip_drag"] / found["parasitic_drag"] == pytest.approx(np.exp(10.0 / 2 / CRITERIA.temperature))
+
+
+def test_what_is_unexplained_has_most_likely_no_name():
+    """Guards the probability that is said of `unexplained`: a library's effect that leads by hundreds, but leaves too much, is not the
+    cause with one half."""
+    found = probabilities(evidence(model(500.0, ("pitch_curvature",), 100.0)), "unexplained")
+    assert found["something_else"] > 0.9
