@@ -50,6 +50,10 @@ class Criteria:
     unknown: float = 0.02
     """Probability that is kept for something else in any case: libraries are not complete."""
 
+    rest_slight: float = 60.0
+    """Deviance up to which model error may be worth something and yet be too little to be called missing, where chi-square is at the floor:
+    a likelihood is no better than its noise, whose colour and level are known to a few per cent."""
+
     # does the rest repeat?
     repeats: float = 0.01
     """Probability with which chance would make the smoothed model error repeat as much from loop to loop (permutation of the phase)."""

@@ -81,9 +81,9 @@ class FittedModel:
     problems: with levels and noise as fitted; judged: what it makes of the validation loops, where only nuisances are fitted.
 
     train, validation: deviance of every segment of all flights, parameters held; judged: on validation, near where all loops together want
-    the parameters, bounds kept; shift: (n,) from there to that place, to first order; unseen: deviance of validation with what train
-    leaves unknown of the parameters integrated out; deviance: of all segments, the priors of parameters and levels and what integrating
-    the parameters out adds (Laplace) included: -2 log evidence but for a constant.
+    the parameters, bounds kept; shift: (n,) from the fit to that place, step: its last part, to first order; unseen: deviance of validation
+    with what train leaves unknown of the parameters integrated out; deviance: of all segments, the priors of parameters and levels and what
+    integrating the parameters out adds (Laplace) included: -2 log evidence but for a constant.
     """
 
     keys: tuple[str, ...]
@@ -94,6 +94,7 @@ class FittedModel:
     train: np.ndarray
     validation: np.ndarray
     shift: np.ndarray
+    step: np.ndarray
     unseen: float
     deviance: float
 
@@ -102,14 +103,14 @@ class FittedModel:
         """The model with its validation loops judged."""
         judged = tuple(judge(p, f.parameters) for p, f in zip(problems, fitted.flights, strict=True))
         train, validation = (np.concatenate([by_segment(f) for f in fits]) for fits in (fitted.flights, judged))
-        judged, shift, unseen = _unseen(fitted, problems, judged)
+        judged, shift, step, unseen = _unseen(fitted, problems, judged)
         s, table = fitted.solution, fitted.prior
         std = np.array([table[n].prior_std for n in fitted.names])
         prior = float((((s.x - table.vector(fitted.names)) / std) ** 2).sum())
         occam = float(np.linalg.slogdet(s.H * np.outer(std, std))[1])
         levels = sum(prior_deviance(p.processes) for p in problems)
         deviance = float(train.sum()) + unseen + prior + occam + levels
-        return cls(tuple(keys), tuple(strengths), fitted, tuple(problems), judged, train, validation, shift, unseen, deviance)
+        return cls(tuple(keys), tuple(strengths), fitted, tuple(problems), judged, train, validation, shift, step, unseen, deviance)
 
     @property
     def table(self) -> ParameterTable:
@@ -143,7 +144,7 @@ class FittedModel:
             cost += float(f.information.cost.sum()) + DIVERGED_COST * f.misfit.observed.measured[0].size * lost
             dof += float(f.information.dof.sum()) + f.misfit.observed.measured[0].size * lost
         known = np.trace(np.linalg.solve(self.fit.solution.H + more, more))
-        return float((cost - 2 * b @ self.shift + self.shift @ more @ self.shift) / max(dof - known, 1.0))
+        return float((cost - 2 * b @ self.step + self.step @ more @ self.step) / max(dof - known, 1.0))
 
     @property
     def at_bound(self) -> list[str]:
@@ -184,31 +185,37 @@ def bounded(fitted: JointFit) -> list[str]:
     return [p.name for p in rows if min(p.value - p.lower, p.upper - p.value) < AT_END * min(p.upper - p.lower, 1e12)]
 
 
-def _unseen(fitted: JointFit, problems: Sequence[EstimationProblem], judged: tuple[Fit, ...]) -> tuple[tuple[Fit, ...], np.ndarray, float]:
-    """(validation judged near where all loops together want the parameters, what is left of the way, its deviance with the parameters
-    integrated out): loops that took no part in a fit differ from it by what the fit does not know of the parameters, too.
-
-    With H the information of train, the parameters x + s on validation cost s' H s beside what they gain there; Gauss-Newton steps from s
-    = 0.
-    """
-    H, held = fitted.solution.H, bounded(fitted)
-    free = np.array([i for i, name in enumerate(fitted.names) if name not in held], int)
-    both, moved = np.ix_(free, free), np.zeros(len(fitted.names))
+def _unseen(
+    fitted: JointFit, problems: Sequence[EstimationProblem], judged: tuple[Fit, ...]
+) -> tuple[tuple[Fit, ...], np.ndarray, np.ndarray, float]:
+    """(validation judged near where all loops together want the parameters; the whole way there (n,) and the last step of it; deviance of
+    validation with the parameters integrated out): loops that took no part in a fit differ from it by what the fit does not know of the
+    parameters, too. Gauss-Newton steps from the fit."""
     lower, upper = (np.array([getattr(fitted.parameters[n], end) for n in fitted.names]) - fitted.solution.x for end in ("lower", "upper"))
-    for again in (True, False):
-        more, b = _validation(fitted, judged)
-        asked, step = b - H @ moved, np.zeros(len(moved))
-        step[free] = np.linalg.solve(H[both] + more[both], asked[free])
-        if not again or step @ H @ step < NEAR:
-            break
-        moved = np.clip(moved + step, lower, upper)
+    moved = np.zeros(len(fitted.names))
+    step, gained, wider = _asked_of(fitted, judged, moved)
+    if step @ fitted.solution.H @ step > NEAR:
+        moved = np.clip(step, lower, upper)
+        there = dict(zip(fitted.names, fitted.solution.x + moved, strict=True))
         judged = tuple(
-            judge(p, f.parameters.with_values(dict(zip(f.names, fitted.solution.x[place] + moved[place], strict=True))), j)
+            judge(p, f.parameters.with_values({own: there[fitted.names[i]] for own, i in zip(f.names, place, strict=True)}), j)
             for p, f, place, j in zip(problems, fitted.flights, fitted.places, judged, strict=True)
         )
-    wider = np.linalg.slogdet(H[both] + more[both])[1] - np.linalg.slogdet(H[both])[1]
+        step, gained, wider = _asked_of(fitted, judged, moved)
     deviance = sum(float(by_segment(f).sum()) for f in judged)
-    return judged, step, deviance + float(moved @ H @ moved - asked @ step + wider)
+    return judged, moved + step, step, deviance + float(moved @ fitted.solution.H @ moved) - gained + wider
+
+
+def _asked_of(fitted: JointFit, judged: Sequence[Fit], moved: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """(further change of the parameters (n,) that all loops ask for where validation was judged with the parameters `moved` (n,) from the
+    fit, what they gain by it, log determinant of what validation adds). With H the information of train, x + s costs s' H s there."""
+    H, held = fitted.solution.H, bounded(fitted)
+    more, b = _validation(fitted, judged)
+    free = np.array([i for i, name in enumerate(fitted.names) if name not in held], int)
+    both, asked, step = np.ix_(free, free), b - H @ moved, np.zeros(len(moved))
+    step[free] = np.linalg.solve(H[both] + more[both], asked[free])
+    wider = np.linalg.slogdet(H[both] + more[both])[1] - np.linalg.slogdet(H[both])[1]
+    return step, float(asked @ step), float(wider)
 
 
 def _validation(fitted: JointFit, judged: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray]:

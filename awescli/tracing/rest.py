@@ -75,7 +75,7 @@ def channels_of(model: FittedModel) -> dict[str, float]:
     judged, place = model.judged[0], model.fit.places[0]
     if not len(judged.heard):
         return {}
-    factors = noise_factors(judged.misfit, judged.information, judged.links, judged.heard, change=model.shift[place])
+    factors = noise_factors(judged.misfit, judged.information, judged.links, judged.heard, change=model.step[place])
     return {name: factor**2 for name, factor in factors.items()}
 
 

@@ -124,8 +124,8 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "floor",
             rest.chi2,
             floor,
-            rest.chi2 <= floor,
-            "chi-square per degree of freedom left on validation loops",
+            rest.chi2 <= floor and rest.worth < c.rest_slight,
+            f"chi-square per degree of freedom left on validation loops, model error worth less than {c.rest_slight:g}",
             "set on development flights",
         ),
         Criterion(

@@ -35,7 +35,7 @@ def test_unseen_loops_are_predicted_with_what_is_not_known_of_the_parameters(bou
     """Guards `unseen` and `shift`: for a linear model they are the marginal likelihood of the unseen samples, and the parameters that all
     samples together ask for, those at a bound held."""
     fitted, judged, r, B, H = linear(3, bounded)
-    shift, gained, wider = _asked_of(fitted, (judged,))
+    shift, gained, wider = _asked_of(fitted, (judged,), np.zeros(N))
     free = [i for i in range(N) if i not in bounded]
     S = np.eye(SEEN) + B[:, free] @ np.linalg.inv(H[np.ix_(free, free)]) @ B[:, free].T
     assert r @ r - gained + wider == pytest.approx(r @ np.linalg.solve(S, r) + np.linalg.slogdet(S)[1])

@@ -92,12 +92,14 @@ def model(deviance=0.0, keys=(), validation=0.0, flies=100, outcome="converged",
     """What a table needs to know of a model: two segments, one strength for each key."""
     fitted = SimpleNamespace(solution=SimpleNamespace(outcome=outcome))
     return SimpleNamespace(
-        keys=tuple(keys), strengths=tuple(f"{k}.k" for k in keys), deviance=deviance, validation=np.array([validation, 0.0]), flies=flies,
+        keys=tuple(keys), strengths=tuple(f"{k}.k" for k in keys), deviance=deviance,
+        validation=np.array([validation, 0.0]), unseen=validation, flies=flies,
         segments=100, fit=fitted, rest=rest or {},
     )  # fmt: skip
 
 
-NOISE = Rest(0.0, 1.0, {"p": 1.01, "tension": 0.99}, {}, None)
+MANY = 10**10  # samples: nothing is left of chance
+NOISE = Rest(0.0, 1.0, {"p": 1.01, "tension": 0.99}, {}, None, MANY)
 NULL_MODEL = model(1000.0, validation=300.0, rest={"force_z": 0.3})
 
 
@@ -135,12 +137,13 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("null_as_identified", {"null_error": 0.0124, "identified_error": 0.01}, {"null_error": 0.0126, "identified_error": 0.01}),
         ("effect_likelier", {"answer": model(987.9, ("a",), 250.0)}, {"answer": model(988.1, ("a",), 250.0)}),
         ("effect_on_unseen_loops", {"answer": GOOD}, {"answer": model(900.0, ("a",), 300.5)}),
-        ("rest_is_noise", {"rest": Rest(19.9, 1.0, {}, {}, None)}, {"rest": Rest(20.1, 1.0, {}, {}, None)}),
-        ("floor", {"rest": Rest(50.0, 1.019, {}, {}, None)}, {"rest": Rest(50.0, 1.021, {}, {}, None)}),
-        ("floor_by_channel", {"rest": Rest(50.0, 1.0, {"p": 1.09}, {}, None)}, {"rest": Rest(50.0, 1.0, {"p": 1.0, "q": 1.11}, {}, None)}),
+        ("rest_is_noise", {"rest": Rest(19.9, 1.0, {}, {}, None, MANY)}, {"rest": Rest(20.1, 1.0, {}, {}, None, MANY)}),
+        ("floor", {"rest": Rest(50.0, 1.019, {}, {}, None, MANY)}, {"rest": Rest(50.0, 1.021, {}, {}, None, MANY)}),
+        ("floor_by_channel", {"rest": Rest(50.0, 1.0, {"p": 1.09}, {}, None, MANY)},
+         {"rest": Rest(50.0, 1.0, {"p": 1.0, "q": 1.11}, {}, None, MANY)}),
         (
-            "rest_repeats", {"rest": Rest(50.0, 2.0, {}, {}, Repetition({"force_z": 0.5}, {"force_z": 0.001}, 8))},
-            {"rest": Rest(50.0, 2.0, {}, {}, Repetition({"force_z": 0.5}, {"force_z": 0.02}, 8))},
+            "rest_repeats", {"rest": Rest(50.0, 2.0, {}, {}, Repetition({"force_z": 0.5}, {"force_z": 0.001}, 8), MANY)},
+            {"rest": Rest(50.0, 2.0, {}, {}, Repetition({"force_z": 0.5}, {"force_z": 0.02}, 8), MANY)},
         ),
         ("no_rival", {"answer": GOOD}, {"answer": GOOD, "rivals": {"sideslip_drag": (Rival("parasitic_drag", model(903.0), 3.0),)}}),
         ("all_candidates_fitted", {}, {"failed": ("pitch_curvature",)}),
