@@ -21,6 +21,8 @@ SWINGS, SWING = 5, 25.0
 that is hardly seen it may change as fast as the cost, and the fit would swing for ever."""
 RISEN = 2.0
 """Cost (chi-square) by which a step may miss what it was to gain: more, and the log determinant was not what its slope promised."""
+MISLED = 4
+"""How often that may be before it is left out."""
 FAR = 1000.0
 """After a step as large as this (its square, as above) the fit is far away, and the log determinant is small beside the cost."""
 RELAXATIONS = 4
@@ -141,7 +143,7 @@ class _Inner:
     tilt: np.ndarray
     tilted_at: np.ndarray | None
     swings: int = 0
-    misled: bool = False
+    misled: int = 0
 
 
 @dataclass(frozen=True)
@@ -203,10 +205,7 @@ class _Problem:
             # what the nuisances alone can still gain counts as progress too
             gain += squares - float(info.cost.sum()) if fly.any() else 0.0
         if before is not None and cost > before.cost + RISEN:
-            # the slope of the log determinant has led uphill: it changes too fast to be followed
-            for place, i in zip(self.places, new, strict=True):
-                b[place] -= i.tilt
-            new = [replace(i, tilt=0.0 * i.tilt, misled=True) for i in new]
+            new = [self._led_uphill(*each, x, b) for each in zip(self.shares, self.places, new, known, strict=True)]
         return Linearised(cost, b, H, tuple(new), gain, (x, tuple(known)))
 
     def trial(self, at: Linearised, x: np.ndarray, step: np.ndarray, share: float) -> tuple[float, tuple[_Inner, ...]]:
@@ -246,10 +245,20 @@ class _Problem:
         """The price of segments that have no say."""
         return DIVERGED_COST * share.misfit.observed.measured[0].size * (len(flies) - len(heard))
 
+    @staticmethod
+    def _led_uphill(share: Share, place: np.ndarray, i: _Inner, known: _Known, x: np.ndarray, b: np.ndarray) -> _Inner:
+        """The tilt, found anew where its promise was not kept, and left out (of b too) where it changes too fast to be followed."""
+        b[place] -= i.tilt
+        misled = i.misled + 1
+        found = tilt(share.misfit, x[place], i.own, known.links, known.gram, known.heard) if misled < MISLED and len(known.heard) else None
+        new = 0.0 * i.tilt if found is None else found
+        b[place] += new
+        return replace(i, tilt=new, tilted_at=x, misled=misled)
+
     def _integrated(self, share, x, place, i: _Inner, before: Linearised | None, links, gram, heard) -> _Inner:
         """The tilt, found anew where it is due: never found, or the parameters have moved by a standard deviation since."""
         swings = i.swings
-        if i.misled:
+        if i.misled >= MISLED:
             return i
         if i.tilted_at is None and before is not None and float((step := x - before.known[0]) @ before.H @ step) > FAR:
             return i

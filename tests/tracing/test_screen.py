@@ -16,7 +16,7 @@ from awescli.tracing.screen import CandidateColumns, holm, informed, screen
 
 KEYS = ("sideslip_drag", "parasitic_drag", "actuator_lag:rudder", "pitch_curvature", "airspeed_scale", "position_latency",
         "surface_bias:roll", "tether_drag", "lift_stall", "heading_bias")  # fmt: skip
-SMALL = {"sideslip_drag": 0.06, "airspeed_scale": 0.2, "pitch_curvature": 0.35}
+SMALL = {"sideslip_drag": 0.03, "airspeed_scale": 0.2, "pitch_curvature": 0.35}
 """Shares of a plausible size at which nothing but the effect itself is needed to follow the flight."""
 
 
@@ -38,7 +38,7 @@ def test_nothing_is_significant_where_nothing_is_missing():
 def test_a_score_is_what_a_fit_finds(key):
     """Guards size and drop: the effect in the truth leads, and where it is small its one-step estimate and the predicted fall of the
     deviance are those of a fit of the same segments with its strength free."""
-    frame, null = null_model(small(key), seed=34)
+    frame, null = null_model(small(key), seed=37)
     assert not null.rest  # so small that model error is not worth its while
     best = screen(frame, null, KEYS).scores[0]
     assert best.key == key and best.p_value < 1e-3
@@ -60,7 +60,7 @@ def test_a_score_is_what_a_fit_finds(key):
 def test_the_projection_is_least_squares_of_everything_at_once():
     """Guards the elimination of what the free parameters absorb: size, drop and standard deviation of every plain candidate are those of
     one dense regression on all free parameters and its own columns."""
-    frame, null = null_model(small("sideslip_drag"), seed=34)
+    frame, null = null_model(small("sideslip_drag"), seed=37)
     found = screen(frame, null, KEYS)
     columns = CandidateColumns([v for key in KEYS for v in variants(make_effect(key, frame.declared))])
     H, b = informed(frame, null, KEYS, columns, frame.horizon)
@@ -114,7 +114,7 @@ def test_a_parameter_absorbs_an_effect_until_it_is_at_its_bound():
 
 def test_cosines_are_those_of_directions():
     """Guards the angle between candidates: one with itself, symmetric, and never above one."""
-    frame, null = null_model(small("sideslip_drag"), seed=34)
+    frame, null = null_model(small("sideslip_drag"), seed=37)
     found = screen(frame, null, KEYS)
     for a in found.scores[:4]:
         assert found.cosine(a, a) == pytest.approx(1.0, abs=1e-6)
