@@ -54,9 +54,11 @@ class Fit(Metrics):
     """metrics.json of identify."""
 
     chi2: Number | None = None
+    method: Literal["filter error", "output error"]
     surfaces: Literal["recorded", "controller"]
     horizon_s: Number
     nrmse: Parts
+    outputs: list[Word]
     processes: dict[str, Level]
     noise_factors: Numbers
 

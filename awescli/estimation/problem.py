@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from awescli.estimation.misfit import Misfit, nodes_of
+from awescli.estimation.misfit import Misfit
 from awescli.estimation.processes import PROCESSES
 from awescli.estimation.processes.base import Process
 from awescli.flightlog.log import FlightLog
@@ -14,9 +14,9 @@ from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import UNITS
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.disturbances import DISTURBANCE_UNITS, DISTURBANCES, both, even
+from awescli.physics.disturbances import DISTURBANCE_UNITS, DISTURBANCES, both
 from awescli.physics.kite import Kite
-from awescli.simulation.rollout import Columns, Simulator
+from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed, observe
 
 RANGE_SHARE = 0.01
@@ -127,20 +127,3 @@ def levels_found(problem: EstimationProblem) -> dict[str, dict]:
         for g in p.groups
         if g.level > 0
     }
-
-
-def between_nodes(misfit: Misfit, values=None) -> np.ndarray:
-    """(n_out,) variance of what processes do to the outputs between nodes, where they are rougher than lines: an Ornstein-Uhlenbeck
-    process of variance s^2 and memory T leaves s^2 dt / 3 T about the line through nodes dt apart, on average. It shows at once, through
-    the direct dependence of each output on the disturbance, taken at the nodes."""
-    segments = misfit.observed.segments
-    rough = [(g, axis) for p in misfit.processes if p.rough for g in p.groups if g.level > 0 for axis in g.axes]
-    if not rough:
-        return np.zeros(len(misfit.observed.outputs))
-    nodes = nodes_of(segments, max(0.25, segments.dt))
-    dt = float(np.diff(misfit.nodes).mean()) * segments.dt
-    windows = tuple((even(axis), int(node), int(node) + 1) for node in nodes for _, axis in rough)
-    _, J = misfit.simulator.sensitivities(segments, Columns((), (), windows), misfit.observed.outputs, values)
-    direct = J[:, np.repeat(nodes, len(rough)), :, np.arange(len(windows))].reshape(len(nodes), len(rough), *J.shape[:1], J.shape[2])
-    variance = np.array([g.level**2 * min(dt / (3 * g.memory), 1.0) for g, _ in rough])
-    return np.einsum("a,jakc->c", variance, direct**2) / (len(nodes) * J.shape[0])

@@ -26,6 +26,8 @@ OPEN = ("gusts", "roll_gusts", "drift")
 """Processes that are looked for once model error has shown what they are not."""
 LEVEL_ROUNDS = 4
 """The same while parameters are held."""
+OUTPUT_ERROR_ITERATIONS = 100
+"""Most iterations of a fit without processes: a model that is far from the flight has a long valley before it."""
 ROUNDS = 8
 """Most often are levels and parameters fitted in turn."""
 LOOSE, TIGHT = 2.0, 0.1
@@ -106,6 +108,29 @@ def fit_flights(
         tables, owns = [f.parameters for f in result.flights], [own for _, own in looked]
         problems = [p for p, _ in looked]
         result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    return widened(result), tuple(problems)
+
+
+def fit_output_error(
+    flights: Sequence[Flight],
+    horizons: Sequence[float],
+    *,
+    per_flight: Sequence[str] = (),
+    prior: bool = True,
+    on_iteration: OnIteration = lambda h, i, c: None,
+) -> tuple[JointFit, tuple[EstimationProblem, ...]]:
+    """`fit_flights` with starts and what is certain for nuisances, the noise as declared (output error, Jategaonkar ch. 4): where model
+    error is so large that it leaves the parameters nothing to say, they are asked for what predicts, coloured residuals and all."""
+    problems = [f.problem for f in flights]
+    if not prior:
+        problems = [replace(p, names=tuple(n for n in p.names if n not in p.kite.record)) for p in problems]
+    problems = [p.with_processes([q if q.certain else q.at(dict.fromkeys(q.levels, 0.0)) for q in p.processes]) for p in problems]
+    labels, tables, none = [f.label for f in flights], [p.simulator.kite.parameters for p in problems], [None] * len(problems)
+    for horizon in horizons:
+        short = [p.shorter(horizon, p.simulator.holding(t)) for p, t in zip(problems, tables, strict=True)]
+        result = _fitted(short, labels, tables, none, per_flight, prior, LOOSE, on_iteration)
+        tables = [f.parameters for f in result.flights]
+    result = _fitted(problems, labels, tables, none, per_flight, prior, TIGHT, on_iteration, OUTPUT_ERROR_ITERATIONS)
     return widened(result), tuple(problems)
 
 
@@ -205,10 +230,13 @@ def fit_levels(
     return result, list(problems)
 
 
-def _fitted(problems, labels, tables, owns, per_flight, prior: bool, tolerance: float, on_iteration: OnIteration) -> JointFit:
+def _fitted(
+    problems, labels, tables, owns, per_flight, prior: bool, tolerance: float, on_iteration: OnIteration, iterations: int = 30
+) -> JointFit:
     shares = [_share(*each, per_flight) for each in zip(problems, labels, tables, owns, strict=True)]
     length = max(p.horizon for p in problems)
-    return fit_together(shares, prior=prior, tolerance=tolerance, on_iteration=lambda i, c: on_iteration(length, i, c))
+    how = {"prior": prior, "tolerance": tolerance, "iterations": iterations}
+    return fit_together(shares, **how, on_iteration=lambda i, c: on_iteration(length, i, c))
 
 
 def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool) -> tuple[EstimationProblem, Own, float]:

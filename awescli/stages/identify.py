@@ -74,7 +74,7 @@ class Identify(Stage):
     def run(self, context, config):
         from awescli.artifacts import write_json, write_text
         from awescli.estimation.identifiability import describe
-        from awescli.estimation.staged_fit import fit_from_starts, spread_of, unaided
+        from awescli.estimation.staged_fit import fit_from_starts, fit_output_error, spread_of, unaided
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.simulation.closed_loop import without_setpoint_dynamics
         from awescli.stages.handed_on import with_sources
@@ -93,12 +93,23 @@ class Identify(Stage):
             per_flight=config.per_flight, prior=config.prior,
             on_iteration=lambda h, i, cost: (task.advance(), task.update(f"{words}{h:g} s, iteration {i}: cost {cost:.6g}")),
         )  # fmt: skip
+        method = "filter error" if problems[0].processes else "output error"
+        if problems[0].processes and not better_than_declared(problems[0], fitted.flights[0], config.horizon):
+            method = "output error"
+            context.progress.note(
+                "model error leaves the parameters little to say on this flight; they are fitted without it (output error)"
+            )
+            fitted, problems = fit_output_error(
+                flights, [h for h in config.curriculum if h < config.horizon], per_flight=config.per_flight, prior=config.prior,
+                on_iteration=lambda h, i, cost: (task.advance(), task.update(f"output error, {h:g} s, iteration {i}: cost {cost:.6g}")),
+            )  # fmt: skip
         flight_of, record = owners(flights, config.per_flight)
         answer = describe(fitted, record, flight_of)
         scored = [scores(*each, config.horizon) for each in zip(problems, fitted.flights, strict=True)]
         chi2 = unaided(problems[0], fitted.flights[0])
         metrics = {
-            "outcome": fitted.solution.outcome, "chi2": chi2, "chi2_with_processes": fitted.chi2, "kkt_residual": fitted.solution.kkt,
+            "outcome": fitted.solution.outcome, "method": method, "chi2": chi2, "chi2_with_processes": fitted.chi2,
+            "outputs": list(problems[0].outputs), "kkt_residual": fitted.solution.kkt,
             "cost_history": list(fitted.solution.history), "surfaces": config.surfaces, **scored[0],
         }  # fmt: skip
         if len(flights) > 1:
@@ -209,6 +220,16 @@ def told_apart(declared, driven) -> None:
             what = f"'{row.name}' is free, and the fitted controller's set-points are delayed or limited themselves"
             do = f"In closed loop only both together show: declare {row.name} with free: false, or set identify.surfaces to recorded."
             raise BadInput(what, "identify.surfaces", do)
+
+
+def better_than_declared(problem, fit, horizon: float) -> bool:
+    """Does a fit predict the validation loops better than what was declared?"""
+    from awescli.estimation.prediction import predict
+
+    after, before = (
+        predict(s, problem.log, problem.split.validation, horizon).nrmse()["mean"] for s in (held(problem, fit), problem.simulator)
+    )
+    return after < before
 
 
 def owners(flights, per_flight) -> tuple[dict[str, str], set[str]]:

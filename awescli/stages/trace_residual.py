@@ -15,7 +15,7 @@ class TraceResidualConfig(StageConfig):
     curriculum: tuple[Seconds, ...] = Field((1.0, 2.5), description="shorter horizons that are fitted first [s]")
     rounds: int = Field(3, ge=1, le=6, description="most effects that may be accepted one after the other")
     candidates: Names | None = Field(None, description="effects to try; default the whole library that the flight could show")
-    outputs: Names | None = Field(None, description="measured channels that count; default all of the log")
+    outputs: Names | None = Field(None, description="measured channels that count; default those of identify")
 
 
 class TraceResidual(Stage):
@@ -63,7 +63,8 @@ class TraceResidual(Stage):
         # the prior is what the user declared; the search starts from what identify found
         handed_on = read_json(context.upstream("identify") / "metrics.json")
         began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon)}
-        finding = trace_flight(declared, log, parts, progress=progress, **began, **config.model_dump())
+        settings = config.model_dump() | {"outputs": config.outputs or tuple(handed_on["outputs"])}
+        finding = trace_flight(declared, log, parts, progress=progress, **began, **settings)
         progress("scoring on unseen loops")
         models = {"before": finding.before(), "after": finding.after()}
         predictions = {which: predicted(simulator, log, parts, config.horizon) for which, simulator in models.items()}
@@ -93,7 +94,7 @@ def begun(identified: dict, horizon: float) -> dict:
     from awescli.tracing.models import Levels
 
     found, processes = {}, identified.get("processes")
-    if processes and identified["surfaces"] == "recorded":
+    if processes and identified["surfaces"] == "recorded" and identified["method"] == "filter error":
         found["levels"] = Levels({name: p["level"] for name, p in processes.items()}, identified["noise_factors"])
     if identified["horizon_s"] == horizon:
         found["identified_error"] = identified["nrmse"]["validation"]["mean"]

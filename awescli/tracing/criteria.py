@@ -13,6 +13,9 @@ class Criteria:
     # does the null model stand?
     worse_than_identified: float = 1.25
     """Times the identified model's error on validation loops that the null model may reach: beyond it, it is another model."""
+    follows: float = 2.0
+    """Chi-square per degree of freedom on validation loops that the null model may reach with the help of its model error: beyond it, it
+    does not follow the flight whatever helps, and its likelihood means nothing."""
     lost_share: float = 0.1
     """Share of segments that may diverge under the null model."""
 
@@ -50,9 +53,17 @@ class Criteria:
     unknown: float = 0.02
     """Probability that is kept for something else in any case: libraries are not complete."""
 
+    much: float = 10.0
+    """Times the floor's error by which a chi-square may exceed 1: beyond, something is left, however little model error can take of it."""
     rest_slight: float = 60.0
     """Deviance up to which model error may be worth something and yet be too little to be called missing, where chi-square is at the floor:
     a likelihood is no better than its noise, whose colour and level are known to a few per cent."""
+
+    # are the sensors what they can be?
+    drift_spreads: float = 2.0
+    """Spreads of its prior (in logarithms) by which a sensor's drift may exceed what is usual: beyond, it is no drift of a sensor ..."""
+    noise_factor: float = 3.0
+    """... nor is white noise that is so many times the declared one noise."""
 
     # does the rest repeat?
     repeats: float = 0.01

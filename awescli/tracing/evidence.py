@@ -9,6 +9,9 @@ from awescli.tracing.models import FittedModel
 from awescli.tracing.rest import Rest
 from awescli.tracing.search import Search
 
+PRICE = 2 * CRITERIA.rest_worth
+"""Deviance of something else where nothing of it is seen: twice what it would have to be worth to be seen."""
+
 
 @dataclass(frozen=True)
 class Suspect:
@@ -53,7 +56,7 @@ class Evidence:
         """Cause -> deviance of the model that stands for it: "none", "something_else" (model error alone; where none is seen, at the price
         that it would have to be worth), every effect that was fitted in the round of the answer's last one, the answer and its rivals."""
         null, bare = self.search.null, self.bare.deviance
-        found = {"none": bare, "something_else": null.deviance if null.rest and null.deviance < bare else bare + CRITERIA.rest_worth}
+        found = {"none": bare, "something_else": null.deviance if null.rest and null.deviance < bare else bare + PRICE}
         accepted = [r for r in self.search.rounds if r.accepted]
         for r in accepted[-1:] if self.model.keys else self.search.rounds[:1]:
             for t in r.contenders:

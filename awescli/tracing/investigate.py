@@ -26,8 +26,6 @@ from awescli.tracing.verdict import NULL, Criterion, probabilities, table, verdi
 ROLL_GUSTS = RollGustProcess.name
 STILL = 1e-3
 """[rad] a surface that moves less than this over a flight does not move."""
-MUCH = 10.0
-"""Times the floor's error by which the chi-square exceeds 1 where too much is left for a parameter at its bound to hide it."""
 BANK_ROUNDS = 3
 """Empirical terms at most."""
 
@@ -114,7 +112,7 @@ def investigate(
     evidence = replace(evidence, gusts=_gusts(evidence.model))
     if evidence.model.keys:
         evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, _beaten(library), progress=progress))
-    elif evidence.rest.chi2 < 1 + MUCH * criteria.floor_error:
+    elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, suspects=suspects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
     if len(evidence.model.keys) > 1 or not (sufficient or max(evidence.gusts.values(), default=0.0) > criteria.gusty):

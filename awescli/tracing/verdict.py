@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import exp
+from math import exp, log
 
+from awescli.estimation.processes.drift import Drift
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.evidence import Evidence
+from awescli.tracing.evidence import PRICE, Evidence
 
 VERDICTS = ("none", "found", "cannot_tell", "unexplained", "not_deterministic", "not_testable")
-NULL = ("null_flew", "null_converged", "null_as_identified")
+NULL = ("null_flew", "null_converged", "null_follows", "null_as_identified")
 """Without these there is no model in whose residual anything could be sought."""
 
 
@@ -36,6 +37,8 @@ def verdict(table: Sequence[Criterion]) -> str:
     sufficient = passed["rest_is_noise"] or (passed["floor"] and passed["floor_by_channel"])
     if not sufficient:
         return "not_deterministic" if passed["rest_repeats"] is False else "unexplained"
+    if not passed["sensors_plausible"]:
+        return "unexplained"
     if passed["effect_likelier"] and passed["effect_on_unseen_loops"]:
         if not passed["no_better_empirical_term"]:
             return "unexplained"
@@ -47,7 +50,8 @@ def verdict(table: Sequence[Criterion]) -> str:
 
 def table(evidence: Evidence, criteria: Criteria = CRITERIA) -> tuple[Criterion, ...]:
     """Every criterion of a trace, tested."""
-    return (*_of_null(evidence, criteria), *_of_answer(evidence, criteria), *_of_rest(evidence, criteria), *_of_others(evidence, criteria))
+    rows = (_of_null, _of_answer, _of_rest, _of_sensors, _of_others)
+    return tuple(row for found in rows for row in found(evidence, criteria))
 
 
 def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
@@ -70,6 +74,14 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             null.fit.solution.outcome in ("converged", "stalled"),
             "how the fit of the declared model ended",
             "definition",
+        ),
+        Criterion(
+            "null_follows",
+            null.chi2,
+            c.follows,
+            null.chi2 <= c.follows,
+            "chi-square per degree of freedom on validation loops of the declared model with its model error",
+            "set on development flights",
         ),
         Criterion(
             "null_as_identified",
@@ -116,7 +128,7 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "rest_is_noise",
             rest.worth,
             c.rest_worth,
-            rest.worth < c.rest_worth,
+            rest.worth < c.rest_worth and rest.chi2 < 1 + c.much * c.floor_error,
             "deviance that model error is worth beside the answer",
             "set on development flights",
         ),
@@ -140,6 +152,17 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "permutation of the loops' phases",
         ),
     )
+
+
+def _of_sensors(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
+    problem = e.model.problems[0]
+    drifts = [g for p in problem.processes if p.name == Drift.name for g in p.groups if g.level > 0]
+    shares = {g.name: g.of_level.above(g.level) / c.drift_spreads for g in drifts}
+    shares |= {name: log(factor) / log(c.noise_factor) for name, factor in problem.factors.items()}
+    worst = max(shares, key=lambda name: shares[name], default="")
+    value = max(shares.get(worst, 0.0), 0.0)
+    says = f"drift or noise of a sensor over the largest that is plausible for it{f' ({worst})' if value > 0 else ''}"
+    return (Criterion("sensors_plausible", value, 1.0, value <= 1.0, says, "set on development flights"),)
 
 
 def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
@@ -188,7 +211,7 @@ def probabilities(e: Evidence, answer: str, criteria: Criteria = CRITERIA) -> di
     """Cause -> probability: every model that was fitted beside "none" and "something else"; prior odds even, evidence tempered; sum 1."""
     deviances = dict(e.deviances)
     if answer == "none":  # what is left beside noise is too little to be called missing
-        deviances["something_else"] = max(deviances["something_else"], deviances["none"] + criteria.rest_worth)
+        deviances["something_else"] = max(deviances["something_else"], deviances["none"] + PRICE)
     best = min(deviances.values())
     odds = {name: exp(-max(d - best, 0.0) / 2 / criteria.temperature) for name, d in deviances.items()}
     if answer in ("unexplained", "not_testable"):

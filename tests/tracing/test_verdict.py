@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from awescli.estimation.processes.base import Group, Prior
+from awescli.estimation.processes.drift import Drift
 from awescli.tracing.classes import Rival
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.evidence import Evidence, Suspect
@@ -15,7 +17,7 @@ from awescli.tracing.search import Search
 from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, table, verdict
 
 ANSWER = ("effect_likelier", "effect_on_unseen_loops")
-REST = ("rest_is_noise", "floor", "floor_by_channel")
+REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
 OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "no_better_empirical_term", "calm_air")
 ROWS = {
     (name, passed): Criterion(name, 0.0, 0.0, passed, "", "")
@@ -66,7 +68,7 @@ def test_every_verdict_is_reached_by_its_table(expected, passed):
 
 
 def test_what_holds_for_every_table():
-    """Guards the promises of each verdict over all 2^14 tables: `found` and `none` promise a null model that stands, a rest that is noise,
+    """Guards the promises of each verdict over all 2^16 tables: `found` and `none` promise a null model that stands, a rest that is noise,
     and no other explanation; `none` also that every significant candidate was fitted (A2, A3, A4)."""
     reached = set()
     names = (*NULL, *ANSWER, *REST, "rest_repeats", *OTHERS)
@@ -74,7 +76,8 @@ def test_what_holds_for_every_table():
         p = dict(zip(names, values, strict=True))
         said = verdict([ROWS[item] for item in p.items()])
         reached.add(said)
-        stands, at_floor = all(p[n] for n in NULL), p["rest_is_noise"] or (p["floor"] and p["floor_by_channel"])
+        stands = all(p[n] for n in NULL)
+        at_floor = p["sensors_plausible"] and (p["rest_is_noise"] or (p["floor"] and p["floor_by_channel"]))
         effect = all(p[n] for n in ANSWER)
         assert (said == "not_testable") == (not stands)
         if said in ("found", "cannot_tell", "none"):
@@ -88,13 +91,19 @@ def test_what_holds_for_every_table():
     assert reached == set(VERDICTS)
 
 
-def model(deviance=0.0, keys=(), validation=0.0, flies=100, outcome="converged", rest=None):
+def sensors(drift=0.0, factor=1.0):
+    """A flight's problem with a drift of position [m] and a factor on the noise of tension."""
+    group = Group("position drift", ("p_n",), drift, 6.0, Prior(0.5, 0.8), Prior(6.0))
+    return SimpleNamespace(processes=(Drift((group,), 1.25),), factors={"tension": factor})
+
+
+def model(deviance=0.0, keys=(), validation=0.0, flies=100, outcome="converged", rest=None, problem=None, chi2=1.0):
     """What a table needs to know of a model: two segments, one strength for each key."""
     fitted = SimpleNamespace(solution=SimpleNamespace(outcome=outcome))
     return SimpleNamespace(
         keys=tuple(keys), strengths=tuple(f"{k}.k" for k in keys), deviance=deviance,
-        validation=np.array([validation, 0.0]), unseen=validation, flies=flies,
-        segments=100, fit=fitted, rest=rest or {},
+        validation=np.array([validation, 0.0]), unseen=validation, flies=flies, chi2=chi2,
+        segments=100, fit=fitted, rest=rest or {}, problems=(problem or sensors(),),
     )  # fmt: skip
 
 
@@ -134,9 +143,12 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
     [
         ("null_flew", {"null": model(1000.0, flies=90)}, {"null": model(1000.0, flies=89)}),
         ("null_converged", {}, {"null": model(1000.0, outcome="iteration_limit")}),
+        ("null_follows", {"null": model(1000.0, chi2=1.9)}, {"null": model(1000.0, chi2=2.1)}),
         ("null_as_identified", {"null_error": 0.0124, "identified_error": 0.01}, {"null_error": 0.0126, "identified_error": 0.01}),
         ("effect_likelier", {"answer": model(987.9, ("a",), 250.0)}, {"answer": model(988.1, ("a",), 250.0)}),
         ("effect_on_unseen_loops", {"answer": GOOD}, {"answer": model(900.0, ("a",), 300.5)}),
+        ("sensors_plausible", {"bare": model(1200.0, problem=sensors(2.4))}, {"bare": model(1200.0, problem=sensors(2.6))}),
+        ("sensors_plausible", {"bare": model(1200.0, problem=sensors(0.0, 2.9))}, {"bare": model(1200.0, problem=sensors(0.0, 3.1))}),
         ("rest_is_noise", {"rest": Rest(19.9, 1.0, {}, {}, None, MANY)}, {"rest": Rest(20.1, 1.0, {}, {}, None, MANY)}),
         ("floor", {"rest": Rest(50.0, 1.019, {}, {}, None, MANY)}, {"rest": Rest(50.0, 1.021, {}, {}, None, MANY)}),
         ("floor_by_channel", {"rest": Rest(50.0, 1.0, {"p": 1.09}, {}, None, MANY)},

@@ -25,7 +25,11 @@ class Prior:
 
     def deviance(self, value: float) -> float:
         """-2 log of its density at a value, but for a constant; 0 where it is known."""
-        return (np.log(value / self.median) / self.spread) ** 2 if self.spread else 0.0
+        return self.above(value) ** 2
+
+    def above(self, value: float) -> float:
+        """Spreads by which a value lies above the median; 0 where it is known."""
+        return float(np.log(value / self.median) / self.spread) if self.spread else 0.0
 
 
 @dataclass(frozen=True)
@@ -62,8 +66,6 @@ class Process(ABC):
     doc: ClassVar[str]
     random: ClassVar[bool] = False
     """Does the model depend on it so strongly, and so little linearly, that the log determinant has a slope (`laplace.tilt`)?"""
-    rough: ClassVar[bool] = False
-    """Is it known to be rougher between nodes than a line (`problem.between_nodes`)?"""
     certain: ClassVar[bool] = False
     """Is it there on every flight, however little one flight shows of it?"""
 

@@ -20,7 +20,6 @@ class Gusts(Process):
     name = "gusts"
     doc = "turbulence that moves the kite"
     random = True
-    rough = True
 
     @classmethod
     def of(cls, declaration, log) -> "Gusts":

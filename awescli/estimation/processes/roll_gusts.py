@@ -15,7 +15,6 @@ class RollGusts(Process):
     name = "roll_gusts"
     doc = "turbulence that rolls the kite"
     random = True
-    rough = True
 
     @classmethod
     def of(cls, declaration, log) -> "RollGusts":
