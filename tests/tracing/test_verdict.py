@@ -134,7 +134,7 @@ GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 14
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 16
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
