@@ -19,6 +19,7 @@ class ActuatorDelay(Effect):
     parameters = (Parameter("tau", 0.0, "s", 0.0, 0.5, source="0.05-0.2 s"),)
     targets = SURFACES
     states = ("x1", "x2")
+    units = ("target", "target/s")
     probes = {"tau": (0.06, 0.12, 0.2)}
 
     def _tau(self, own):

@@ -25,6 +25,7 @@ class ActuatorLag(Effect):
     )
     targets = SURFACES
     states = ("deflection", "speed")
+    units = ("target", "target/s")
     probes = {"tau": (0.06, 0.15, 0.3), "rate": (FASTEST, 0.8)}
     shapes = ("rate", "inertia")
     refinements = {"inertia": (0.15,)}

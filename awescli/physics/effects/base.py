@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
+from awescli.notation.quantities import UNITS
 from awescli.physics.instant import Body, Coefficients, Instant, Line, Load, Wind
 
 PLACES = ("actuate", "airflow", "body", "coefficients", "line", "load", "report")
@@ -15,6 +16,7 @@ class Effect:
 
     name: its row in the table; parameters: with null as `value`, plausible range as bounds; targets: where it may act
     (surfaces, axes, clock groups), empty if there is only one such place; always: part of every kite, not a candidate;
+    states, units: its own states and their units, in which `target` is the unit of what it acts on;
     empirical: a term fitted to a residual, not physics; probes: parameter name -> sizes at which an effect that is flat at null (a lag,
     a threshold) is tried; abrupt: its presence changes the start of a rollout so much that only a re-fit from the probe can judge it;
     shapes: parameters that only give form to another one; refinements: shape -> values tried only once the effect is accepted;
@@ -32,6 +34,7 @@ class Effect:
     parameters: tuple[Parameter, ...] = ()
     targets: tuple[str, ...] = ()
     states: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
     probes: dict[str, tuple[float, ...]] = {}
     shapes: tuple[str, ...] = ()
     refinements: dict[str, tuple[float, ...]] = {}
@@ -76,6 +79,11 @@ class Effect:
 
     def state_names(self) -> list[str]:
         return [f"{self.key}.{s}" for s in self.states]
+
+    def state_units(self) -> list[str]:
+        """Units of its states, in their order."""
+        of = UNITS.get(self.target, "-")
+        return [unit.replace("target", of).replace("-/", "1/") for unit in self.units]
 
     def own(self, at: Instant) -> SimpleNamespace:
         return SimpleNamespace(**{p.name: at.values[f"{self.key}.{p.name}"] for p in self.parameters})

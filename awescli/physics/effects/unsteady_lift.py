@@ -12,6 +12,7 @@ class UnsteadyLift(Effect):
     doc = "first-order lag of lift"
     parameters = (Parameter("tau", 0.0, "s", 0.0, 0.6, source="0.1 s"),)
     states = ("CL",)
+    units = ("-",)
     probes = {"tau": (0.05, 0.1, 0.2)}
 
     def coefficients(self, coefficients, at, own):
