@@ -71,7 +71,7 @@ class Instant:
     """One instant, filled from top to bottom by `kite.Kite`; effects read what stands above their place.
 
     z: the 12 states; R: rows of body-to-NED; v_ned [m/s]; inputs: the exogenous inputs by name; values: all parameters by name;
-    line, tension: None and 0 on a kite that flies free.
+    line, tension: None and 0 on a kite that flies free; loads: what each effect adds to `applied`, by its key.
     """
 
     z: SimpleNamespace
@@ -94,5 +94,6 @@ class Instant:
     coefficients: Coefficients | None = None
     line: Line | None = None
     applied: Load | None = None
+    loads: dict[str, Load] = field(default_factory=dict)
     tension: Number = 0.0
     derivative: tuple = ()

@@ -225,10 +225,10 @@ class Kite:
             for e in self._at("line"):
                 at.line = e.line(at.line, at, e.own(at))
         # loads, each seeing the sum of those before it
-        at.applied = aerodynamic_load(at)
+        at.applied = at.loads["aerodynamics"] = aerodynamic_load(at)
         at.applied = at.applied._replace(force=add(at.applied.force, scale(body.mass, tuple(beside[f] for f in FORCES))))
         for e in self._at("load"):
-            load = e.load(at, e.own(at))
+            load = at.loads[e.key] = e.load(at, e.own(at))
             at.applied = Load(add(at.applied.force, load.force), add(at.applied.moment, load.moment))
         derivative = state_derivative(z, R, body, self._about_centre_of_mass(at))
         at.derivative = (*derivative[:9], *(rate + beside[m] for rate, m in zip(derivative[9:], MOMENTS, strict=True)))
