@@ -6,12 +6,11 @@ Printed from the recorded programs; a network's layers are loops over a table of
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from awescli.engine.dense import FARTHEST, layer_slices
-from awescli.export.c_expressions import body, constant, wrapped
+from awescli.export.c_expressions import body, constant
+from awescli.export.c_network import network
 from awescli.export.model import ExportedModel
 from awescli.export.programs import Program, used_blocks
 from awescli.export.words import Signal
-from awescli.learning.correction import Correction
 from awescli.notation.quantities import OUTPUTS, SURFACES
 
 TEMPLATE = Path(__file__).with_name("stepping.c")
@@ -36,8 +35,10 @@ def comment(text: str) -> str:
 
 def _header(model: ExportedModel) -> str:
     name, upper, programs = model.identifier, model.identifier.upper(), model.programs
-    sizes = {"STATES": len(model.states), "SET_POINTS": len(SURFACES), "INPUTS": len(programs.inputs), "PARAMETERS": len(programs.parameters),
-             "OUTPUTS": len(OUTPUTS)}  # fmt: skip
+    sizes = {
+        "STATES": len(model.states), "SET_POINTS": len(SURFACES), "INPUTS": len(programs.inputs),
+        "PARAMETERS": len(programs.parameters), "OUTPUTS": len(OUTPUTS),
+    }  # fmt: skip
     law = f"""
 /* The flight controller: set-points sp (SET_POINTS) at the state x. */
 void {name}_law(const double *x, const double *u, const double *c, double *sp);
@@ -100,7 +101,7 @@ def _source(model: ExportedModel) -> str:
         f"/* {comment(model.declaration.name)}, {model.label}. What the functions do stands in {name}.h.\n\n{_provenance(model)} */\n"
         f'#include "{name}.h"\n\n#include <math.h>\n',
         _tables(model),
-        _network(model.correction) if model.correction else "",
+        network(model.correction) if model.correction else "",
         _function(programs.derivative, f"void {name}_derivative(const double *x, const double *u, const double *c, double *dx)", "dx"),
         _function(programs.outputs, f"void {name}_outputs(const double *x, const double *u, const double *c, double *y)", "y"),
         _function(programs.initial, f"void {name}_initial(double *x, const double *u, const double *c)", "x", first=12),
@@ -137,7 +138,9 @@ def _function(program: Program, head: str, result: str, first: int = 0) -> str:
 def _tables(model: ExportedModel) -> str:
     """Names, units, values; every row says in a comment what it is."""
     name = model.identifier
-    kinds = {"state": model.states, "set_point": model.set_points, "input": model.inputs, "parameter": model.parameters, "output": model.outputs}
+    kinds = {
+        "state": model.states, "set_point": model.set_points, "input": model.inputs, "parameter": model.parameters, "output": model.outputs,
+    }  # fmt: skip
     parts = [_names(name, kind, signals) for kind, signals in kinds.items()]
     parts.append(_values(f"{name}_parameters", model.parameters, _told))
     parts.append(_values(f"{name}_start_states", model.states[:12], lambda s: s.words))
@@ -153,48 +156,17 @@ def _told(s: Signal) -> str:
 
 
 def _names(name: str, kind: str, signals: Sequence[Signal]) -> str:
-    rows = "".join(f'    "{s.name}", /* {i}: {comment(f"[{s.unit}] {s.words}")} */\n' for i, s in enumerate(signals)) or "    0\n"
-    units = "\n".join(wrapped(", ".join(f'"{comment(s.unit)}"' for s in signals) or "0", "")).replace("\n", "\n    ")
-    return f"const char *const {name}_{kind}_names[] = {{\n{rows}}};\nconst char *const {name}_{kind}_units[] = {{\n    {units}\n}};\n"
+    rows = "".join(f'    "{_literal(s.name)}", /* {i}: {comment(f"[{s.unit}] {s.words}")} */\n' for i, s in enumerate(signals)) or "    0\n"
+    units = "".join(f'    "{_literal(s.unit)}", /* {i} */\n' for i, s in enumerate(signals)) or "    0\n"
+    return f"const char *const {name}_{kind}_names[] = {{\n{rows}}};\nconst char *const {name}_{kind}_units[] = {{\n{units}}};\n"
+
+
+def _literal(text: str) -> str:
+    """Text inside a string of C."""
+    return comment(text).replace('"', "'")
 
 
 def _values(name: str, signals: Sequence[Signal], told) -> str:
-    rows = "".join(f"    {constant(s.value or 0.0)}, /* {i}: {comment(f'{s.name} [{s.unit}] {told(s)}')} */\n" for i, s in enumerate(signals))
+    said = [comment(f"{i}: {s.name} [{s.unit}] {told(s)}") for i, s in enumerate(signals)]
+    rows = "".join(f"    {constant(s.value or 0.0)}, /* {text} */\n" for s, text in zip(signals, said, strict=True))
     return f"const double {name}[] = {{\n{rows or '    0.0' + chr(10)}}};\n"
-
-
-def _network(correction: Correction) -> str:
-    """The layers as loops over one table of weights; `engine/dense.py` says what they compute."""
-    n, m = correction.sizes[0], correction.sizes[-1]
-    tables = {
-        "network_mean": correction.mean, "network_inverse_deviation": 1 / correction.deviation, "network_middle": correction.middle,
-        "network_inverse_half": 1 / correction.half, "network_scale": correction.scale, "network_weights": correction.weights,
-    }  # fmt: skip
-    text = "".join(
-        f"static const double {name}[] = {{\n    " + "\n    ".join(wrapped(", ".join(map(constant, values.tolist())), "")) + "\n};\n"
-        for name, values in tables.items()
-    )
-    widest = max(correction.sizes)
-    lines = [
-        f"double a[{widest}], b[{widest}], outside = 0.0, fade;", "int i, j;",
-        f"for (i = 0; i < {n}; i++) {{",
-        "    double e;",
-        "    a[i] = (s[i] - network_mean[i]) * network_inverse_deviation[i];",
-        f"    e = (fabs(a[i] - network_middle[i]) * network_inverse_half[i] - 1.0) * {constant(1 / correction.width)};",
-        "    if (e > 0.0)", "        outside += e * e;", "}",
-        f"fade = exp(outside < {constant(FARTHEST)} ? -outside : {constant(-FARTHEST)});",
-    ]  # fmt: skip
-    here, there = "a", "b"
-    for k, ((weights, biases), rows, columns) in enumerate(zip(layer_slices(correction.sizes), correction.sizes[1:], correction.sizes, strict=False)):
-        last = k == len(correction.sizes) - 2
-        lines += [
-            f"for (i = 0; i < {rows}; i++) {{",
-            f"    double sum = network_weights[{biases.start} + i];",
-            f"    for (j = 0; j < {columns}; j++)",
-            f"        sum += network_weights[{weights.start} + i * {columns} + j] * {here}[j];",
-            f"    n[i] = network_scale[i] * fade * sum;" if last else f"    {there}[i] = tanh(sum);", "}",
-        ]  # fmt: skip
-        here, there = there, here
-    body_text = "\n".join(f"    {line}" for line in lines)
-    told = f"what the network adds to d/dt of (u, v, w, p, q, r), of {n} inputs; it fades outside the inputs of its training"
-    return f"{text}\n/* n ({m}): {told} */\nstatic void network(const double *s, double *n)\n{{\n{body_text}\n}}\n"

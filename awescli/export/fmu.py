@@ -7,10 +7,10 @@ import hashlib
 import io
 import re
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
-from xml.sax.saxutils import escape, quoteattr
+from xml.sax.saxutils import quoteattr
 
 from awescli.export.c_code import c_files
 from awescli.export.model import ExportedModel
@@ -20,8 +20,8 @@ INTERFACE = Path(__file__).with_name("fmi3.c")
 BASE_UNITS: dict[str, Mapping[str, float]] = {
     "m": {"m": 1}, "m2": {"m": 2}, "m/s": {"m": 1, "s": -1}, "m/s2": {"m": 1, "s": -2}, "s": {"s": 1}, "1/s": {"s": -1}, "kg": {"kg": 1},
     "kg m2": {"kg": 1, "m": 2}, "kg/m": {"kg": 1, "m": -1}, "kg/m3": {"kg": 1, "m": -3}, "N": {"kg": 1, "m": 1, "s": -2},
-    "N/s": {"kg": 1, "m": 1, "s": -3}, "N/m": {"kg": 1, "s": -2}, "N s/m": {"kg": 1, "s": -1}, "rad": {"rad": 1}, "rad/s": {"rad": 1, "s": -1},
-    "rad/s2": {"rad": 1, "s": -2}, "1/rad": {"rad": -1}, "1/rad2": {"rad": -2}, "-": {}, "": {},
+    "N/s": {"kg": 1, "m": 1, "s": -3}, "N/m": {"kg": 1, "s": -2}, "N s/m": {"kg": 1, "s": -1}, "rad": {"rad": 1},
+    "rad/s": {"rad": 1, "s": -1}, "rad/s2": {"rad": 1, "s": -2}, "1/rad": {"rad": -1}, "1/rad2": {"rad": -2}, "-": {}, "": {},
 }  # fmt: skip
 """Unit -> exponents of the SI units; of any other unit the FMU gives the name only."""
 
@@ -85,7 +85,7 @@ def description(model: ExportedModel) -> str:
 
 def variable_name(kind: str, name: str, derivative: bool = False) -> str:
     """The name in the FMU: `state.p_n`, `der(input.tether_length)`, `parameter.'actuator_lag:rudder'.tau`."""
-    parts = [part if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", part) else f"'{part}'" for part in name.split(".")]
+    parts = [part if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", part) else f"'{part.replace(chr(39), '_')}'" for part in name.split(".")]
     full = ".".join((kind, *parts))
     return f"der({full})" if derivative else full
 
@@ -93,7 +93,9 @@ def variable_name(kind: str, name: str, derivative: bool = False) -> str:
 def _references(model: ExportedModel) -> dict[str, int]:
     """The first value reference of each kind, as `fmi3.c` counts them."""
     n_s, n_sp, n_u, n_c = (len(signals) for signals in (model.states, model.set_points, model.inputs, model.parameters))
-    kinds = {"states": n_s, "held": n_sp, "set_points": n_sp, "inputs": n_u, "slopes": n_u, "parameters": n_c, "derivatives": n_s, "outputs": 0}
+    kinds = {
+        "states": n_s, "held": n_sp, "set_points": n_sp, "inputs": n_u, "slopes": n_u, "parameters": n_c, "derivatives": n_s, "outputs": 0,
+    }  # fmt: skip
     first, at = {}, 1
     for kind, count in kinds.items():
         first[kind] = at
@@ -101,7 +103,7 @@ def _references(model: ExportedModel) -> dict[str, int]:
     return first
 
 
-def _variables(model: ExportedModel):
+def _variables(model: ExportedModel) -> Iterator[tuple[str, str, str]]:
     """(element, unit, name) of every variable but time."""
     first = _references(model)
 
@@ -167,12 +169,13 @@ def _names(model: ExportedModel) -> str:
     functions = ("hold", "initial", "derivative", "outputs", "step", "parameters", "start_states", "start_set_points", "start_inputs")
     sizes = ("STATES", "SET_POINTS", "INPUTS", "PARAMETERS", "OUTPUTS", "SET_POINT_RATE")
     lines = [f"#define MODEL_{f} {name}_{f}" for f in functions] + [f"#define {s} {upper}_{s}" for s in sizes]
-    return "\n".join([f'#include "{name}.h"', *lines, f"#define HAS_LAW {int(bool(model.programs.law))}", f'#define TOKEN "{token(model)}"', ""])
+    lines += [f"#define HAS_LAW {int(bool(model.programs.law))}", f'#define TOKEN "{token(model)}"']
+    return "\n".join([f'#include "{name}.h"', *lines, ""])
 
 
 def _attribute(text: str) -> str:
     return quoteattr(" ".join(text.split()))
 
 
-def _lines(elements) -> str:
+def _lines(elements: Iterable[str]) -> str:
     return "\n    ".join(elements)

@@ -8,11 +8,12 @@ The planet is a ball that neither turns nor curves, with the winch at longitude 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import SimpleNamespace
 
-from awescli.engine.record import Tape, evaluate, record
+from awescli.engine.record import Tape, record
 from awescli.export.jsbsim_functions import component, components, element, read, value
 from awescli.export.model import ExportedModel
-from awescli.export.programs import Program, known_quantities, needed
+from awescli.export.programs import Program, known_quantities, needed, values_of
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import OUTPUTS, STATES, SURFACES
 from awescli.physics.disturbances import DISTURBANCES, GUSTS, ROLL_GUST
@@ -40,11 +41,15 @@ _STATES = {
 }  # fmt: skip
 _ATMOSPHERE = {
     "density": element("product", read("atmosphere/rho-slugs_ft3"), value(SLUG * FT**3)),
-    **{g: element("product", read(f"atmosphere/total-wind-{a}-fps"), _FROM_FT) for g, a in zip(GUSTS, ("north", "east", "down"), strict=True)},
+    **{
+        gust: element("product", read(f"atmosphere/total-wind-{way}-fps"), _FROM_FT)
+        for gust, way in zip(GUSTS, ("north", "east", "down"), strict=True)
+    },
     ROLL_GUST: read("atmosphere/p-turb-rad_sec"),
 }  # fmt: skip
 """Inputs that JSBSim's atmosphere gives: its wind comes on top of the model's own."""
-_FIRST_FRAMES = element("lt", read("simulation/sim-time-sec"), element("sum", value(1e-9), element("product", value(1.5), read("simulation/dt"))))
+_AFTER_FIRST = element("sum", value(1e-9), element("product", value(1.5), read("simulation/dt")))
+_FIRST_FRAMES = element("lt", read("simulation/sim-time-sec"), _AFTER_FIRST)
 """While time stands, where dt is null too, and in the first frame: nothing has been before."""
 
 
@@ -87,7 +92,7 @@ def _rigid_body(model: ExportedModel) -> Body:
     if any(tape.nodes[i][:2] in (("input", "x"), ("input", "u")) for i in needed(Program("body", tape, tuple(outputs), (), {}))):
         raise _refused("a mass, inertia or centre of mass that changes in flight has no counterpart in JSBSim", "Leave the effect out.")
     numbers = {"x": [0.0] * len(model.kite.x_names), "u": [0.0] * len(model.inputs), "c": [s.value for s in model.parameters]}
-    m, added, *inertia, x, y, z = _values(tape, outputs, numbers)
+    m, added, *inertia, x, y, z = values_of(tape, outputs, **numbers)
     if added != 0.0:
         guilty = ", ".join(e.key for e in model.kite.effects if e.place == "body" and _adds_mass(model, e))
         what = f"effect '{guilty}' has no counterpart in JSBSim, where a mass is the same in all directions"
@@ -95,18 +100,7 @@ def _rigid_body(model: ExportedModel) -> Body:
     return Body(m, 0.0, *inertia, (x, y, z))
 
 
-def _values(tape: Tape, outputs: Sequence[int], numbers: Mapping[str, Sequence[float]]) -> list[float]:
-    """The outputs alone: other nodes of the tape may not be defined where everything is zero."""
-    part, where = Tape(), {}
-    for i in sorted(needed(Program("part", tape, tuple(outputs), (), {}))):
-        node = tape.nodes[i]
-        where[i] = part.put(node if node[0] in ("const", "input") else (node[0], *(where[a] for a in node[1:]))).index
-    return evaluate(part, [where[o] for o in outputs], **numbers)
-
-
 def _adds_mass(model: ExportedModel, effect) -> bool:
-    from types import SimpleNamespace
-
     rows = model.kite.parameters
     own = SimpleNamespace(**{p.name: rows[f"{effect.key}.{p.name}"].value for p in effect.parameters})
     return effect.body(Body(1.0, 0.0, 1.0, 1.0, 1.0, 0.0, (0.0, 0.0, 0.0)), None, own).added_z != 0.0
@@ -254,24 +248,16 @@ def _reactions(key: str) -> str:
     return "\n".join(rows)
 
 
-def initial_conditions(states: Mapping[str, float]) -> dict[str, float]:
-    """JSBSim's ic/ properties of a start: the 12 states, SI."""
-    from math import asin
-
-    return {
-        "ic/lat-gc-rad": asin(states["p_n"] * FT / RADIUS), "ic/long-gc-rad": asin(states["p_e"] * FT / RADIUS), "ic/h-sl-ft": -states["p_d"] * FT,
-        "ic/phi-rad": states["phi"], "ic/theta-rad": states["theta"], "ic/psi-true-rad": states["psi"],
-        **{f"ic/{n}-fps": states[n] * FT for n in "uvw"}, **{f"ic/{n}-rad_sec": states[n] for n in "pqr"},
-    }  # fmt: skip
-
-
 def _start(model: ExportedModel) -> str:
-    """The start as a file of initial conditions."""
-    ic = initial_conditions({s.name: s.value or 0.0 for s in model.states[:12]})
+    """The start as a file of initial conditions, in the one of JSBSim's two forms that knows body rates."""
+    at = {s.name: s.value or 0.0 for s in model.states[:12]}
     rows = {
-        "latitude": ("RAD", "lat-gc-rad"), "longitude": ("RAD", "long-gc-rad"), "altitude": ("FT", "h-sl-ft"), "ubody": ("FT/SEC", "u-fps"),
-        "vbody": ("FT/SEC", "v-fps"), "wbody": ("FT/SEC", "w-fps"), "phi": ("RAD", "phi-rad"), "theta": ("RAD", "theta-rad"),
-        "psi": ("RAD", "psi-true-rad"), "p": ("RAD/SEC", "p-rad_sec"), "q": ("RAD/SEC", "q-rad_sec"), "r": ("RAD/SEC", "r-rad_sec"),
+        'position frame="ECEF" unit="FT"': (("x", RADIUS - at["p_d"] * FT), ("y", at["p_e"] * FT), ("z", at["p_n"] * FT)),
+        'orientation frame="LOCAL" unit="RAD"': (("roll", at["phi"]), ("pitch", at["theta"]), ("yaw", at["psi"])),
+        'velocity frame="BODY" unit="FT/SEC"': tuple(zip("xyz", (at[n] * FT for n in "uvw"), strict=True)),
+        'attitude_rate frame="BODY" unit="RAD/SEC"': tuple(zip(("roll", "pitch", "yaw"), (at[n] for n in "pqr"), strict=True)),
     }  # fmt: skip
-    lines = "\n".join(f'  <{tag} unit="{unit}">{ic[f"ic/{name}"]!r}</{tag}>' for tag, (unit, name) in rows.items())
-    return f'<!-- {_plain(model.start.told)} -->\n<initialize name="start">\n{lines}\n</initialize>\n'
+    lines = "\n".join(
+        f"  <{head}>{''.join(f'<{axis}>{number!r}</{axis}>' for axis, number in own)}</{head.split()[0]}>" for head, own in rows.items()
+    )
+    return f'<!-- {_plain(model.start.told)} -->\n<initialize name="start" version="2.0">\n{lines}\n</initialize>\n'

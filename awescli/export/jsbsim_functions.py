@@ -8,8 +8,8 @@ from awescli.export.programs import Program, needed
 LONGEST = 60
 """Operations in one function."""
 _ELEMENTS = {
-    "add": "sum", "sub": "difference", "mul": "product", "div": "quotient", "sqrt": "sqrt", "sin": "sin", "cos": "cos", "exp": "exp", "log": "ln",
-    "atan2": "atan2",
+    "add": "sum", "sub": "difference", "mul": "product", "div": "quotient", "sqrt": "sqrt", "sin": "sin", "cos": "cos", "exp": "exp",
+    "log": "ln", "atan2": "atan2",
 }  # fmt: skip
 
 

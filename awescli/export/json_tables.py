@@ -1,4 +1,4 @@
-"""A model as JSON: every state, input, output and parameter with unit and value, intervals where a flight told them, where each came from."""
+"""A model as JSON: every state, input, output and parameter with unit and value, its source, and its interval where one is known."""
 
 import json
 from collections.abc import Mapping

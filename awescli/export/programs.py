@@ -9,7 +9,7 @@ is not recorded but left open: its inputs are `seen`, its outputs come in as blo
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from awescli.engine.record import Scalar, Tape, record
+from awescli.engine.record import Scalar, Tape, evaluate, record
 from awescli.learning.correction import CORRECTED, HybridKite
 from awescli.physics.disturbances import PHASE
 from awescli.physics.disturbances import parameters as nuisance_parameters
@@ -50,6 +50,15 @@ def record_programs(kite: Kite | HybridKite, law: Callable | None) -> Programs:
     every = tuple(name for name in kite.input_names if name != PHASE)
     read = used_inputs(_record_all(kite, law, every).all)
     return _record_all(kite, law, tuple(name for i, name in enumerate(every) if i in read))
+
+
+def values_of(tape: Tape, outputs: Sequence[int], **blocks: Sequence[float]) -> list[float]:
+    """Some nodes of a tape on floats; the others may not be defined there."""
+    part, where = Tape(), {}
+    for i in sorted(needed(Program("part", tape, tuple(outputs), (), {}))):
+        node = tape.nodes[i]
+        where[i] = part.put(node if node[0] in ("const", "input") else (node[0], *(where[a] for a in node[1:]))).index
+    return evaluate(part, [where[o] for o in outputs], **blocks)
 
 
 def used_inputs(programs: Iterable[Program], block: str = "u") -> set[int]:
@@ -128,7 +137,8 @@ def known_quantities(at: Instant) -> dict[int, str]:
     quantities = {
         "V_a": at.V_a, "alpha": at.alpha, "beta": at.beta, "qbar": at.dynamic_pressure, "distance": at.distance, "tension": at.tension,
         "wind_n": wind.n, "wind_e": wind.e, "wind_d": wind.d, "rho": wind.density, **C._asdict(),
-        **{f"f_{axis}": value for axis, value in zip("xyz", f, strict=True)}, **{f"m_{axis}": value for axis, value in zip("xyz", m, strict=True)},
+        **{f"f_{axis}": value for axis, value in zip("xyz", f, strict=True)},
+        **{f"m_{axis}": value for axis, value in zip("xyz", m, strict=True)},
         **{f"v_{axis}": value for axis, value in zip("ned", at.v_ned, strict=True)},
         **{f"R{i}{j}": value for i, row in enumerate(at.R, 1) for j, value in enumerate(row, 1)},
     }  # fmt: skip

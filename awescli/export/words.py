@@ -19,16 +19,17 @@ class Signal:
     interval: Sequence[float] | None = None
 
 
+_WAYS = dict(zip("ned", ("north", "east", "down"), strict=True))
 _INPUTS = {
     "density": ("kg/m3", "air density at the kite"),
-    **{f"turbulence_{axis}": ("-", f"turbulence of unit variance, {way}") for axis, way in zip("ned", ("north", "east", "down"), strict=True)},
+    **{f"turbulence_{axis}": ("-", f"turbulence of unit variance, {way}") for axis, way in _WAYS.items()},
     "turbulence_p": ("-", "roll gust of unit variance"),
-    **{f"gust_{axis}": ("m/s", f"gust beside the wind, {way}") for axis, way in zip("ned", ("north", "east", "down"), strict=True)},
+    **{f"gust_{axis}": ("m/s", f"gust beside the wind, {way}") for axis, way in _WAYS.items()},
     "gust_p": ("rad/s", "roll gust: gradient of the vertical gust along the span"),
     **{f"force_{axis}": ("m/s2", f"force per mass beside the modelled ones, body {axis}") for axis in "xyz"},
     **{f"moment_{axis}": ("rad/s2", f"angular acceleration beside the modelled moments, body {axis}") for axis in "xyz"},
     "reel_out_acceleration": ("m/s2", "rate of the reel-out speed"),
-    "tension_rate": ("N/s", "rate of the measured pull of the line, where a rollout starts"),
+    "tension_rate": ("N/s", "rate of the measured pull of the line"),
 }  # fmt: skip
 """Exogenous inputs that are no quantity of a flight -> (unit, words)."""
 _STATIONS = {"speed": ("m/s", "wind speed"), "direction": ("rad", "direction that the wind comes from, clockwise from north"),
@@ -54,7 +55,7 @@ def input_signal(name: str, heights: Sequence[float], value: float) -> Signal:
     if name.removesuffix("_rate") in SURFACES:
         surface = name.removesuffix("_rate")
         unit = "1/s" if UNITS[surface] == "-" else f"{UNITS[surface]}/s"
-        return Signal(name, unit, f"rate of the {surface} command, where a rollout starts", value)
+        return Signal(name, unit, f"rate of the {surface} command, over the last 0.1 s", value)
     return Signal(name, UNITS[name], IN_WORDS[name], value)
 
 

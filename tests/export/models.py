@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 from free_flight import THOR, free_flight
-from kites import DEVELOPMENT, flight
+from kites import DEVELOPMENT, PLAUSIBLE, flight, home
 
 from awescli.control.gaussian_law import GaussianLaw
 from awescli.control.pattern import Pattern
@@ -62,11 +62,10 @@ def compared(flown: Flown, outputs: np.ndarray) -> float:
 
 
 def _flown(kite, segments: Segments, law=None, controller=None, longest: float = 0.01) -> Flown:
-    names = kite.input_names
-    start = Start(
-        dict(zip(STATES, map(float, segments.starts[0]), strict=True)), dict(zip(SURFACES, map(float, segments.setpoints[0, 0]), strict=True)),
-        dict(zip(names, map(float, segments.inputs[0, 0]), strict=True)), "first sample of a synthetic flight",
-    )  # fmt: skip
+    named = lambda names, row: dict(zip(names, map(float, row), strict=True))  # noqa: E731
+    states, points, inputs = segments.starts[0], segments.setpoints[0, 0], segments.inputs[0, 0]
+    told = "the first sample of a synthetic flight"
+    start = Start(named(STATES, states), named(SURFACES, points), named(kite.input_names, inputs), told)
     model = ExportedModel("initial", kite, start, segments.dt, longest, law, controller, provenance={"awes": "test"})
     found = Simulator(kite, wrt=(), law=law, step=longest).rollout(segments)
     assert not found.diverged.any()
@@ -78,9 +77,9 @@ def thinned(segments: Segments, every: int) -> Segments:
     return Segments(segments.first, segments.starts, segments.setpoints[:, ::every], segments.inputs[:, ::every], every * segments.dt)
 
 
-def moving(kite: Kite, log, first: int = 300) -> Segments:
-    """10 s of a log, on which aileron, elevator and flaps move a little too."""
-    segments = observe(log, kite, np.array([first]), int(SECONDS / log.dt), MEASURED).segments
+def moving(kite: Kite, log, first: int = 300, seconds: float = SECONDS) -> Segments:
+    """Some seconds of a log, on which aileron, elevator and flaps move a little too."""
+    segments = observe(log, kite, np.array([first]), int(seconds / log.dt), MEASURED).segments
     time = segments.dt * np.arange(segments.steps + 1)
     setpoints = segments.setpoints.copy()
     for name, size, rate in (("aileron", 0.004, 0.9), ("elevator", 0.004, 0.7), ("flaps", 0.01, 0.3)):
@@ -103,7 +102,7 @@ def with_slow_samples() -> Flown:
     return _flown(flown.model.kite, thinned(flown.segments, 5))
 
 
-def gaussian_law(flown: Flown) -> GaussianLaw:
+def gaussian_law() -> GaussianLaw:
     """A rudder of 40 Gaussians, of no meaning but with all that a fitted one has."""
     random = np.random.default_rng(0)
     features = ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "p", "q", "r", "crab_angle", "downwind_azimuth")
@@ -111,7 +110,8 @@ def gaussian_law(flown: Flown) -> GaussianLaw:
     return GaussianLaw(
         surfaces=("rudder",), features=features, centre=tuple(random.normal(size=10)), scale=tuple(random.uniform(5, 20, 10)),
         limits={"rudder": (-0.3, 0.3)}, constants={"flaps": 0.1}, pattern=pattern, delay_s=0.08, rate_limits={"rudder": 0.8},
-        centres=random.normal(size=(40, 10)), width=1.5, coefficients=random.normal(0, 0.02, (1, 40)), affine=random.normal(0, 0.02, (1, 11)),
+        centres=random.normal(size=(40, 10)), width=1.5, coefficients=random.normal(0, 0.02, (1, 40)),
+        affine=random.normal(0, 0.02, (1, 11)),
     )  # fmt: skip
 
 
@@ -119,7 +119,7 @@ def gaussian_law(flown: Flown) -> GaussianLaw:
 def with_controller() -> Flown:
     """The development kite, its rudder by a law with a delay and a rate limit."""
     log = flight().log
-    law = gaussian_law(None)
+    law = gaussian_law()
     kite = Kite(with_setpoint_dynamics(DEVELOPMENT, law), log.wind.height)
     segments = observe(log, kite, np.array([300]), int(SECONDS / log.dt), MEASURED).segments
     return _flown(kite, segments, loop(law, kite, 3.3), law)
@@ -147,7 +147,9 @@ def correction_for(kite: Kite, segments: Segments, hidden=(16, 16)) -> Correctio
     names = inputs_for(kite, None)
     states = Simulator(kite, wrt=()).rollout(segments).states[0]
     c = [float(v) for v in kite.parameters.vector()]
-    seen = np.array([[float(s) for s in inputs_of_instant(names)(kite.instant(list(x), list(u), c))] for x, u in zip(states, segments.inputs[0], strict=True)])  # fmt: skip
+    of_instant = inputs_of_instant(names)
+    instants = [kite.instant(list(x), list(u), c) for x, u in zip(states, segments.inputs[0], strict=True)]
+    seen = np.array([[float(s) for s in of_instant(at)] for at in instants])
     deviation = seen.std(axis=0) + 1e-3
     z = (seen - seen.mean(axis=0)) / deviation
     sizes = (len(names), *hidden, len(CORRECTED))
@@ -164,6 +166,20 @@ def free() -> Flown:
     kite = Kite(with_effects(THOR, {"actuator_lag:throttle": {"tau": 0.3}}), log.wind.height)
     segments = observe(log, kite, np.array([400]), int(SECONDS / log.dt), tuple(n for n in MEASURED if n in log.measured)).segments
     return _flown(kite, segments, longest=0.01)
+
+
+def with_one(key: str, seconds: float = 1.0) -> Flown:
+    """The kite on which an effect can act, with this effect at a plausible size; every surface moves, and the air."""
+    # a line that is suddenly 3 m shorter snaps: at steps of 10 and of 1 ms the simulator itself differs by a hundredth
+    sizes = {**PLAUSIBLE, "winch_length": {"b": 0.1}}[key.partition(":")[0]]
+    kite = Kite(with_effects(home(key), {key: sizes}), flight().log.wind.height)
+    segments = moving(kite, flight().log, seconds=seconds)
+    names = kite.input_names
+    for gust in (n for n in names if n.startswith("turbulence_")):
+        segments.inputs[..., names.index(gust)] = np.sin(np.arange(segments.steps + 1) / 7 + names.index(gust))
+    throttle = segments.setpoints[..., SURFACES.index("throttle")]
+    throttle[:] = 0.5 + 0.1 * np.sin(np.arange(throttle.shape[-1]) / 10)
+    return _flown(kite, segments)
 
 
 CASES = {f.__name__: f for f in (with_states, with_slow_samples, with_controller, with_slow_controller, with_network, free)}

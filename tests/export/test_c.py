@@ -6,7 +6,8 @@ import subprocess
 
 import numpy as np
 import pytest
-from export.models import CASES, Flown, compared
+from export.models import CASES, Flown, compared, with_one
+from kites import every_key
 
 from awescli.export.c_code import c_files
 
@@ -18,7 +19,8 @@ def compiled(files: dict, folder) -> ctypes.CDLL:
     for name, text in files.items():
         (folder / name).write_text(text)
     sources = [str(folder / name) for name in files if name.endswith(".c")]
-    done = subprocess.run(["gcc", *FLAGS, "-O2", "-shared", "-fPIC", *sources, "-o", str(folder / "model.so"), "-lm"], capture_output=True, text=True)
+    command = ["gcc", *FLAGS, "-O2", "-shared", "-fPIC", *sources, "-o", str(folder / "model.so"), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return ctypes.CDLL(str(folder / "model.so"))
 
@@ -48,3 +50,10 @@ def test_c_flies_the_same_ten_seconds(case, tmp_path):
     files = c_files(flown.model)
     assert sum(map(len, files.values())) < 200_000
     assert compared(flown, fly(compiled(files, tmp_path), flown)) < 1e-9
+
+
+@pytest.mark.parametrize("key", every_key())
+def test_every_effect_flies_in_c(key, tmp_path):
+    """A second with one effect at a plausible size."""
+    flown = with_one(key)
+    assert compared(flown, fly(compiled(c_files(flown.model), tmp_path), flown)) < 1e-9

@@ -1,4 +1,4 @@
-"""The FMU is valid, compiles as it is, and flies what the simulator flies: Co-Simulation, and Model Exchange under a solver of the importer."""
+"""The FMU is valid, compiles as it is, and flies what the simulator flies, in Co-Simulation and in Model Exchange."""
 
 import shutil
 import subprocess
@@ -80,7 +80,7 @@ def test_the_interface_compiles_without_a_warning(tmp_path):
 
 @pytest.mark.parametrize("case", [n for n in CASES if n != "with_slow_samples"])
 def test_co_simulation_flies_the_same_ten_seconds(case, unpacked):
-    """Communication points are the samples. (Where samples are slow, an FMU's caller holds set-points; the line between samples is not his.)"""
+    """Communication points are the samples. (Where samples are slow, an importer holds set-points: it knows no line between samples.)"""
     flown = CASES[case]()
     one = Importer(fmpy.fmi3.FMU3Slave, *unpacked(flown), flown.model.identifier)
     names = [s.name for s in flown.model.outputs]
@@ -100,7 +100,7 @@ def test_co_simulation_flies_the_same_ten_seconds(case, unpacked):
 
 @pytest.mark.parametrize("flown", [with_states, with_controller, with_network, free], ids=lambda f: f.__name__)
 def test_model_exchange_flies_the_same_two_seconds(flown, unpacked):
-    """Stepped from outside by classical RK4 with the simulator's steps, inputs set at every stage, events where a law holds its set-points."""
+    """Stepped from outside by RK4 with the simulator's steps, inputs set at every stage, events where a law holds its set-points."""
     flown = flown()
     one = Importer(fmpy.fmi3.FMU3Model, *unpacked(flown), flown.model.identifier)
     n_s, dt, steps = len(flown.model.states), flown.segments.dt, round(flown.segments.dt / flown.model.longest)
