@@ -52,7 +52,7 @@ def token(model: ExportedModel) -> str:
 def description(model: ExportedModel) -> str:
     """modelDescription.xml."""
     variables = list(_variables(model))
-    units = sorted({unit for _, unit, _ in variables if unit is not None})
+    units = sorted({"s", *(unit for _, unit in variables)})
     n_s, n_y = len(model.states), len(model.outputs)
     first = _references(model)
     outputs = [f'<Output valueReference="{first["outputs"] + i}"/>' for i in range(n_y)]
@@ -74,7 +74,7 @@ def description(model: ExportedModel) -> str:
   <DefaultExperiment startTime="0" stopTime="10" stepSize="{model.dt!r}"/>
   <ModelVariables>
     <Float64 name="time" valueReference="0" causality="independent" variability="continuous" unit="s" description="time"/>
-    {_lines(text for text, _, _ in variables)}
+    {_lines(text for text, _ in variables)}
   </ModelVariables>
   <ModelStructure>
     {_lines(chain(outputs, derivatives, (f'<InitialUnknown valueReference="{r}"/>' for r in unknown)))}
@@ -103,13 +103,13 @@ def _references(model: ExportedModel) -> dict[str, int]:
     return first
 
 
-def _variables(model: ExportedModel) -> Iterator[tuple[str, str, str]]:
-    """(element, unit, name) of every variable but time."""
+def _variables(model: ExportedModel) -> Iterator[tuple[str, str]]:
+    """(element, unit) of every variable but time."""
     first = _references(model)
 
     def element(kind: str, i: int, name: str, s: Signal, unit: str, more: str, words: str = ""):
         attributes = f'name={_attribute(name)} valueReference="{first[kind] + i}" {more} unit={_attribute(unit)}'
-        return f"<Float64 {attributes} description={_attribute(words or s.words or s.source)}/>", unit, name
+        return f"<Float64 {attributes} description={_attribute(words or s.words or s.source)}/>", unit
 
     for i, s in enumerate(model.states):
         start = f'initial="exact" start="{s.value or 0.0!r}"' if i < 12 else 'initial="calculated"'

@@ -29,8 +29,8 @@ RADIUS = 1e10
 """[ft] of the planet: its surface is flat to 1e-5 m within a line's length, and a position is still known to 1e-6 m."""
 JSBSIM_GRAVITY = 32.174049
 """ft/s2: what JSBSim divides an empty weight by to have a mass."""
-DEFAULT_STEP = 1 / 400
-"""[s] of a frame, as the README has it."""
+FRAMES = 800
+"""[Hz] at which JSBSim is run, as the README has it: a controller's steps cost its integrators 2e-3 of a range at 400 Hz, 2e-4 at 800."""
 
 _FROM_FT = value(1 / FT)
 _STATES = {
@@ -181,11 +181,11 @@ def _flown(model: ExportedModel, leaves: Mapping[str, Sequence[str]]) -> Iterato
     asked = "set_point"
     if model.programs.law:
         asked = "commanded"
-        every = max(1, round(1 / model.declaration.set_point_rate / DEFAULT_STEP))
-        yield f'<channel name="controller" execrate="{every}">'
         # what the law does not drive is what it is given
         known = {**leaves, "x": [*leaves["x"][: len(model.states)], *(read(property_name("set_point", n)) for n in SURFACES)]}
-        yield from components(model.programs.law, known, "awes/law", [property_name(asked, n) for n in SURFACES])
+        yield '<channel name="controller">'
+        yield from components(model.programs.law, known, "awes/law", [property_name("law", n) for n in SURFACES])
+        yield from _once_a_period(model.declaration.set_point_rate, asked)
         yield "</channel>"
     yield '<channel name="set_points">'
     for name in SURFACES:
@@ -195,6 +195,19 @@ def _flown(model: ExportedModel, leaves: Mapping[str, Sequence[str]]) -> Iterato
         yield component(property_name("before_last", name), last)
         yield component(property_name("last", name), now)
     yield "</channel>"
+
+
+def _once_a_period(rate: float, kept: str) -> Iterator[str]:
+    """awes/`kept`/SURFACE: what the law said when the last period of the controller began, whatever the frames of JSBSim are."""
+    now, last, begins = (f"awes/controller/{name}" for name in ("period", "last_period", "period_begins"))
+    periods = element("sum", element("product", read("simulation/sim-time-sec"), value(rate)), value(1e-6))
+    yield component(now, element("floor", periods))
+    stands = element("lt", read("simulation/sim-time-sec"), value(1e-9))
+    yield component(begins, element("ifthen", stands, value(1.0), element("difference", read(now), read(last))))
+    for name in SURFACES:
+        new, old = read(property_name("law", name)), read(property_name(kept, name))
+        yield component(property_name(kept, name), element("ifthen", element("gt", read(begins), value(0.5)), new, old))
+    yield component(last, read(now))
 
 
 def _stepped(own: Sequence[str]) -> Iterator[str]:

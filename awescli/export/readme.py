@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 
+from awescli.export.jsbsim_aircraft import FRAMES
 from awescli.export.model import ExportedModel
 from awescli.notation.quantities import SURFACES
 
@@ -19,6 +20,7 @@ def readme(model: ExportedModel, form: str) -> str:
         "dt": repr(model.dt),
         "density": repr(model.start.inputs.get("density", 1.225)),
         "set_points": str(len(SURFACES)),
+        "frames": str(FRAMES),
         "asked_at_points": ", a flight controller is asked at every communication point" if law else "",
         "law_function": "`law(x, u, c)` (set-points of the flight controller), " if law else "",
     }

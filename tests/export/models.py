@@ -4,15 +4,18 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from export.flying import Ride, relative
 from free_flight import THOR, free_flight
-from kites import DEVELOPMENT, PLAUSIBLE, flight, home
+from kites import DEVELOPMENT, PLAUSIBLE, ROOT, flight, home
 
 from awescli.control.gaussian_law import GaussianLaw
 from awescli.control.pattern import Pattern
+from awescli.export.json_tables import tables
 from awescli.export.model import ExportedModel, Start
 from awescli.learning.correction import CORRECTED, Correction, HybridKite
 from awescli.learning.network_inputs import inputs_for, inputs_of_instant
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
+from awescli.physics.declaration import read_kite
 from awescli.physics.kite import Kite
 from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
 from awescli.simulation.rollout import Segments, Simulator
@@ -51,6 +54,16 @@ class Flown:
         return self.segments.setpoints[0]
 
     @property
+    def tables(self) -> dict:
+        """What the model's JSON says."""
+        return tables(self.model)
+
+    @property
+    def ride(self) -> Ride:
+        """The same for those who read exported files."""
+        return Ride(self.segments.starts[0], self.inputs, self.set_points, self.segments.dt)
+
+    @property
     def range(self) -> np.ndarray:
         """(24,) largest value less the smallest, or the largest value where it is larger: what relative errors are of."""
         return np.maximum(np.ptp(self.outputs, axis=0), np.abs(self.outputs).max(axis=0)) + 1e-30
@@ -58,7 +71,7 @@ class Flown:
 
 def compared(flown: Flown, outputs: np.ndarray) -> float:
     """Largest difference of outputs (N+1, 24) from the simulator's, relative to each channel."""
-    return float((np.abs(outputs - flown.outputs) / flown.range).max())
+    return float(relative(outputs, flown.outputs, flown.range).max())
 
 
 def _flown(kite, segments: Segments, law=None, controller=None, longest: float = 0.01) -> Flown:
@@ -180,6 +193,14 @@ def with_one(key: str, seconds: float = 1.0) -> Flown:
     throttle = segments.setpoints[..., SURFACES.index("throttle")]
     throttle[:] = 0.5 + 0.1 * np.sin(np.arange(throttle.shape[-1]) / 10)
     return _flown(kite, segments)
+
+
+def on_file(name: str, **held: float) -> ExportedModel:
+    """A kite file of data/kites, surfaces held at the start."""
+    kite = Kite(read_kite(ROOT / "data" / "kites" / f"{name}.yaml"), (10.0,))
+    states = dict.fromkeys(STATES, 0.0) | {"p_n": 150.0, "p_d": -100.0, "u": 20.0}
+    inputs = dict.fromkeys(kite.input_names, 0.0) | {"density": 1.2, "tether_length": 180.0}
+    return ExportedModel("initial", kite, Start(states, dict.fromkeys(SURFACES, 0.0) | held, inputs, "in the air"), 0.02, 0.01)
 
 
 CASES = {f.__name__: f for f in (with_states, with_slow_samples, with_controller, with_slow_controller, with_network, free)}

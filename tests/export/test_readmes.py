@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from export.flying import put
 from export.models import Flown, free, with_controller, with_states
 
 from awescli.export import EXPORTERS, exported
@@ -20,9 +21,7 @@ WRITTEN_IN = {"c": "c", "fmu": "python", "casadi": "python", "jsbsim": "python"}
 
 def written(flown: Flown, form: str, folder) -> str:
     """The folder as `awes export` leaves it; returns its README."""
-    for name, content in exported(flown.model, form).items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
+    put(folder, exported(flown.model, form))
     return (folder / "README.md").read_text()
 
 

@@ -8,31 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from export.models import CASES, free, with_controller, with_network, with_states
-from export.test_c import compiled
-from kites import ROOT
+from export.flying import compiled, put
+from export.models import CASES, free, on_file, with_controller, with_network, with_states
 
 from awescli.export import EXPORTERS, exported
 from awescli.export.awebox import awebox_files
 from awescli.export.c_code import _names, c_files
 from awescli.export.json_tables import tables
 from awescli.export.kitemodels import AIRSPEED, curves, kitemodels_files
-from awescli.export.model import ExportedModel, Start
+from awescli.export.model import ExportedModel
 from awescli.export.words import Signal
 from awescli.notation.document import open_document
 from awescli.notation.errors import BadInput
-from awescli.notation.quantities import STATES, SURFACES
-from awescli.physics.declaration import read_kite
+from awescli.notation.quantities import SURFACES
 from awescli.physics.effects.aerodynamics import body_axes
-from awescli.physics.kite import Kite
-
-
-def on_file(name: str, **held: float) -> ExportedModel:
-    """A kite file of data/kites, surfaces held at the start."""
-    kite = Kite(read_kite(ROOT / "data" / "kites" / f"{name}.yaml"), (10.0,))
-    states = dict.fromkeys(STATES, 0.0) | {"p_n": 150.0, "p_d": -100.0, "u": 20.0}
-    inputs = dict.fromkeys(kite.input_names, 0.0) | {"density": 1.2, "tether_length": 180.0}
-    return ExportedModel("initial", kite, Start(states, dict.fromkeys(SURFACES, 0.0) | held, inputs, "in the air"), 0.02, 0.01)
 
 
 def coefficients(model: ExportedModel, V: float, alpha: float, beta: float, rates=(0.0, 0.0, 0.0), **held: float):
@@ -68,7 +57,7 @@ def test_intervals_of_a_fit_reach_the_tables():
 def test_the_tables_of_c_say_what_the_model_says(case, tmp_path):
     """Read back from the compiled file: a unit of two words (kg m2) is one string, whatever stands before it."""
     model = case().model
-    library = compiled(c_files(model), tmp_path)
+    library = compiled(put(tmp_path, c_files(model)))
     signals = {"state": model.states, "set_point": model.set_points, "input": model.inputs, "parameter": model.parameters}
     for kind, rows in (signals | {"output": model.outputs}).items():
         for what, wanted in (("names", [s.name for s in rows]), ("units", [s.unit for s in rows])):
