@@ -6,65 +6,7 @@
 
    Co-Simulation: a step goes from sample to sample as NAME_step does; inputs run on their slopes, set-points are held, a flight
    controller is asked at every communication point. Model Exchange: a flight controller is asked at time events. */
-#include "fmu.h"
-
-#include <math.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
-
-#ifndef FMI3_Export
-#if defined _WIN32
-#define FMI3_Export __declspec(dllexport)
-#elif defined __GNUC__
-#define FMI3_Export __attribute__((visibility("default")))
-#else
-#define FMI3_Export
-#endif
-#endif
-#define PASTED_(a, b) a##b
-#define PASTED(a, b) PASTED_(a, b)
-#ifdef FMI3_FUNCTION_PREFIX
-#define FMI(name) PASTED(FMI3_FUNCTION_PREFIX, name)
-#else
-#define FMI(name) name
-#endif
-
-typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Status;
-typedef void *fmi3Instance;
-typedef uint32_t Reference;
-typedef void (*LogMessage)(void *environment, fmi3Status status, const char *category, const char *message);
-
-enum {
-    TIME = 0,
-    X = 1,
-    HELD = X + STATES,
-    SP = HELD + SET_POINTS,
-    U = SP + SET_POINTS,
-    SLOPE = U + INPUTS,
-    C = SLOPE + INPUTS,
-    DX = C + PARAMETERS,
-    Y = DX + STATES,
-    TOTAL = Y + OUTPUTS
-};
-enum { INSTANTIATED, INITIALIZING, RUNNING };
-
-typedef struct {
-    double v[TOTAL], next_event;
-    int phase;
-    bool exchange, fresh;
-    void *environment;
-    LogMessage log;
-} Instance;
-
-static fmi3Status failed(const Instance *m, const char *what)
-{
-    if (m->log)
-        m->log(m->environment, fmi3Error, "logStatusError", what);
-    return fmi3Error;
-}
+#include "fmi3.h"
 
 static void reset(Instance *m)
 {
@@ -432,58 +374,6 @@ FMI3_Export fmi3Status FMI(fmi3GetNumberOfContinuousStates)(fmi3Instance instanc
     (void)instance;
     *n = STATES;
     return fmi3OK;
-}
-
-/* what this model has not: other types of variables, configuration, clocks, derivatives on demand */
-
-#define NONE(name, ...) \
-    FMI3_Export fmi3Status FMI(name)(fmi3Instance instance, __VA_ARGS__) { return failed((Instance *)instance, #name " is not supported"); }
-#define NONE_OF(type, c_type) \
-    NONE(fmi3Get##type, const Reference r[], size_t n, c_type v[], size_t m) \
-    NONE(fmi3Set##type, const Reference r[], size_t n, const c_type v[], size_t m)
-#ifdef __GNUC__
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#endif
-NONE_OF(Float32, float)
-NONE_OF(Int8, int8_t)
-NONE_OF(UInt8, uint8_t)
-NONE_OF(Int16, int16_t)
-NONE_OF(UInt16, uint16_t)
-NONE_OF(Int32, int32_t)
-NONE_OF(UInt32, uint32_t)
-NONE_OF(Int64, int64_t)
-NONE_OF(UInt64, uint64_t)
-NONE_OF(Boolean, bool)
-NONE_OF(String, char *)
-NONE(fmi3GetBinary, const Reference r[], size_t n, size_t sizes[], const uint8_t *v[], size_t m)
-NONE(fmi3SetBinary, const Reference r[], size_t n, const size_t sizes[], const uint8_t *const v[], size_t m)
-NONE(fmi3GetClock, const Reference r[], size_t n, bool v[])
-NONE(fmi3SetClock, const Reference r[], size_t n, const bool v[])
-NONE(fmi3GetNumberOfVariableDependencies, Reference r, size_t *n)
-NONE(fmi3GetVariableDependencies, Reference r, size_t a[], Reference b[], size_t c[], int kinds[], size_t n)
-NONE(fmi3GetDirectionalDerivative, const Reference a[], size_t n, const Reference b[], size_t m, const double seed[], size_t k, double s[],
-     size_t l)
-NONE(fmi3GetAdjointDerivative, const Reference a[], size_t n, const Reference b[], size_t m, const double seed[], size_t k, double s[],
-     size_t l)
-NONE(fmi3GetIntervalDecimal, const Reference r[], size_t n, double v[], int q[])
-NONE(fmi3GetIntervalFraction, const Reference r[], size_t n, uint64_t c[], uint64_t v[], int q[])
-NONE(fmi3GetShiftDecimal, const Reference r[], size_t n, double v[])
-NONE(fmi3GetShiftFraction, const Reference r[], size_t n, uint64_t c[], uint64_t v[])
-NONE(fmi3SetIntervalDecimal, const Reference r[], size_t n, const double v[])
-NONE(fmi3SetIntervalFraction, const Reference r[], size_t n, const uint64_t c[], const uint64_t v[])
-NONE(fmi3SetShiftDecimal, const Reference r[], size_t n, const double v[])
-NONE(fmi3SetShiftFraction, const Reference r[], size_t n, const uint64_t c[], const uint64_t v[])
-NONE(fmi3GetOutputDerivatives, const Reference r[], size_t n, const int32_t orders[], double v[], size_t m)
-NONE(fmi3ActivateModelPartition, Reference r, double time)
-
-FMI3_Export fmi3Status FMI(fmi3EnterConfigurationMode)(fmi3Instance instance)
-{
-    return failed((Instance *)instance, "fmi3EnterConfigurationMode is not supported");
-}
-
-FMI3_Export fmi3Status FMI(fmi3ExitConfigurationMode)(fmi3Instance instance)
-{
-    return failed((Instance *)instance, "fmi3ExitConfigurationMode is not supported");
 }
 
 FMI3_Export fmi3Status FMI(fmi3EvaluateDiscreteStates)(fmi3Instance instance)

@@ -16,7 +16,7 @@ from awescli.export.c_code import c_files
 from awescli.export.model import ExportedModel
 from awescli.export.words import Signal
 
-INTERFACE = Path(__file__).with_name("fmi3.c")
+INTERFACE = tuple(Path(__file__).with_name(name) for name in ("fmi3.h", "fmi3.c", "fmi3_absent.c"))
 BASE_UNITS: dict[str, Mapping[str, float]] = {
     "m": {"m": 1}, "m2": {"m": 2}, "m/s": {"m": 1, "s": -1}, "m/s2": {"m": 1, "s": -2}, "s": {"s": 1}, "1/s": {"s": -1}, "kg": {"kg": 1},
     "kg m2": {"kg": 1, "m": 2}, "kg/m": {"kg": 1, "m": -1}, "kg/m3": {"kg": 1, "m": -3}, "N": {"kg": 1, "m": 1, "s": -2},
@@ -33,7 +33,7 @@ def fmu_files(model: ExportedModel) -> dict[str, bytes]:
 
 def fmu(model: ExportedModel) -> bytes:
     """The FMU: the same bytes for the same model."""
-    sources = c_files(model) | {"fmi3.c": INTERFACE.read_text(), "fmu.h": _names(model)}
+    sources = c_files(model) | {p.name: p.read_text() for p in INTERFACE} | {"fmu.h": _names(model)}
     files = {"modelDescription.xml": description(model), "sources/buildDescription.xml": _build(model, sources)}
     files |= {f"sources/{name}": text for name, text in sources.items()}
     buffer = io.BytesIO()
