@@ -32,12 +32,14 @@ def _head(model: ExportedModel) -> str:
     surfaces = "the fitted flight controller moves its surfaces" if model.programs.law else "set-points of the surfaces are inputs"
     network = "; a network adds to its rates of change" if model.correction is not None else ""
     counts = f"{len(model.states)} states, {len(model.inputs)} inputs, {len(model.parameters)} parameters; {surfaces}{network}"
+    rates = ", ".join(f"`{s.name}`" for s in model.inputs if s.name.removesuffix("_rate") in SURFACES)
     lines = [
         f"# {model.declaration.name}: the {model.label} model",
         *([model.declaration.description] if model.declaration.description else []),
         f"{counts}. SI units and radians, NED axes from the winch, FRD body axes.",
         f"The state vector holds the states, then the {len(SURFACES)} set-points ({', '.join(SURFACES)}) that are held now.",
         f"The start that is given: {model.start.told}.",
+        *([f"Rates of commands, with which lags begin: {rates}; null is what `awes simulate` flies."] if rates else []),
         "\n".join(f"- {key}: {value}" for key, value in model.provenance.items() if not isinstance(value, Mapping)),
     ]
     return "\n\n".join(lines) + "\n"

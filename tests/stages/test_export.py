@@ -67,7 +67,8 @@ def simulated(run, tables: dict, model: str, by: str) -> tuple[dict, Ride]:
     rows = slice(first, first + len(trajectory["time"]))
     assert tables["start"] == f"{log.time[first]:.2f} s into the flight 'flight'"
     inputs = inputs_of(log, kite := Kite(read_kite(run / "kite.yaml"), log.wind.height))[rows]
-    # a network may look at the rates of commands; `awes simulate`, which knows none before it flies, tells it that they stand still
+    # networks look at the rates of commands, and lags begin with them; in `awes simulate` commands have stood still before it flies, and
+    # their rates are null on and on
     inputs[:, [kite.input_names.index(f"{s}_rate") for s in SURFACES]] = 0.0
     columns = [kite.input_names.index(s["name"]) for s in tables["inputs"]]
     return trajectory, Ride(np.array([s["start"] for s in tables["states"][:12]]), inputs[:, columns], setpoints_of(log)[rows], log.dt)
