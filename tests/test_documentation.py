@@ -31,7 +31,8 @@ PAGES = sorted(p for p in ROOT.rglob("*.md") if not any(part.startswith(".") or 
 APP = build_app(STAGES)
 COMMANDS = get_command(APP).commands
 PROGRAMS = ("awes", "make", "python")
-AP2, DEV = SHARED / "flights" / "ampyx-ap2", SHARED / "flights" / "dev" / "d01"
+AP2, THOR, DEV = (SHARED / "flights" / name for name in ("ampyx-ap2", "umn-thor", "dev/d01"))
+MEASURED = "FOLDER_WITH_THE_MAT"
 SETTINGS = [f"{stage}.{key}={value}" for stage, values in parse_yaml(PLAN, "").data["stages"].items() for key, value in values.items()]
 SMALL = [word for setting in SETTINGS for word in ("--set", setting)]
 
@@ -69,8 +70,7 @@ class Reader:
 
     def words(self, command: list[str]) -> list[str]:
         real = {
-            "LOG_FOLDER": self.folder / "flight", "KITE.yaml": self.folder / "kite.yaml", "FOLDER_WITH_THE_MAT": AP2,
-            "OUT": self.folder / "OUT",
+            "LOG_FOLDER": self.folder / "flight", "KITE.yaml": self.folder / "kite.yaml", "OUT": self.folder / "OUT",
             "FLIGHT/nominal.yaml": DEV / "nominal.yaml", "FLIGHT": DEV, "RUN_A": self.folder / "out", "RUN_B": self.folder / "out",
             "LOG.csv": self.folder / "unknown" / "LOG.csv",
             "DIR": self.folder / "figures", "RUN": self.folder / "out",
@@ -95,9 +95,11 @@ class Reader:
         name = words[0]
         if "--stages" in words:  # somebody else's plan and flight
             plan = words.index("--stages") + 1
-            words = [*words[:plan], str(ROOT / words[plan]), *words[plan + 1 :], "--dry-run"]
-            if not AP2.is_dir():
+            flight = THOR if "umn_thor" in words[plan] else AP2
+            if not flight.is_dir():
                 pytest.skip("the measured flight is not here")
+            words = [word.replace(MEASURED, str(flight)) for word in [*words[:plan], str(ROOT / words[plan]), *words[plan + 1 :]]]
+            words += [] if name == "check" else ["--dry-run"]
         elif name in ("run", "check", *(s.name for s in STAGES)):
             words = [name, *SMALL, *words[1:]]
         result = CliRunner().invoke(APP, words)
