@@ -1,6 +1,6 @@
 """Models of every kind, as they are exported, and 10 s of flight of each by the simulator: what every exporter is compared with."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -8,8 +8,9 @@ from export.flying import Ride, relative
 from free_flight import THOR, free_flight
 from kites import DEVELOPMENT, PLAUSIBLE, ROOT, flight, home
 
-from awescli.control.gaussian_law import GaussianLaw
-from awescli.control.pattern import Pattern
+from awescli.control.features import evaluate
+from awescli.control.gaussian_law import GaussianLaw, design
+from awescli.control.law import state_mapping
 from awescli.export.json_tables import tables
 from awescli.export.model import ExportedModel, Start
 from awescli.learning.correction import CORRECTED, Correction, HybridKite
@@ -23,6 +24,8 @@ from awescli.simulation.segments import observe
 from awescli.simulation.synthetic import with_effects
 
 SECONDS = 10.0
+WIND_FROM = 3.3
+"""[rad] what the laws are told of the wind."""
 EFFECTS = {
     "wind_shear": {"a": 0.1}, "actuator_lag:rudder": {"tau": 0.1, "rate": 0.5, "inertia": 0.2}, "actuator_delay:elevator": {"tau": 0.12},
     "unsteady_lift": {"tau": 0.1}, "load_cell_lag": {"tau": 0.2}, "tether_sag": {"w": 0.3}, "tether_drag": {"dC": 0.3, "lateral": 1.0},
@@ -116,26 +119,41 @@ def with_slow_samples() -> Flown:
 
 
 def gaussian_law() -> GaussianLaw:
-    """A rudder of 40 Gaussians, of no meaning but with all that a fitted one has."""
-    random = np.random.default_rng(0)
-    features = ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "p", "q", "r", "crab_angle", "downwind_azimuth")
-    pattern = Pattern(0.6, 0.3, 60.0)
+    """A rudder of 40 Gaussians that come near what was flown (ridge regression), so that it keeps moving."""
+    log, names = flight().log, ("radius_error", "sin_phase", "cos_phase", "speed", "p", "q", "r", "crab_angle", "downwind_azimuth")
+    pattern, random = flight().law.pattern, np.random.default_rng(0)
+    seen = np.column_stack(evaluate(names, state_mapping(log, WIND_FROM), pattern))
+    X = (seen - seen.mean(axis=0)) / seen.std(axis=0)
+    centres = X[random.choice(len(X), 40, replace=False)]
+    D = design(X, centres, 1.5)
+    found = np.linalg.solve(D.T @ D + 0.1 * np.eye(D.shape[1]), D.T @ log["rudder"])
     return GaussianLaw(
-        surfaces=("rudder",), features=features, centre=tuple(random.normal(size=10)), scale=tuple(random.uniform(5, 20, 10)),
+        surfaces=("rudder",), features=names, centre=tuple(seen.mean(axis=0)), scale=tuple(seen.std(axis=0)),
         limits={"rudder": (-0.3, 0.3)}, constants={"flaps": 0.1}, pattern=pattern, delay_s=0.08, rate_limits={"rudder": 0.8},
-        centres=random.normal(size=(40, 10)), width=1.5, coefficients=random.normal(0, 0.02, (1, 40)),
-        affine=random.normal(0, 0.02, (1, 11)),
+        centres=centres, width=1.5, coefficients=found[None, :40], affine=found[None, 40:],
     )  # fmt: skip
 
 
 @cache
 def with_controller() -> Flown:
     """The development kite, its rudder by a law with a delay and a rate limit."""
-    log = flight().log
+    return _driven(gaussian_law(), SECONDS)
+
+
+@cache
+def with_restless_controller() -> Flown:
+    """Two seconds with a law of twice the size, without delay and limit: the rudder jumps at every sample."""
     law = gaussian_law()
+    return _driven(replace(law, coefficients=2 * law.coefficients, affine=2 * law.affine, delay_s=0.0, rate_limits={}), 2.0)
+
+
+def _driven(law: GaussianLaw, seconds: float) -> Flown:
+    log = flight().log
     kite = Kite(with_setpoint_dynamics(DEVELOPMENT, law), log.wind.height)
-    segments = observe(log, kite, np.array([300]), int(SECONDS / log.dt), MEASURED).segments
-    return _flown(kite, segments, loop(law, kite, 3.3), law)
+    segments = observe(log, kite, np.array([300]), int(seconds / log.dt), MEASURED).segments
+    flown = _flown(kite, segments, loop(law, kite, WIND_FROM), law)
+    assert np.ptp(flown.outputs[:, OUTPUTS.index("rudder")]) > 0.05
+    return flown
 
 
 @cache
