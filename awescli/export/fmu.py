@@ -21,7 +21,8 @@ BASE_UNITS: dict[str, Mapping[str, float]] = {
     "m": {"m": 1}, "m2": {"m": 2}, "m/s": {"m": 1, "s": -1}, "m/s2": {"m": 1, "s": -2}, "s": {"s": 1}, "1/s": {"s": -1}, "kg": {"kg": 1},
     "kg m2": {"kg": 1, "m": 2}, "kg/m": {"kg": 1, "m": -1}, "kg/m3": {"kg": 1, "m": -3}, "N": {"kg": 1, "m": 1, "s": -2},
     "N/s": {"kg": 1, "m": 1, "s": -3}, "N/m": {"kg": 1, "s": -2}, "N s/m": {"kg": 1, "s": -1}, "rad": {"rad": 1},
-    "rad/s": {"rad": 1, "s": -1}, "rad/s2": {"rad": 1, "s": -2}, "1/rad": {"rad": -1}, "1/rad2": {"rad": -2}, "-": {}, "": {},
+    "rad/s": {"rad": 1, "s": -1}, "rad/s2": {"rad": 1, "s": -2}, "1/rad": {"rad": -1}, "1/rad2": {"rad": -2},
+    "rad/m": {"rad": 1, "m": -1}, "1/Pa": {"kg": -1, "m": 1, "s": 2}, "-": {}, "": {},
 }  # fmt: skip
 """Unit -> exponents of the SI units; of any other unit the FMU gives the name only."""
 

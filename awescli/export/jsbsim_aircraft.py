@@ -8,16 +8,15 @@ The planet is a ball that neither turns nor curves, with the winch at longitude 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from types import SimpleNamespace
 
-from awescli.engine.record import Tape, record
+from awescli.engine.record import Scalar, Tape, record
 from awescli.export.jsbsim_functions import component, components, element, read, value
 from awescli.export.model import ExportedModel
 from awescli.export.programs import Program, known_quantities, needed, values_of
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import OUTPUTS, STATES, SURFACES
 from awescli.physics.disturbances import DISTURBANCES, GUSTS, ROLL_GUST
-from awescli.physics.instant import Body
+from awescli.physics.instant import Body, Load
 
 FT = 1 / 0.3048
 """Feet in a metre."""
@@ -29,6 +28,8 @@ RADIUS = 1e10
 """[ft] of the planet: its surface is flat to 1e-5 m within a line's length, and a position is still known to 1e-6 m."""
 JSBSIM_GRAVITY = 32.174049
 """ft/s2: what JSBSim divides an empty weight by to have a mass."""
+WITH_KITE = "moves-with-kite"
+"""The load of what moves with the kite without being part of its mass: air (added_mass), line (Load.mass_across)."""
 FRAMES = 1600
 """[Hz] at which JSBSim is run, as the README has it. Where a flight magnifies errors, the steps of a controller cost its integrators
 1e-2 of a range at 400 Hz, 2e-3 at 800 and 5e-4 at 1600."""
@@ -89,22 +90,12 @@ def _rigid_body(model: ExportedModel) -> Body:
     if model.correction is not None:
         what = "the network has no counterpart in JSBSim: its corrections are rates of change, not forces"
         raise _refused(what, "Export a model without it: --model with_effects, or --to c, fmu, casadi.")
-    tape, outputs = _recorded(model, lambda at: [*at.body[:6], *at.body.cg])
+    tape, outputs = _recorded(model, lambda at: [at.body.mass, *at.body[2:6], *at.body.cg])
     if any(tape.nodes[i][:2] in (("input", "x"), ("input", "u")) for i in needed(Program("body", tape, tuple(outputs), (), {}))):
         raise _refused("a mass, inertia or centre of mass that changes in flight has no counterpart in JSBSim", "Leave the effect out.")
     numbers = {"x": [0.0] * len(model.kite.x_names), "u": [0.0] * len(model.inputs), "c": [s.value for s in model.parameters]}
-    m, added, *inertia, x, y, z = values_of(tape, outputs, **numbers)
-    if added != 0.0:
-        guilty = ", ".join(e.key for e in model.kite.effects if e.place == "body" and _adds_mass(model, e))
-        what = f"effect '{guilty}' has no counterpart in JSBSim, where a mass is the same in all directions"
-        raise _refused(what, "Export to c, fmu or casadi, or leave the effect out.")
+    m, *inertia, x, y, z = values_of(tape, outputs, **numbers)
     return Body(m, 0.0, *inertia, (x, y, z))
-
-
-def _adds_mass(model: ExportedModel, effect) -> bool:
-    rows = model.kite.parameters
-    own = SimpleNamespace(**{p.name: rows[f"{effect.key}.{p.name}"].value for p in effect.parameters})
-    return effect.body(Body(1.0, 0.0, 1.0, 1.0, 1.0, 0.0, (0.0, 0.0, 0.0)), None, own).added_z != 0.0
 
 
 def _recorded(model: ExportedModel, of: Callable, names: dict[int, str] | None = None) -> tuple[Tape, list[int]]:
@@ -123,13 +114,20 @@ def _recorded(model: ExportedModel, of: Callable, names: dict[int, str] | None =
 
 
 def _loads(model: ExportedModel) -> tuple[list[str], Program]:
-    """(keys of the loads, program of all of them, of the rates of the effects' states, and of the sensors). JSBSim gives the weight."""
+    """(keys of the loads, program of all of them, of the rates of the effects' states, and of the sensors). JSBSim gives the weight.
+
+    Its mass is the same in all directions; what air and line that move with the kite take of the force is one more load: m a - f.
+    """
     keys: list[str] = []
     heavy = {e.key for e in model.kite.effects if e.weight}
 
     def of(at):
-        keys[:] = [key for key in at.loads if key not in heavy]
-        return [component for key in keys for vector in at.loads[key] for component in vector]
+        loads = {key: load for key, load in at.loads.items() if key not in heavy}
+        if any(isinstance(mass, Scalar) for mass in (at.body.added_z, at.applied.mass_across)):
+            taken = tuple(at.body.mass * a - f for a, f in zip(at.acceleration, at.applied.force, strict=True))
+            loads[WITH_KITE] = Load(taken, (0.0 * taken[0],) * 3)
+        keys[:] = loads
+        return [component for load in loads.values() for component in (*load.force, *load.moment)]
 
     names: dict[int, str] = {}
     tape, outputs = _recorded(model, of, names)
@@ -164,7 +162,7 @@ def _aircraft(model: ExportedModel, body: Body) -> str:
         *_flown(model, leaves),
         '<channel name="effects">', *initial, *_stepped(own), "</channel>",
         '<channel name="loads">', *components(program, leaves, "awes/now", results), "</channel>", "</flight_control>",
-        "<aerodynamics/>", "<external_reactions>", *(_reactions(key) for key in keys), "</external_reactions>", "</fdm_config>", "",
+        "<aerodynamics/>", "<external_reactions>", *(_reactions(key, body) for key in keys), "</external_reactions>", "</fdm_config>", "",
     ]  # fmt: skip
     return "\n".join(parts)
 
@@ -247,13 +245,14 @@ def _place(arm: Sequence[float]) -> str:
     return f"<x>{-x!r}</x><y>{y!r}</y><z>{-z!r}</z>"
 
 
-def _reactions(key: str) -> str:
-    """Force and moment of one load, at the reference point."""
+def _reactions(key: str, body: Body) -> str:
+    """Force and moment of one load, at the reference point; what resists the acceleration of the centre of mass acts there."""
     rows = []
+    place = body.cg if key == WITH_KITE else (0, 0, 0)
     for kind, letter, unit in (("force", "f", 1 / LBF), ("moment", "m", FT / LBF)):
         for axis in "xyz":
             size = element("product", read(property_name("load", f"{key}-{letter}_{axis}")), value(unit))
-            location = f'<location unit="IN">{_place((0, 0, 0))}</location>' if kind == "force" else ""
+            location = f'<location unit="IN">{_place(place)}</location>' if kind == "force" else ""
             direction = "".join(f"<{a}>{float(a == axis)}</{a}>" for a in "xyz")
             name = property_name("", f"{key}-{letter}_{axis}").rpartition("/")[2]
             rows.append(

@@ -133,7 +133,7 @@ def _record_all(kite: Kite | HybridKite, law: Callable | None, inputs: Sequence[
 
 def known_quantities(at: Instant) -> dict[int, str]:
     """Node -> name of the quantities that people know, in an instant of recorded scalars."""
-    wind, C, f, m = at.wind, at.coefficients, *at.applied
+    wind, C, f, m = at.wind, at.coefficients, at.applied.force, at.applied.moment
     quantities = {
         "V_a": at.V_a, "alpha": at.alpha, "beta": at.beta, "qbar": at.dynamic_pressure, "distance": at.distance, "tension": at.tension,
         "wind_n": wind.n, "wind_e": wind.e, "wind_d": wind.d, "rho": wind.density, **C._asdict(),

@@ -29,6 +29,7 @@ _INPUTS = {
     **{f"force_{axis}": ("m/s2", f"force per mass beside the modelled ones, body {axis}") for axis in "xyz"},
     **{f"moment_{axis}": ("rad/s2", f"angular acceleration beside the modelled moments, body {axis}") for axis in "xyz"},
     "reel_out_acceleration": ("m/s2", "rate of the reel-out speed"),
+    "time": ("s", "the flight's clock, which runs on as it flies"),
     "tension_rate": ("N/s", "rate of the measured pull of the line"),
 }  # fmt: skip
 """Exogenous inputs that are no quantity of a flight -> (unit, words)."""
