@@ -213,6 +213,13 @@ def with_one(key: str, seconds: float = 1.0) -> Flown:
     return _flown(kite, segments)
 
 
+def with_heavy_line() -> Flown:
+    """A second with all that moves with the kite and is no part of its mass, the centre of mass off the reference point."""
+    effects = {"tether_weight": {"mu": 0.05}, "added_mass": {"m_a": 8.0}, "mass_offset": {"dm": 1.0, "dx": 0.15, "dz": 0.1}}
+    kite = Kite(with_effects(DEVELOPMENT, effects), flight().log.wind.height)
+    return _flown(kite, moving(kite, flight().log, seconds=1.0))
+
+
 def on_file(name: str, **held: float) -> ExportedModel:
     """A kite file of data/kites, surfaces held at the start."""
     kite = Kite(read_kite(ROOT / "data" / "kites" / f"{name}.yaml"), (10.0,))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from export.flying import in_jsbsim, put, relative
-from export.models import compared, free, with_controller, with_network, with_one, with_restless_controller, with_states
+from export.models import compared, free, with_controller, with_heavy_line, with_network, with_one, with_restless_controller, with_states
 from kites import every_key
 
 from awescli.export.jsbsim_aircraft import jsbsim_files
@@ -37,4 +37,10 @@ def test_a_network_is_refused_by_name():
 def test_every_effect_is_flown(key, tmp_path):
     """A second with one effect: to a thousandth of what each channel reaches."""
     flown = with_one(key)
+    assert compared(flown, in_jsbsim(put(tmp_path, jsbsim_files(flown.model)), flown.tables, flown.ride)) < 1e-3
+
+
+def test_what_moves_with_the_kite_resists_at_its_centre_of_mass(tmp_path):
+    """Guards the one load that JSBSim has for it: its own mass is the same in all directions, and has no line on it."""
+    flown = with_heavy_line()
     assert compared(flown, in_jsbsim(put(tmp_path, jsbsim_files(flown.model)), flown.tables, flown.ride)) < 1e-3
