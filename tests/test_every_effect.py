@@ -58,6 +58,7 @@ def test_an_effect_acts_at_exactly_one_place(key):
     assert filled == [effect.place]
     own_motion = [getattr(type(effect), n) is not getattr(Effect, n) for n in ("rates", "initial")]
     assert own_motion == [bool(effect.states)] * 2
+    assert len(effect.state_units()) == len(effect.states)
     assert effect.name == key.partition(":")[0] and effect.doc and all(p.source for p in effect.parameters)
     assert len(effect.start_spread) == len(effect.states) and all(s > 0 for s in effect.start_spread)
 

@@ -14,7 +14,7 @@ FLOORS = {
     "simulation": 3,
     "estimation": 4,
     "learning": 5, "tracing": 5,
-    "report": 6,
+    "report": 6, "export": 6,
     "stages": 7,
     "cli": 8,
 }  # fmt: skip

@@ -112,6 +112,25 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         with shell(as_json) as screen:
             commands.compare(screen, stages, run_a, run_b, tolerance, most)
 
+    @app.command(help="Hand out a model to other programs: C99, FMI 3.0, CasADi, JSBSim, awebox, KiteModels.jl, JSON.")
+    def export(
+        source: Annotated[Path, typer.Argument(metavar="RUN_OR_KITE", help="Folder of the results (`out` of the plan), or a kite file.")],
+        model: Annotated[str, typer.Option(metavar="NAME", help="newest, initial, identified, with_effects or hybrid.")] = "newest",
+        to: Annotated[
+            str, typer.Option(metavar="FORM", help="c, fmu, casadi, jsbsim, awebox, kitemodels, json, several with commas, or all.")
+        ] = "all",
+        out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the files, one below it for each form.")] = Path("export"),
+        surfaces: Annotated[
+            str, typer.Option(metavar="WHO", help="inputs: set-points are inputs; controller: the fitted controller flies.")
+        ] = "inputs",
+        flight: Annotated[
+            Path | None, typer.Option(metavar="LOG", help="Flight that tells heights of the wind, start and sample interval.")
+        ] = None,
+        as_json: Json = False,
+    ):
+        with shell(as_json) as screen:
+            commands.export(screen, stages, source, to, out, label=model, surfaces=surfaces, flight=flight)
+
     @app.command(help="Print the JSON Schema of stages.yaml, of the kite file and of flight.yaml, for editor completion.")
     def schema():
         with shell(as_json=True) as screen:

@@ -231,3 +231,40 @@ def init(screen: Screen, stages: tuple[Stage, ...], folder: Path, flight: Path, 
         write_text(folder / name, text)
     screen.line(f"wrote {', '.join(str(folder / name) for name in made.files)}")
     screen.line(f"next: cd {folder}; awes check")
+
+
+def export(screen: Screen, stages: tuple[Stage, ...], source: Path, to: str, out: Path, **which: Any) -> None:
+    """A model in the forms of other programs. Everything is printed before the first file is written; with `all`, a form that cannot hold
+    the model is named with the reason."""
+    from awescli.artifacts import write_content
+    from awescli.export import EXPORTERS, exported
+    from awescli.notation.errors import did_you_mean
+    from awescli.stages.exported import model_to_export
+
+    wanted = list(EXPORTERS) if to == "all" else [name.strip() for name in to.split(",")]
+    for name in wanted:
+        if name not in EXPORTERS:
+            raise BadInput(f"there is no form '{name}'", "--to", did_you_mean(name, [*EXPORTERS, "all"]))
+    if out.exists() and not out.is_dir():
+        raise BadInput("is a file, a folder is needed", f"--out {out}", "Choose another name.")
+    model = model_to_export(source, stages, **which)
+    files, refused = {}, {}
+    for name in wanted:
+        try:
+            files[name] = exported(model, name)
+        except BadInput as e:
+            if to != "all":
+                raise
+            refused[name] = e
+    for name, own in files.items():
+        for path, content in own.items():
+            write_content(out / name / path, content.encode() if isinstance(content, str) else content)
+    surfaces = "by the fitted controller" if model.law else "are inputs"
+    screen.line(f"{model.declaration.name}: the {model.label} model, set-points {surfaces}; starts {model.start.told}")
+    for name in files:
+        screen.line(f"{out / name}: {EXPORTERS[name].doc}")
+    for name, e in refused.items():
+        screen.line(f"{out / name}: not written: {e.what}")
+    written = {name: [str(out / name / path) for path in own] for name, own in files.items()}
+    told = {"model": model.label, "surfaces": "controller" if model.law else "inputs", "out": str(out), "files": written}
+    screen.answer({**told, "refused": {name: str(e) for name, e in refused.items()}})

@@ -1,6 +1,6 @@
 """The network f_nn (seed section 5): what it adds to d/dt of (u, v, w, p, q, r), where it must keep still, and the kite that has it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -151,24 +151,25 @@ class HybridKite:
     """Physics + f_nn as `derivative`, `outputs`, `initial`; wherever a `Kite` is simulated this can stand.
 
     The weights are parameters (`network.0`, ...) behind the physical ones, never free: programs compiled for one network serve all of
-    the same shape and normalisation.
+    the same shape and normalisation. network: what gives the corrections; whoever prints a network as loops gives his own.
     """
 
-    def __init__(self, kite: Kite, correction: Correction):
-        self.kite, self.correction = kite, correction
+    def __init__(self, kite: Kite, correction: Correction, network: Callable = evaluate):
+        self.kite, self.correction, self._network = kite, correction, network
         rows = (Parameter(f"network.{i}", float(w), source="network") for i, w in enumerate(correction.weights))
         self.parameters: ParameterTable = kite.parameters.with_rows(rows)
         self.parameter_names = tuple(self.parameters)
         self._inputs = inputs_of_instant(correction.inputs)
         self.declaration, self.heights, self.effects, self.by_place = kite.declaration, kite.heights, kite.effects, kite.by_place
         self.state_names, self.x_names, self.input_names = kite.state_names, kite.x_names, kite.input_names
-        self.constraints, self.tether, self.start_spread = kite.constraints, kite.tether, kite.start_spread
+        self.constraints, self.tether = kite.constraints, kite.tether
+        self.record, self.start_spread = kite.record, kite.start_spread
 
     def instant(self, x, u, c):
         """The instant of the physics, its derivative corrected; `at.correction` holds the six corrections."""
         own = len(self.kite.parameter_names)
         at = self.kite.instant(x, u, c[:own])
-        corrections, at.fade = evaluate(self._inputs(at), self.correction, c[own:])
+        corrections, at.fade = self._network(self._inputs(at), self.correction, c[own:])
         derivative = list(at.derivative)
         for row, value in zip(ROWS, corrections, strict=True):
             derivative[row] = derivative[row] + value

@@ -74,7 +74,8 @@ class Instant:
     """One instant, filled from top to bottom by `kite.Kite`; effects read what stands above their place.
 
     z: the 12 states; R: rows of body-to-NED; v_ned [m/s]; inputs: the exogenous inputs by name; values: all parameters by name;
-    received: key of an effect -> what stood at its place before it acted; line, tension: None and 0 on a kite that flies free.
+    received: key of an effect -> what stood at its place before it acted; loads: what each effect adds to `applied`, by its key; line,
+    tension: None and 0 on a kite that flies free.
     """
 
     z: SimpleNamespace
@@ -98,6 +99,7 @@ class Instant:
     coefficients: Coefficients | None = None
     line: Line | None = None
     applied: Load | None = None
+    loads: dict[str, Load] = field(default_factory=dict)
     tension: Number = 0.0
     acceleration: tuple = ()
     derivative: tuple = ()

@@ -225,10 +225,10 @@ class Kite:
         if self.tether is not None:
             at.line = self._through("line", self.tether.declared_line(at), at)
         # loads, each seeing the sum of those before it
-        at.applied = aerodynamic_load(at)
+        at.applied = at.loads["aerodynamics"] = aerodynamic_load(at)
         at.applied = at.applied._replace(force=add(at.applied.force, scale(at.body.mass, tuple(beside[f] for f in FORCES))))
         for e in self._at("load"):
-            load = e.load(at, e.own(at))
+            load = at.loads[e.key] = e.load(at, e.own(at))
             force, moment = add(at.applied.force, load.force), add(at.applied.moment, load.moment)
             at.applied = Load(force, moment, at.applied.mass_across + load.mass_across)
         at.acceleration = acceleration(at.body, at.applied, rotate_back(R, at.p_hat))

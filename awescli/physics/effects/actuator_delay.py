@@ -20,6 +20,7 @@ class ActuatorDelay(Effect):
     targets = SURFACES
     states = ("x1", "x2")
     start_spread = (0.05, 0.5)
+    units = ("target", "target/s")
     probes = {"tau": (0.06, 0.12, 0.2)}
 
     def _tau(self, own):

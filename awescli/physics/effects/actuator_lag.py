@@ -26,6 +26,7 @@ class ActuatorLag(Effect):
     targets = SURFACES
     states = ("deflection", "speed")
     start_spread = (0.05, 0.5)
+    units = ("target", "target/s")
     probes = {"tau": (0.06, 0.15, 0.3), "rate": (FASTEST, 0.8)}
     shapes = ("rate", "inertia")
     refinements = {"inertia": (0.15,)}

@@ -14,6 +14,7 @@ class AirspeedLag(Effect):
     doc = "reported airspeed lags, pneumatic tubes"
     parameters = (Parameter("tau", 0.0, "s", 0.0, 1.5, source="0.1-0.5 s, pneumatic tubes"),)
     states = ("airspeed",)
+    units = ("m/s",)
     start_spread = (0.5,)
     probes = {"tau": (0.06, 0.15, 0.4)}
 

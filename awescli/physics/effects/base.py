@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
+from awescli.notation.quantities import UNITS
 from awescli.physics.instant import Body, Coefficients, Instant, Line, Load, Wind
 
 PLACES = ("airflow", "actuate", "body", "coefficients", "line", "load", "report")
@@ -16,6 +17,7 @@ class Effect:
     name: its row in the table; parameters: with null as `value`, plausible range as bounds; targets: where it may act
     (surfaces, axes, clock groups), empty if there is only one such place; always: part of every kite, not a candidate;
     slips: parameter name -> {size: the mistake that leaves it}: sizes that no sensor has, and a unit does;
+    states, units: its own states and their units, in which `target` is the unit of what it acts on;
     empirical: a term fitted to a residual, not physics; probes: parameter name -> sizes at which an effect that is flat at null (a lag,
     a threshold) is tried; abrupt: its presence changes the start of a rollout so much that only a re-fit from the probe can judge it;
     shapes: parameters that only give form to another one; refinements: shape -> values tried only once the effect is accepted;
@@ -23,7 +25,7 @@ class Effect:
     last: its load answers the sum of all others, so that it stands behind them; reads: measured signals that it takes from the log, so
     that it cannot be flown without one; requires: rows of the kite file's own table that it reads; inputs: exogenous inputs that it reads
     (`Kite.input_names` has them then); logged: channels that a log must have for a kite with it; gives_line: it puts a line on the kite;
-    of_line: it acts on a line, so that some other effect must give one.
+    of_line: it acts on a line, so that some other effect must give one; weight: its load is that of gravity on the kite's mass.
 
     Every method receives what stands at its place, the instant `at`, and `own`: the values of its parameters by short name.
     It must give back its input unchanged, to the last bit, when all parameters are null. It writes nothing into the instant (the tether
@@ -37,6 +39,7 @@ class Effect:
     states: tuple[str, ...] = ()
     start_spread: tuple[float, ...] = ()
     slips: dict[str, dict[float, str]] = {}
+    units: tuple[str, ...] = ()
     probes: dict[str, tuple[float, ...]] = {}
     shapes: tuple[str, ...] = ()
     refinements: dict[str, tuple[float, ...]] = {}
@@ -51,6 +54,7 @@ class Effect:
     logged: tuple[str, ...] = ()
     gives_line: bool = False
     of_line: bool = False
+    weight: bool = False
 
     def __init__(self, target: str = "", declaration=None):
         """target: one of `targets`, or empty; declaration: the kite file (`declaration.KiteDeclaration`) it stands in."""
@@ -81,6 +85,11 @@ class Effect:
 
     def state_names(self) -> list[str]:
         return [f"{self.key}.{s}" for s in self.states]
+
+    def state_units(self) -> list[str]:
+        """Units of its states, in their order."""
+        of = UNITS.get(self.target, "-")
+        return [unit.replace("target", of).replace("-/", "1/") for unit in self.units]
 
     def own(self, at: Instant) -> SimpleNamespace:
         return SimpleNamespace(**{p.name: at.values[f"{self.key}.{p.name}"] for p in self.parameters})

@@ -21,6 +21,7 @@ class DownwashLag(Effect):
         Parameter("arm", 4.0, "-", 1.0, 10.0, source="tail arm in chords; gives form only"),
     )
     states = ("alpha",)
+    units = ("rad",)
     start_spread = (0.02,)
     shapes = ("arm",)
 

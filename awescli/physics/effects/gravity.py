@@ -11,6 +11,7 @@ class Gravity(Effect):
     name = "gravity"
     doc = "weight"
     always = True
+    weight = True
 
     def load(self, at, own):
         return Load(rotate_back(at.R, (0.0, 0.0, at.body.mass * at.values["g"])), (0.0, 0.0, 0.0))

@@ -14,6 +14,7 @@ class LoadCellLag(Effect):
     parameters = (Parameter("tau", 0.0, "s", 0.0, 1.5, source="0.1-0.5 s"),)
     states = ("load",)
     start_spread = (30.0,)
+    units = ("N",)
     probes = {"tau": (0.06, 0.15, 0.4)}
 
     def report(self, reported, at, own):

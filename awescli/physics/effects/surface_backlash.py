@@ -23,6 +23,7 @@ class SurfaceBacklash(Effect):
     parameters = (Parameter("width", 0.0, "rad", 0.0, 0.15, source="play of 0.5-3 deg"),)
     targets = CONTROL_SURFACES
     states = ("remembered",)
+    units = ("target",)
     start_spread = (0.02,)
 
     def _surface(self, setpoint, at, own):

@@ -13,6 +13,7 @@ class UnsteadyLift(Effect):
     parameters = (Parameter("tau", 0.0, "s", 0.0, 0.6, source="0.1 s"),)
     states = ("CL",)
     start_spread = (0.05,)
+    units = ("-",)
     probes = {"tau": (0.05, 0.1, 0.2)}
 
     def coefficients(self, coefficients, at, own):

@@ -26,6 +26,7 @@ class WinchTracking(Effect):
     )
     of_line = True
     states = ("speed", "ahead")
+    units = ("m/s", "m")
     start_spread = (0.2, 0.1)
     probes = {"tau": (0.2, 0.6)}
     shapes = ("v_max", "a_max")
