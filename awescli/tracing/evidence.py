@@ -46,8 +46,8 @@ class Evidence:
 
     @property
     def empirical_lead(self) -> float:
-        """Deviance by which as few or fewer empirical terms lead the answer; 0 where none do."""
-        if self.bank is None or not self.bank.final.keys or len(self.bank.final.keys) > len(self.model.keys):
+        """Deviance by which as few or fewer empirical terms (one at least) lead the answer; 0 where none do."""
+        if self.bank is None or not self.bank.final.keys or len(self.bank.final.keys) > max(len(self.model.keys), 1):
             return 0.0
         return max(self.model.deviance - self.bank.final.deviance, 0.0)
 

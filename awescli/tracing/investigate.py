@@ -115,10 +115,12 @@ def investigate(
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, suspects=suspects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
-    if len(evidence.model.keys) > 1 or not (sufficient or max(evidence.gusts.values(), default=0.0) > criteria.gusty):
+    windy = max(evidence.gusts.values(), default=0.0) > criteria.gusty
+    if evidence.model.keys or not (sufficient or windy):
         progress("weighing empirical terms")
         terms = bank_keys(frame.declared, moving(frame.flights[0].log))
-        evidence = replace(evidence, bank=search(frame, null, terms, rounds=BANK_ROUNDS, criteria=criteria, progress=progress))
+        most = len(evidence.model.keys) if sufficient else BANK_ROUNDS
+        evidence = replace(evidence, bank=search(frame, null, terms, rounds=most, criteria=criteria, progress=progress))
     return _finding(frame, evidence, criteria)
 
 

@@ -36,7 +36,7 @@ def verdict(table: Sequence[Criterion]) -> str:
         return "not_testable"
     sufficient = passed["rest_is_noise"] or (passed["floor"] and passed["floor_by_channel"])
     if not sufficient:
-        return "not_deterministic" if passed["rest_repeats"] is False else "unexplained"
+        return "not_deterministic" if passed["rest_repeats"] is False and passed["no_better_empirical_term"] else "unexplained"
     if not passed["sensors_plausible"]:
         return "unexplained"
     if passed["effect_likelier"] and passed["effect_on_unseen_loops"]:

@@ -55,6 +55,7 @@ LEFT = dict.fromkeys(REST, False)
         ("unexplained", {"rest_is_noise": False, "floor_by_channel": False}),
         ("not_deterministic", {**LEFT, "rest_repeats": False}),
         ("not_deterministic", {**FOUND, **LEFT, "rest_repeats": False}),
+        ("unexplained", {**LEFT, "rest_repeats": False, "no_better_empirical_term": False}),
         ("not_deterministic", {"calm_air": False}),
         *(("not_testable", {**FOUND, name: False}) for name in NULL),
         *(("not_testable", {name: False}) for name in NULL),
