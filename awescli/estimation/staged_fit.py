@@ -9,7 +9,7 @@ import numpy as np
 
 from awescli.estimation.coloured import coloured_information
 from awescli.estimation.fit import Fit, JointFit, Share, fit_together
-from awescli.estimation.levels import noise_factors, opened, relevelled
+from awescli.estimation.levels import noise_factors, opened, prior_deviance, relevelled
 from awescli.estimation.misfit import Misfit, Own
 from awescli.estimation.problem import EstimationProblem
 from awescli.estimation.processes.base import Process
@@ -38,8 +38,8 @@ OFF = 0.03
 """A noise whose factor is within 1 +- this is as declared."""
 AT_ONCE, SMALLEST, LARGEST = 1.5, 0.1, 5.0
 """A noise changes by at most the first factor in a round, and stays between the others in all."""
-SAME_OPTIMUM = 1.0
-"""Difference in cost (chi-square) below which two starts have led to the same optimum."""
+SAME_OPTIMUM = 4.0
+"""Difference in deviance below which two starts have led to the same optimum: levels are not fitted closer."""
 
 OnIteration = Callable[[float, int, float], None]
 """horizon [s], iteration, cost"""
@@ -55,7 +55,7 @@ class Flight:
 
 @dataclass(frozen=True)
 class Optimum:
-    """Where one start of several led."""
+    """Where one start of several led. cost: -2 log posterior of parameters, levels and noise."""
 
     cost: float
     outcome: str
@@ -288,17 +288,26 @@ def fit_from_starts(
         on_start(i)
         start = _drawn(flights[0].problem, random) if i else None
         result, problems = fit_flights(flights, horizons, start=start, **how)
-        optima.append(Optimum(result.solution.cost, result.solution.outcome, result.solution.x))
-        if best is None or result.solution.cost < best[0].solution.cost:
+        optima.append(Optimum(_whole_deviance(result, problems), result.solution.outcome, result.solution.x))
+        if best is None or optima[-1].cost < min(o.cost for o in optima[:-1]):
             best = result, problems
     return *best, optima
+
+
+def _whole_deviance(result: JointFit, problems: Sequence[EstimationProblem]) -> float:
+    """-2 log posterior of parameters, levels and noise."""
+    fitted, rows = result.solution.x, [result.prior[n] for n in result.names]
+    away = [(x - p.value) / p.prior_std for x, p in zip(fitted, rows, strict=True)]
+    levels = sum(prior_deviance(p.processes) for p in problems)
+    return sum(f.deviance for f in result.flights) + float(np.square(away).sum()) + levels
 
 
 def spread_of(optima: Sequence[Optimum], best: JointFit) -> dict:
     """What several starts say: costs above the best, how many led to the same optimum, and how far apart these and all of them lie, per
     parameter, in standard deviations of the fit."""
     std = np.sqrt(np.diag(best.covariance))
-    above = np.array([o.cost for o in optima]) - best.solution.cost
+    above = np.array([o.cost for o in optima])
+    above -= above.min()
     apart = np.array([np.abs(o.x - best.solution.x) / std for o in optima])
     same = above < SAME_OPTIMUM
     return {

@@ -52,15 +52,15 @@ def folder(tmp_path_factory):
 
 
 def test_derivatives_come_back(folder):
-    """Guards the whole chain on truth: with the airspeed's scale traced, what was flown comes back; without it, moments had to stand in for
-    the dynamic pressure (0.93^2), and do by as much."""
+    """Guards the whole chain on truth: with the scale of the airspeed traced, what was flown comes back; and already beside its drift
+    no moment has to stand in for the dynamic pressure (1 / 0.93^2)."""
     rows = read_json(folder / "identify" / "params.json")["parameters"]
     traced, truth = read_kite(folder / "trace-residual" / "kite.yaml").table(), THOR.table()
     for name in ("CL_alpha", "Cm_alpha", "Cm_de", "Cm_q", "Cl_da", "Cl_p", "Cn_beta"):
         true = truth[name].value
         assert abs(traced[name].value - true) < 0.06 * abs(true), (name, traced[name].value, true)
         assert name not in WRONG or abs(traced[name].value - true) < 0.4 * abs(WRONG[name] - 1) * abs(true), name
-    assert rows["Cl_da"]["value"] / truth["Cl_da"].value == pytest.approx(1 / SCALE**2, abs=0.1)
+    assert abs(rows["Cl_da"]["value"] / truth["Cl_da"].value - 1) < 0.5 * (1 / SCALE**2 - 1)
     metrics = read_json(folder / "identify" / "metrics.json")
     assert metrics["nrmse"]["test"]["mean"] < 0.6 * metrics["initial"]["nrmse"]["test"]["mean"]
 
