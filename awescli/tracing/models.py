@@ -191,12 +191,12 @@ def _unseen(
     """(validation judged near where all loops together want the parameters; the whole way there (n,) and the last step of it; deviance of
     validation with the parameters integrated out): loops that took no part in a fit differ from it by what the fit does not know of the
     parameters, too. Gauss-Newton steps from the fit."""
-    lower, upper = (np.array([getattr(fitted.parameters[n], end) for n in fitted.names]) - fitted.solution.x for end in ("lower", "upper"))
-    moved = np.zeros(len(fitted.names))
+    lower, upper = (np.array([getattr(fitted.parameters[n], end) for n in fitted.names]) for end in ("lower", "upper"))
+    x, moved = fitted.solution.x, np.zeros(len(fitted.names))
     step, gained, wider = _asked_of(fitted, judged, moved)
     if step @ fitted.solution.H @ step > NEAR:
-        moved = np.clip(step, lower, upper)
-        there = dict(zip(fitted.names, fitted.solution.x + moved, strict=True))
+        target = np.clip(x + step, lower, upper)
+        there, moved = dict(zip(fitted.names, target, strict=True)), target - x
         judged = tuple(
             judge(p, f.parameters.with_values({own: there[fitted.names[i]] for own, i in zip(f.names, place, strict=True)}), j)
             for p, f, place, j in zip(problems, fitted.flights, fitted.places, judged, strict=True)

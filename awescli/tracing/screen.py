@@ -102,7 +102,9 @@ def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
     joint = whole[n_free:, n_free:] - whole[n_free:, free] @ absorbed
     left = gradient[n_free:] - absorbed.T @ gradient[free]
     rows = model.problems[0].simulator.kite.parameters
-    return _scored(every, columns, joint, left, np.diag(whole)[n_free:], {**{p.name: p for k in keys for p in _rows(frame, k)}, **rows})
+    rows = {**{p.name: p for k in keys for p in _rows(frame, k)}, **rows}
+    abrupt = {key for key in keys if make_effect(key, frame.declared).abrupt}
+    return _scored(every, columns, joint, left, np.diag(whole)[n_free:], rows, abrupt)
 
 
 def informed(
@@ -187,7 +189,7 @@ class CandidateColumns:
         return np.concatenate(found, axis=-1) if found else np.zeros((*misfit.observed.measured.shape, 0))
 
 
-def _scored(every, columns: CandidateColumns, joint, gradient, whole, rows) -> Screening:
+def _scored(every, columns: CandidateColumns, joint, gradient, whole, rows, abrupt) -> Screening:
     found: dict[str, list[Score]] = {}
     untestable = []
     for variant in every:
@@ -205,7 +207,10 @@ def _scored(every, columns: CandidateColumns, joint, gradient, whole, rows) -> S
         moving = tuple(variant.moving[i] for i in kept)
         p_value = float(stats.chi2.sf(drop, len(where)))
         score = Score(variant, moving, drop, size, std, p_value, float((whole[local] / diagonal)[kept].min()), tuple(where))
-        if not variant.secant or size[0] > 0:
+        if variant.secant and size[0] <= 0 and variant.key in abrupt:
+            # a linear test says nothing of it: it is to be fitted all the same
+            score = replace(score, drop=0.0, p_value=1.0)
+        if not variant.secant or size[0] > 0 or variant.key in abrupt:
             found.setdefault(variant.key, []).append(score)
     best = [max(group, key=lambda s: s.drop) for group in found.values()]
     untestable = [k for k in dict.fromkeys(untestable) if k not in found]

@@ -87,8 +87,8 @@ def test_the_tilt_is_the_gradient_of_the_log_determinant(problem, monkeypatch):
 
 
 def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
-    """Guards the fit in gusty air: at the truth the gradient is what chance makes of it (chi-square in the norm of the information), while
-    gusts at their best alone would pull by many standard deviations."""
+    """Guards the fit in gusty air: at the truth gusts at their best alone would pull the parameters by many standard deviations (chi-square
+    in the norm of the information; 1 is chance); with the log determinant's slope three quarters of that are gone."""
     names = tuple(n for n in problem.names if n not in problem.kite.record)
     at = coarse(problem, 0.1)
     nothing = at.misfit(names=())
@@ -104,5 +104,4 @@ def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
     def size(b):
         return float((((vectors.T @ (scale * b))[known]) ** 2 / values[known]).sum()) / known.sum()
 
-    assert size(info.b) > 2.5
-    assert size(info.b + tilt(misfit, x, own, links, gram, every)) < 1.7
+    assert size(info.b) > 8 and size(info.b + tilt(misfit, x, own, links, gram, every)) < size(info.b) / 4

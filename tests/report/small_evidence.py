@@ -122,7 +122,8 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
                     "rows": [[1.0, 1.0, 10], [0.5, 0.6, 20], [0.4, 0.5, 5]]},
     }  # fmt: skip
     identify = {
-        "outcome": "converged", "chi2": 1.1, "surfaces": "recorded", "horizon_s": 5.0, "noise_factors": {"alpha": 1.2},
+        "outcome": "converged", "method": "filter error", "outputs": ["alpha"], "chi2": 1.1,
+        "surfaces": "recorded", "horizon_s": 5.0, "noise_factors": {"alpha": 1.2},
         "nrmse": {part: {"mean": 0.01} for part in ("train", "validation", "test")},
         "processes": {f"gusts{evil}": {"level": 0.3, "unit": f"m/s{evil}", "memory_s": 5.0, "process": "gusts"}},
     }  # fmt: skip
