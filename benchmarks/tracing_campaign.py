@@ -199,7 +199,7 @@ def seen(result: dict) -> bool:
         effect = EFFECTS[key.partition(":")[0]]
         null = {p.name: p.value for p in effect.parameters if p.name not in effect.shapes}
         strength = next(iter(null))
-        if abs(result["flown"][key].get(strength, null[strength]) - null[strength]) >= least:
+        if abs(result.get("flown", {})[key].get(strength, null[strength]) - null[strength]) >= least:
             return True
     return False
 
@@ -228,7 +228,7 @@ def claimed(results: Iterable[dict]) -> list[tuple[float, bool]]:
 def inside(result: dict) -> list[bool]:
     """Of an effect that was named right and flown in the library's form: does each strength's 95 % interval hold the truth?"""
     values = {}
-    for key, own in result["flown"].items() if "answers" not in result else ():
+    for key, own in result.get("flown", {}).items() if "answers" not in result else ():
         values |= {(*key.partition(":")[::2], name): value for name, value in own.items()}
     return [
         abs(size["value"] - values[place]) <= 1.96 * size["std"]
