@@ -23,10 +23,10 @@ from awescli.simulation.segments import wrap
 from awescli.stages import STAGES
 
 APP = build_app(STAGES)
-LEARNS = {"train-hybrid": "{hidden: [8], horizons: [0.5], warmup: 0.5, batch: 8, rounds: 10, patience: 3, budget: 100000.0}"}
+LEARNS = {"train-hybrid": "{hidden: [8], horizons: [0.25], warmup: 0.5, batch: 8, rounds: 10, patience: 3, budget: 100000.0}"}
 LEARNS["simulate"] = "{surfaces: recorded, duration: 10.0}"
 """Settings of the small run with which a network is kept, as long as the kite lacks its actuator lag: 44 s of flight hold enough
-segments of half a second to prove a gain, and too few of a second."""
+segments of a quarter of a second to prove a gain, and too few of a second."""
 
 
 def awes(*words: str):
