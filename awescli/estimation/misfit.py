@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from awescli.estimation.information_filter import Axes, Information, Nuisances, eliminate, gap_between
+from awescli.estimation.axes import Axes, gap_between
+from awescli.estimation.information_filter import Information, Nuisances, eliminate
 from awescli.estimation.links import Gram, Links
 from awescli.estimation.processes.base import Process, axes_of, disturbances_of, drifts_of, labels_of, spacing
 from awescli.notation.quantities import STATES

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from awescli.estimation.information_filter import Axes, eliminate
+from awescli.estimation.axes import Axes
+from awescli.estimation.information_filter import eliminate
 from awescli.estimation.links import Links
 
 DT = 0.1

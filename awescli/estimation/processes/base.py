@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from awescli.estimation.information_filter import Axes
+from awescli.estimation.axes import Axes
 from awescli.physics.disturbances import DISTURBANCES
 
 
