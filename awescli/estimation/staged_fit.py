@@ -22,8 +22,10 @@ COARSE = 0.1
 """[s] between nodes while processes are only looked for."""
 SLIGHT = 0.05
 """The same of whatever may be there, once the parameters are near."""
-OPEN = ("gusts", "roll_gusts", "drift")
-"""Processes that are looked for once model error has shown what they are not."""
+OPEN = (("gusts", "drift"), ("roll_gusts",))
+"""Processes that are looked for once model error has shown what they are not; the last ones only where there are gusts: in calm air, what
+rolls a kite against its model is no gust."""
+GUSTY = "gusts"
 LEVEL_ROUNDS = 4
 """The same while parameters are held."""
 OUTPUT_ERROR_ITERATIONS = 100
@@ -103,11 +105,14 @@ def fit_flights(
     problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
     owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
     result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
-    looked = [_looked_for(p, f) for p, f in zip(problems, result.flights, strict=True)]
-    if any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=True)):
-        tables, owns = [f.parameters for f in result.flights], [own for _, own in looked]
-        problems = [p for p, _ in looked]
-        result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    for kinds in OPEN:
+        if kinds is not OPEN[0] and not any(g.level > 0 for p in problems for q in p.processes if q.name == GUSTY for g in q.groups):
+            break
+        looked = [_looked_for(p, f, kinds) for p, f in zip(problems, result.flights, strict=True)]
+        if any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=True)):
+            tables, owns = [f.parameters for f in result.flights], [own for _, own in looked]
+            problems = [p for p, _ in looked]
+            result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
     return widened(result), tuple(problems)
 
 
@@ -187,11 +192,12 @@ def levels_of(processes: Sequence[Process]) -> dict[str, float]:
     return {g.name: g.level for p in processes for g in p.groups if g.level > 0}
 
 
-def _looked_for(problem: EstimationProblem, fit: Fit) -> tuple[EstimationProblem, Own]:
-    """The problem with what of OPEN the flight shows at a fit, at nodes as far apart as they are, and the nuisances to go on from."""
+def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> tuple[EstimationProblem, Own]:
+    """The problem with what of some kinds of processes the flight shows at a fit, at nodes as far apart as they are, and the nuisances to
+    go on from."""
     if not problem.processes or not len(fit.heard):
         return problem, fit.own
-    wide = fit.misfit.with_processes([replace(p, spacing=max(p.spacing, COARSE)) for p in opened(problem.processes, OPEN, SLIGHT)])
+    wide = fit.misfit.with_processes([replace(p, spacing=max(p.spacing, COARSE)) for p in opened(problem.processes, kinds, SLIGHT)])
     own = wide.carried(fit.own, fit.misfit)
     links, trajectories = wide.links(fit.parameters.vector(fit.names), own)
     processes, _ = relevelled(wide, links.gram(), own, fit.heard)
