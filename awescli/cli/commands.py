@@ -70,9 +70,7 @@ def _write_figures(screen: Screen, files: Iterable[tuple[str, str | bytes]], to:
 def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:
     """Everything that can be wrong before hours are spent; all complaints together."""
     from awescli.engine.object_cache import why_unused
-    from awescli.flightlog.quality import data_quality
     from awescli.physics.doubts import doubts
-    from awescli.physics.kite import needed_by
     from awescli.stages.base import Inputs
     from awescli.stages.checking import raise_all, refused
     from awescli.stages.plan import read_plan
@@ -83,9 +81,8 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
         screen.paragraph(f"cache   compiled code is not kept, each start takes seconds longer: {why}")
     inputs = Inputs(plan.flight, plan.kite, plan.split)
     errors: list[BadInput] = []
-    log = needed = None
+    log = None
     try:
-        needed = needed_by(inputs.declared)
         screen.line(f"kite    {plan.kite}: good, {sum(row.free for row in inputs.declared.parameters.values())} free parameters")
         for doubt in doubts(inputs.declared):
             screen.paragraph(f"but {doubt}", 8 * " ")
@@ -97,11 +94,7 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     except BadInput as e:
         errors += e.errors if isinstance(e, BadInputs) else [e]
     if log is not None:
-        try:
-            parts = inputs.parts
-        except BadInput:  # a stage says what is wrong, below
-            parts = None
-        quality = data_quality(log, needed, parts)
+        quality = inputs.quality
         for title, content in quality_sections(quality).items():
             screen.section(title, content)
         screen.answer({"plan": str(plan.file), "quality": json_safe(quality.as_dict())})
@@ -125,7 +118,7 @@ def quality_sections(quality: Any) -> dict[str, Any]:
             for c in quality.channels
         },
         "checks": {
-            c.name: {"value": c.value, "limit": c.threshold, "unit": c.unit, "": "good" if c.ok else "NOT GOOD", "means": c.sentence}
+            c.name: {"value": c.value, "limit": c.threshold, "unit": c.unit, "": how_good(c), "means": c.sentence}
             for c in quality.checks
         },
         "ranges of the parts": {
@@ -143,6 +136,11 @@ def quality_sections(quality: Any) -> dict[str, Any]:
     bad = [c.name for c in quality.checks if not c.ok]
     sections["verdict"] = "good" if quality.ok else "look at " + ", ".join([*bad, *(["what is missing"] if quality.missing else [])])
     return sections
+
+
+def how_good(check: Any) -> str:
+    """A check in a word or two."""
+    return "good" if check.ok else "STOPS" if check.stops else "NOT GOOD"
 
 
 def between(ends: tuple[float, float]) -> str:

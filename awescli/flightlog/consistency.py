@@ -19,12 +19,28 @@ STEEP = np.deg2rad(75.0)
 
 GRAVITY = 9.80665
 
+NOT_THIS = 0.5
+"""Share of its own RMS by which a rate, a velocity may miss what it is the derivative of: beyond, it is not that derivative. A position
+0.3 s late in loops of 9 s misses by 0.2."""
+
+NO_ACCELERATION = 6.0
+"""m/s2: an accelerometer that is tilted by 0.1 rad misses 50 m/s2 by 5; gravity that was left in or taken out misses by 9.8."""
+
+NOT_ON_THIS_LINE = 0.2
+"""Share of the range by which a tether length may miss it: an unset drum, not another quantity."""
+
+MAPPING = "Look at the columns' names, units, signs and clock; map them in a flight.yaml (`format: csv`)."
+
 Signal = np.ndarray
 
 
 @dataclass(frozen=True)
 class Check:
-    """One named number against its threshold: ok where |value| <= threshold; sentence: what it means."""
+    """One named number against its two limits, and what it means.
+
+    ok: within `threshold` (|value| at most that, or at least that for what there must be enough of); stops: beyond `stop`, where nothing
+    that is fitted to the log would mean anything (`stop` None: it only warns); do: what to do then.
+    """
 
     name: str
     value: float
@@ -32,6 +48,20 @@ class Check:
     threshold: float
     ok: bool
     sentence: str
+    stop: float | None = None
+    stops: bool = False
+    do: str = ""
+
+
+def most(name: str, value: float, unit: str, warn: float, stop: float | None, sentence: str, do: str = "") -> Check:
+    """A check that is ok where |value| <= warn and stops where |value| > stop."""
+    size = abs(value)
+    return Check(name, float(value), unit, float(warn), bool(size <= warn), sentence, stop, stop is not None and bool(size > stop), do)
+
+
+def least(name: str, value: float, unit: str, warn: float, stop: float | None, sentence: str, do: str = "") -> Check:
+    """A check that is ok where value >= warn and stops where value < stop."""
+    return Check(name, float(value), unit, float(warn), bool(value >= warn), sentence, stop, stop is not None and bool(value < stop), do)
 
 
 def consistency_checks(log: FlightLog, airborne: np.ndarray) -> list[Check]:
@@ -47,13 +77,14 @@ def consistency_checks(log: FlightLog, airborne: np.ndarray) -> list[Check]:
 def _position_velocity(log: FlightLog, where: Signal) -> list[Check]:
     errors = [np.gradient(log[p], log.dt) - log[v] for p, v in (("p_n", "v_n"), ("p_e", "v_e"), ("p_d", "v_d"))]
     value = _rms(log, errors, where)
-    checks = [_check("position against velocity", value, "m/s", 0.7, "RMS of d(position)/dt minus velocity.")]
+    speed = _size([log[v] for v in ("v_n", "v_e", "v_d")], where)
+    checks = [most("position against velocity", value, "m/s", 0.7, NOT_THIS * speed, "RMS of d(position)/dt minus velocity.", MAPPING)]
     # a late position shows as an error along the acceleration: d(p)/dt - v = -lag * dv/dt
     smooth = [moving_average(e, _width(log))[where] for e in errors]
     accelerations = [moving_average(np.gradient(log[v], log.dt), _width(log))[where] for v in ("v_n", "v_e", "v_d")]
     if (power := sum(float(a @ a) for a in accelerations)) > where.sum():
         lag = -sum(float(e @ a) for e, a in zip(smooth, accelerations, strict=True)) / power
-        checks.append(_check("position lag", lag, "s", 0.05, "By so much the position comes later than the velocity."))
+        checks.append(most("position lag", lag, "s", 0.05, 1.0, "By so much the position comes later than the velocity.", MAPPING))
     return checks
 
 
@@ -69,7 +100,8 @@ def _attitude_rates(log: FlightLog, where: Signal) -> list[Check]:
     if not where.any():
         return []
     value = np.rad2deg(_rms(log, [s - log[n] for s, n in zip(seen, "pqr", strict=True)], where))
-    return [_check("attitude against rates", value, "deg/s", 3.0, "RMS of what the Euler angles do minus p, q, r.")]
+    stop = max(3.0, NOT_THIS * np.rad2deg(_size([log[n] for n in "pqr"], where)))
+    return [most("attitude against rates", value, "deg/s", 3.0, stop, "RMS of what the Euler angles do minus p, q, r.", MAPPING)]
 
 
 def _acceleration_velocity(log: FlightLog, where: Signal) -> list[Check]:
@@ -82,7 +114,7 @@ def _acceleration_velocity(log: FlightLog, where: Signal) -> list[Check]:
     for sign, what in ((1, "minus"), (-1, "plus")):
         if _rms(log, [e + sign * g for e, g in zip(errors, gravity, strict=True)], where) < 0.5 * value and value > 2.0:
             sentence += f" The log holds the acceleration {what} gravity; the kinematic one is expected."
-    return [_check("acceleration against velocity", value, "m/s2", 1.5, sentence)]
+    return [most("acceleration against velocity", value, "m/s2", 1.5, NO_ACCELERATION, sentence, MAPPING)]
 
 
 def _pitot(log: FlightLog, where: Signal) -> list[Check]:
@@ -90,26 +122,28 @@ def _pitot(log: FlightLog, where: Signal) -> list[Check]:
         return []
     wind = wind_ned(log.wind, log.time, -log["p_d"])
     expected = np.sqrt(sum((log[n] - w) ** 2 for n, w in zip(("v_n", "v_e", "v_d"), wind, strict=True)))
-    error = moving_average(log["V_a"] - expected, _width(log))[where]
+    error, half = moving_average(log["V_a"] - expected, _width(log))[where], NOT_THIS * float(expected[where].mean())
+    said = "Mean of the pitot airspeed minus |velocity - recorded wind|.", "Its standard deviation: gusts, wind at other heights, pitot errors."
     return [
-        _check("airspeed bias", float(error.mean()), "m/s", 2.0, "Mean of the pitot airspeed minus |velocity - recorded wind|."),
-        _check("airspeed scatter", float(error.std()), "m/s", 2.5, "Its standard deviation: gusts, wind at other heights, pitot errors."),
+        most("airspeed bias", float(error.mean()), "m/s", 2.0, half, said[0], MAPPING),
+        most("airspeed scatter", float(error.std()), "m/s", 2.5, half, said[1], MAPPING),
     ]
 
 
 def _tether_range(log: FlightLog, where: Signal) -> list[Check]:
-    error = moving_average(log["tether_length"] - _range(log), _width(log))[where]
+    error, far = moving_average(log["tether_length"] - _range(log), _width(log))[where], NOT_ON_THIS_LINE * float(_range(log)[where].mean())
+    said = "Mean of tether length minus range: offset of the drum, sag.", "Its standard deviation: sag, stretch, drum errors, late clocks."
     return [
-        _check("tether length bias", float(error.mean()), "m", 10.0, "Mean of tether length minus range: offset of the drum, sag."),
-        _check("tether length scatter", float(error.std()), "m", 1.5, "Its standard deviation: sag, stretch, drum errors, late clocks."),
+        most("tether length bias", float(error.mean()), "m", 10.0, max(far, 10.0), said[0], MAPPING),
+        most("tether length scatter", float(error.std()), "m", 1.5, max(0.5 * far, 1.5), said[1], MAPPING),
     ]
 
 
 def _reeling(log: FlightLog, where: Signal) -> list[Check]:
     error = np.gradient(log["tether_length"], log.dt) - log["reel_out_speed"]
-    return [
-        _check("reel-out speed against length", _rms(log, [error], where), "m/s", 0.3, "RMS of d(tether length)/dt minus reel-out speed.")
-    ]
+    stop = max(3.0, _size([log["reel_out_speed"]], where))
+    sentence = "RMS of d(tether length)/dt minus reel-out speed."
+    return [most("reel-out speed against length", _rms(log, [error], where), "m/s", 0.3, stop, sentence, MAPPING)]
 
 
 def _winch_clock(log: FlightLog, where: Signal) -> list[Check]:
@@ -119,7 +153,8 @@ def _winch_clock(log: FlightLog, where: Signal) -> list[Check]:
         return []
     sentence = f"By so much the winch records late against the range (correlation {seen.correlation:.2f}, unmoved {seen.unshifted:.2f})."
     value = seen.late if seen.clear else 0.0
-    return [_check("winch clock", value, "s", 0.3, sentence if seen.clear else f"No clear offset shows. {sentence}")]
+    do = "Write `clocks: {winch: auto}` in a flight.yaml."
+    return [most("winch clock", value, "s", 0.3, 5.0, sentence if seen.clear else f"No clear offset shows. {sentence}", do)]
 
 
 CHECKS: tuple[tuple[tuple[str, ...], Callable[[FlightLog, Signal], list[Check]]], ...] = (
@@ -147,5 +182,7 @@ def _rms(log: FlightLog, errors, where: Signal) -> float:
     return float(np.sqrt(sum((moving_average(e, _width(log))[where] ** 2).mean() for e in errors)))
 
 
-def _check(name: str, value: float, unit: str, threshold: float, sentence: str) -> Check:
-    return Check(name, value, unit, threshold, bool(abs(value) <= threshold), sentence)
+
+def _size(signals, where: Signal) -> float:
+    """Root mean square length of a vector where asked."""
+    return float(np.sqrt(sum((x[where] ** 2).mean() for x in signals)))

@@ -6,10 +6,13 @@ from math import comb
 
 import numpy as np
 
-from awescli.flightlog.consistency import Check, consistency_checks
+from awescli.flightlog.consistency import Check, consistency_checks, most
+from awescli.flightlog.enough import enough_checks
 from awescli.flightlog.log import FlightLog, runs_of
 from awescli.flightlog.loops import Loops, find_loops
+from awescli.flightlog.other_readings import reading_checks
 from awescli.flightlog.phases import phase_durations, phases
+from awescli.flightlog.physical import physical_checks
 from awescli.flightlog.ranges import PartRanges, loop_ranges, part_ranges, ranges_check
 from awescli.flightlog.read import missing_for_model
 from awescli.flightlog.split import Split
@@ -24,8 +27,8 @@ NOISE_ORDER = 4
 MOST_STRETCHES = 500
 """Stretches told one by one; the sums in `left_out` count all."""
 
-MAX_INVALID = 0.1
-"""Share of samples that may be invalid before the log is called poor."""
+MAX_INVALID, NO_LOG = 10.0, 60.0
+"""Percent of the samples that may be invalid before the log is called poor, and before what is left is no flight."""
 
 
 @dataclass(frozen=True)
@@ -74,26 +77,37 @@ class DataQuality:
         """All checks passed and nothing missing for a model."""
         return not self.missing and all(check.ok for check in self.checks)
 
+    @property
+    def stopping(self) -> tuple[Check, ...]:
+        """The checks beyond which nothing that is fitted would mean anything."""
+        return tuple(check for check in self.checks if check.stops)
+
     def as_dict(self) -> dict:
         """Plain data, ready for JSON."""
         return {**asdict(self), "ok": self.ok}
 
 
-def data_quality(log: FlightLog, needed: Iterable[str] | None = None, parts: Split | None = None) -> DataQuality:
+def data_quality(
+    log: FlightLog, needed: Iterable[str] | None = None, parts: Split | None = None, further: Iterable[Check] = ()
+) -> DataQuality:
     """Rate, gaps, ranges, noise, faults, consistency, phases, loops and what is missing, of a log as `read_flight` gives it.
 
     needed: channels that the kite needs (`missing_for_model`); parts: how loops are dealt: then also whether validation and test leave what
-    train has flown.
+    train has flown; further: checks that others made of the log, who know the kite.
     """
     labels = phases(log)
     loops = find_loops(log, labels)
     airborne = (labels != "ground") & (labels != "hover")
-    invalid = float((~log.valid).mean())
+    invalid = 100 * float((~log.valid).mean())
     longest = runs_of(~log.valid)
     checks = (
-        Check("invalid samples", 100 * invalid, "%", 100 * MAX_INVALID, invalid <= MAX_INVALID, "Filled over gaps, or faulty."),
+        most("invalid samples", invalid, "%", MAX_INVALID, NO_LOG, "Filled over gaps, or faulty.", "See what made them so, under left out."),
         _sensor_faults(log),
+        *enough_checks(log, airborne, loops),
+        *physical_checks(log, airborne),
         *consistency_checks(log, airborne),
+        *reading_checks(log, airborne),
+        *further,
     )
     ranges = part_ranges(loop_ranges(log, loops.bounds), loops.bounds, parts) if parts else ()
     if parts:

@@ -8,6 +8,7 @@ from scipy.ndimage import median_filter
 
 from awescli.flightlog.clocks import moving_average
 from awescli.flightlog.log import FlightLog, WindRecord, runs_of
+from awescli.flightlog.repeats import repeated_rows
 from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES, MEASURED, SURFACES
@@ -132,6 +133,7 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
         "rows": int(raw.stamps.size), **removed, "interpolated": int((~between.exact & between.known).sum()),
         "gaps": int((np.diff(stamps) > max_gap).sum()), "gap_samples": int((~between.known).sum()), "missing_cells": filled,
         "spikes": sum(raw.spikes.values()),
+        "pasted_rows": int(repeated_rows(x for name, x in raw.signals.items() if name not in raw.own_stamps).sum()),
     }  # fmt: skip
     return FlightLog(
         name=raw.name,
@@ -247,6 +249,7 @@ def _say(counters: Mapping[str, int], dt: float, max_gap: float, raw: RawFlight)
         "interpolated": f"{{}} samples were interpolated to the uniform clock of {dt:g} s.",
         "gaps": f"{{}} gaps are longer than {max_gap:g} s; the samples inside are marked invalid.",
         "spikes": f"{{}} spikes were taken as missing ({', '.join(f'{n} {k}' for k, n in raw.spikes.items())}).",
+        "pasted_rows": "{} rows stand in blocks that the log holds twice.",
         "missing_cells": "{} missing values: short stretches interpolated, longer ones marked invalid.",
     }
     said = [text.format(counters[key]) for key, text in sentences.items() if counters[key]]

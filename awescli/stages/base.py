@@ -175,6 +175,13 @@ class Inputs:
         return split(find_loops(log), **self.split.model_dump(), log=log)
 
     @cached_property
+    def quality(self) -> Any:
+        """The DataQuality of the plan's flight, checks against the declared kite included, where log and kite file can be read so far."""
+        from awescli.stages.data_checks import quality_of
+
+        return quality_of(self, self.log, self.flight)
+
+    @cached_property
     def declared(self) -> Any:
         """The KiteDeclaration of the plan's kite file."""
         from awescli.physics.declaration import read_kite
@@ -239,6 +246,10 @@ class Stage(ABC):
 
     def needs(self, config: Any) -> tuple[Need, ...]:
         """The upstream stages it takes something from; they stand before it in the stages table."""
+        return ()
+
+    def flights(self, config: Any) -> tuple[Path, ...]:
+        """Folders of further flights that it takes something from, beside the plan's."""
         return ()
 
     def check(self, inputs: Inputs, config: Any) -> Iterable[tuple[str, BadInput]]:

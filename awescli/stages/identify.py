@@ -49,6 +49,9 @@ class Identify(Stage):
     def needs(self, config):
         return (Need("fit-controller", required=config.surfaces == "controller"),)
 
+    def flights(self, config):
+        return tuple(f.flight for f in config.also)
+
     def check(self, inputs, config):
         from awescli.flightlog.read import read_flight
         from awescli.notation.errors import BadInput

@@ -37,14 +37,13 @@ def gather(context: Context, log, parts, metrics: dict, arrays: dict):
     from awescli.artifacts import PROVENANCE, versions
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.phases import phases
-    from awescli.flightlog.quality import data_quality
     from awescli.report.evidence import Evidence
 
     law, identified, traced, trained, simulated = (context.upstream(stage) for stage in UPSTREAM)
     labels = phases(log)
     records = {stage: _json(context.upstream(stage), PROVENANCE) for stage in UPSTREAM} | {OWN: {"stamp": context.stamp}}
     return Evidence(
-        log=log, loops=find_loops(log, labels), phases=labels, quality=data_quality(log, parts=parts), parts=parts,
+        log=log, loops=find_loops(log, labels), phases=labels, quality=context.inputs.quality, parts=parts,
         scores=metrics, predictions=arrays,
         controller=_json(law, "metrics.json"), commanded=_commanded(law, log),
         identify=_json(identified, "metrics.json"), params=_json(identified, "params.json"),

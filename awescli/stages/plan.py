@@ -10,10 +10,11 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, field_validator
 
+from awescli.flightlog.check_names import NAMES
 from awescli.notation.document import Document, open_document
-from awescli.notation.errors import BadInput, BadInputs
+from awescli.notation.errors import BadInput, BadInputs, did_you_mean
 from awescli.stages.base import Split, Stage, StageConfig
 
 OMIT = ("stages",)
@@ -30,6 +31,15 @@ class SharedSettings(BaseModel):
     out: Path = Field(Path("out"), description="folder for the results")
     seed: int = Field(0, ge=0, lt=2**63, description="seed of everything random")
     split: Split = Field(default_factory=Split, description="how the flight's loops are divided: train, validation, test, order")
+    ignore: tuple[str, ...] = Field((), max_length=100, description="data checks that may not stop a run, by their names in `awes check`")
+
+    @field_validator("ignore")
+    @classmethod
+    def _known_checks(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        for name in names:
+            if name not in NAMES:
+                raise ValueError(BadInput(f"there is no data check '{name}'", do=did_you_mean(name, NAMES)))
+        return names
 
 
 @dataclass(frozen=True)
@@ -37,7 +47,7 @@ class Plan:
     """A checked plan; every path is ready to open.
 
     file: the stages.yaml; settings: stage name -> its settings, for every stage there is; planned: the stages that `awes run`
-    runs, in the order of the stages table; where: parts of a key -> its place, `stages.yaml:12: identify.horizon` or `--set ...`.
+    runs, in the order of the stages table; ignore: data checks that may not stop it; where: parts of a key -> its place, `stages.yaml:12: identify.horizon` or `--set ...`.
     """
 
     file: Path
@@ -48,6 +58,7 @@ class Plan:
     split: Split
     settings: Mapping[str, StageConfig]
     planned: tuple[str, ...]
+    ignore: tuple[str, ...] = ()
     where: Callable[..., str] = lambda *key: ".".join(key[1:])
 
 
@@ -90,6 +101,7 @@ def read_plan(path: Path, stages: Sequence[Stage], overrides: Mapping[str, str] 
         split=checked.split,
         settings=settings,
         planned=tuple(s.name for s in stages if s.name.replace("-", "_") in present),
+        ignore=checked.ignore,
         where=document.where,
     )
     _check_paths(plan, document)

@@ -33,7 +33,7 @@ from awescli.notation.errors import BadInput, NumericalFailure, did_you_mean
 from awescli.stages.base import FAILURE, Context, Inputs, Progress, Silent, Stage, StageConfig
 from awescli.stages.blas import blas, one_blas_thread
 from awescli.stages.changes import changes, flat
-from awescli.stages.checking import raise_all, refused
+from awescli.stages.checking import raise_all, refused, with_warning
 from awescli.stages.forced import Forced
 from awescli.stages.inputs import input_hash, refuse_own_inputs
 from awescli.stages.made import made_hash, read_provenance
@@ -205,7 +205,7 @@ class _Run:
                 inputs=inputs,
             )
             try:
-                summary = dict(stage.run(context, plan.settings[name]) or {})
+                summary = with_warning(stage.run(context, plan.settings[name]) or {}, inputs, plan)
             except Exception:
                 # a failure would only be repeated from its own checkpoints; an interruption (no Exception) keeps them
                 remove(checkpoints)

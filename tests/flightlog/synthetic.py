@@ -37,7 +37,7 @@ def circle(seconds=60.0, rate=50.0, period=8.0, turn=1, noise=0.0, reel=0.8, see
         "p_n": p[0], "p_e": p[1], "p_d": p[2], "v_n": v[0], "v_e": v[1], "v_d": v[2], "phi": phi, "theta": theta, "psi": wrap(psi),
         "p": dphi - dpsi * np.sin(theta), "q": dtheta * np.cos(phi) + dpsi * np.sin(phi) * np.cos(theta),
         "r": -dtheta * np.sin(phi) + dpsi * np.cos(phi) * np.cos(theta), "a_x": a_body[0], "a_y": a_body[1], "a_z": a_body[2],
-        "V_a": np.sqrt((v[0] + 8.0) ** 2 + v[1] ** 2 + v[2] ** 2) + 0.0, "tension": 2000 + 500 * np.cos(phase),
+        "V_a": np.sqrt((v[0] - 8.0) ** 2 + v[1] ** 2 + v[2] ** 2) + 0.0, "tension": 2000 + 500 * np.cos(phase),
     }  # fmt: skip
     measured = {k: x + noise * rng.standard_normal(n) for k, x in clean.items()}
     measured["psi"] = wrap(measured["psi"])
@@ -47,7 +47,7 @@ def circle(seconds=60.0, rate=50.0, period=8.0, turn=1, noise=0.0, reel=0.8, see
         "tether_length": range_ + 0.0, "reel_out_speed": np.full(n, reel),
     }  # fmt: skip
     wind = WindRecord(
-        np.array([0.0, seconds]), np.array([10.0]), np.full((2, 1), 8.0), np.full((2, 1), 0.1), np.zeros((2, 1)), np.full(2, 1.2)
+        np.array([0.0, seconds]), np.array([10.0]), np.full((2, 1), 8.0), np.full((2, 1), np.pi + 0.1), np.zeros((2, 1)), np.full(2, 1.2)
     )
     return FlightLog("circle", START / 1000, 1 / rate, time, measured, inputs, np.ones(n, bool), wind)
 

@@ -25,7 +25,7 @@ def test_there_and_back_is_exact_to_the_columns_precision(tmp_path, log):
     factor = {"deg": np.pi / 180, "deg/s": np.pi / 180, "kgf": 9.80665, "%": 0.01}
     for name, (_, unit, _) in COLUMNS.items():
         assert np.abs(back[name] - log[name]).max() <= half * factor.get(unit, 1.0), name
-    assert np.allclose(back.wind.speed, 8.0) and np.allclose(back.wind.direction, 0.1, atol=1e-5) and back.wind.height == [10.0]
+    assert np.allclose(back.wind.speed, 8.0) and np.allclose(back.wind.direction, np.pi + 0.1, atol=1e-5) and back.wind.height == [10.0]
     # the text of what was read is the text that was read
     assert to_kitemill_csv(back) == to_kitemill_csv(read_flight(write_folder(tmp_path / "again", back)))
     assert missing_for_model(back) == []
