@@ -31,16 +31,9 @@ def quality_of(inputs: Inputs, log: Any, folder: Path) -> Any:
 
 
 def stopped(stage: Stage, inputs: Inputs, plan: Plan) -> Iterator[BadInput]:
-    """What of the flights of a stage lies beyond a stop limit, but for what the plan ignores. Raises BadInput where the plan's cannot be read."""
-    from awescli.flightlog.read import read_flight
-
-    qualities = {inputs.flight: inputs.quality}
-    for folder in stage.flights(plan.settings[stage.name]):
-        try:
-            qualities[folder] = quality_of(inputs, read_flight(folder), folder)
-        except BadInput:  # the stage names the setting
-            continue
-    for folder, quality in qualities.items():
+    """What of the flights of a stage lies beyond a stop limit, but for what the plan ignores. Flights that cannot be read are the stage's
+    to refuse."""
+    for folder, quality in _qualities(stage, inputs, plan):
         for check in quality.stopping:
             if check.name not in plan.ignore:
                 value, limit = f"{check.value:.4g} {check.unit}".strip(), f"{check.stop:.4g}"
@@ -48,8 +41,30 @@ def stopped(stage: Stage, inputs: Inputs, plan: Plan) -> Iterator[BadInput]:
                 yield BadInput(what, str(folder), f"{check.do} To go on all the same: `ignore: [{check.name}]` in {plan.file}.")
 
 
+def _qualities(stage: Stage, inputs: Inputs, plan: Plan) -> Iterator[tuple[Path, Any]]:
+    """(folder, DataQuality) of the plan's flight and of the stage's further ones, those that can be read."""
+    from awescli.flightlog.read import read_flight
+
+    if quality := _of_plan(inputs):
+        yield inputs.flight, quality
+    for folder in stage.flights(plan.settings[stage.name]):
+        try:
+            yield folder, quality_of(inputs, read_flight(folder), folder)
+        except BadInput:
+            continue
+
+
+def _of_plan(inputs: Inputs) -> Any:
+    """The DataQuality of the plan's flight; None where it cannot be read."""
+    try:
+        return inputs.quality
+    except BadInput:
+        return None
+
+
 def warning(inputs: Inputs, plan: Plan) -> str:
     """One line that names the checks of the plan's flight that are not good, ignored ones first; empty where all are."""
-    failed = sorted((c for c in inputs.quality.checks if not c.ok), key=lambda c: not c.stops)
+    quality = _of_plan(inputs)
+    failed = sorted((c for c in quality.checks if not c.ok), key=lambda c: not c.stops) if quality else []
     names = [f"{c.name} (ignored)" if c.stops and c.name in plan.ignore else c.name for c in failed]
     return shorten(f"data, not good: {', '.join(names)}", WIDTH, placeholder=" ...") if names else ""
