@@ -36,6 +36,7 @@ SUBJECTS = {
     "declared": "kinds_declared",
     "artifacts": "kinds_artifacts",
     "cache": "kinds_cache",
+    "logs": "kinds_logs",
 }
 """What is damaged -> the module with KINDS (name -> number of cases) and `prepare(folder) -> judge(kind, rng) -> Judged`."""
 

@@ -36,10 +36,13 @@ LATE = (0.0, 0.05, 0.1, 0.2, 0.35)
 TOGETHER = 0.5
 """[s] that an error of the model lasts."""
 
+NEARER = 4.0
+"""Bounds are wide, so that a fit may search them; the guesses between them are mostly nearer the truth, by so much."""
+
 CONSTANT = 0.3
 """rad/s2: standard deviation of a moment that is always there: a bent wing, a mass off centre."""
 
-KNOWN, SHOWN = 0.15, 0.12
+KNOWN, SHOWN = 0.15, 0.25
 """Standard deviation of a factor above which, and share of what is left that a surface must explain below which the flight does not show it:
 where a model misses far more than the surface does, the factor is that of the model's error."""
 
@@ -120,7 +123,7 @@ def _responses(seen: _Seen) -> Iterator[Check]:
     if not moving:
         return
     columns = [SURFACES.index(s) for s in moving]
-    nuisances = _nuisances(seen, columns)
+    nuisances = _nuisances(seen)
     found = []
     for late in LATE:
         effects, missing = _effects(seen, seen.late(late), columns)
@@ -131,9 +134,9 @@ def _responses(seen: _Seen) -> Iterator[Check]:
 
 
 def _effects(seen: _Seen, setpoints: np.ndarray, columns: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """(what each surface contributes to the angular acceleration by moving, (N, 3, S); what the kite with still surfaces lacks, (N, 3))."""
+    """(what each surface contributes to the angular acceleration, (N, 3, S); what the kite without them lacks, (N, 3))."""
     still = setpoints.copy()
-    still[:, columns] = still[:, columns].mean(axis=0)
+    still[:, columns] = 0.0
     trimmed, effects = _angular(seen.instant(still)), []
     for column in columns:
         alone = still.copy()
@@ -142,23 +145,23 @@ def _effects(seen: _Seen, setpoints: np.ndarray, columns: list[int]) -> tuple[np
     return np.stack(effects, axis=-1), seen.rates[:, 9:12] - trimmed
 
 
-def _nuisances(seen: _Seen, columns: list[int]) -> np.ndarray:
-    """(N, 3, n): what one standard deviation of every other free parameter, and of a constant moment, does to the angular acceleration."""
-    kite, setpoints = seen.kite, seen.setpoints[0]
+def _nuisances(seen: _Seen) -> np.ndarray:
+    """(N, 3, n): what one standard deviation of every free derivative that is no surface's, and of a constant moment, does to the angular
+    acceleration. Not of the inertia: it would scale the surfaces with all else, and may take their sign."""
+    kite, still = seen.kite, np.zeros((len(seen.rows), len(SURFACES)))
     terms = kite.declaration.aerodynamics.terms
-    names = {SURFACES[c] for c in columns}
-    own = {p for of in terms.values() for text, p in of.items() if names & {v for v, *_ in parse_monomial(text)}}
-    as_is, found = _angular(seen.instant(setpoints)), []
+    others = {p for of in terms.values() for text, p in of.items() if not {v for v, *_ in parse_monomial(text)} & set(SURFACES)}
+    as_is, found = _angular(seen.instant(still)), []
     for row in kite.parameters.rows:
         std = row.std if row.std else (row.upper - row.lower) / 4
-        if row.free and row.name not in own and np.isfinite(std) and std > 0:
-            moved = _angular(seen.instant(setpoints, {row.name: row.value + 0.01 * std})) - as_is
+        if row.free and row.name in others and np.isfinite(std) and std > 0:
+            moved = _angular(seen.instant(still, {row.name: row.value + 0.01 * std})) - as_is
             if np.abs(moved).max() > 0:
                 found.append(100 * moved)
-    q = np.asarray(seen.instant(setpoints).dynamic_pressure)
+    q = np.asarray(seen.instant(still).dynamic_pressure)
     for axis in range(3):
         constant = np.zeros((len(q), 3))
-        constant[:, axis] = CONSTANT * q / q.mean()
+        constant[:, axis] = NEARER * CONSTANT * q / q.mean()
         found.append(constant)
     return np.stack(found, axis=-1)
 
@@ -170,10 +173,10 @@ def _angular(at) -> np.ndarray:
 
 def _regressed(effects: np.ndarray, missing: np.ndarray, nuisances: np.ndarray, seen: _Seen) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """(factors (S,), standard deviations, cost) of the surfaces' effects (N, 3, S) in what is missing (N, 3), beside nuisances (N, 3, n) of
-    unit variance; axes weighted by what they leave, one error lasting for half a second."""
+    variance 1 / NEARER^2; axes weighted by what they leave, one error lasting for half a second."""
     surfaces = effects.shape[2]
     together = max(1.0, TOGETHER / (seen.log.dt * max(1.0, float(np.median(np.diff(seen.rows))))))
-    prior = np.r_[np.zeros(surfaces), np.ones(nuisances.shape[2])]
+    prior = np.r_[np.zeros(surfaces), np.full(nuisances.shape[2], NEARER**2)]
     A, scale = np.concatenate([effects, nuisances], axis=2), np.maximum(missing.std(axis=0), 1e-6)
     if not np.isfinite(A).all() or not np.isfinite(missing).all():
         nothing = np.full(surfaces, np.nan)

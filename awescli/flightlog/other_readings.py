@@ -25,7 +25,7 @@ MOST = 5000
 TURNING = 0.1
 """rad/s RMS: below, there is nothing to compare."""
 
-BETTER, WRONG = 0.5, 0.35
+BETTER, WRONG = 0.5, 0.15
 """Share of the misfit that another reading must leave, and share of the signal that the log's own must miss, to be doubted ..."""
 FAR_BETTER, FAR_OFF = 0.3, 0.6
 """... and to be refused. A latency of 0.3 s in loops of 9 s makes a rate miss by 0.2 of its size, whatever the reading."""
@@ -41,7 +41,7 @@ SCALE, NO_PITOT = 0.08, 0.35
 CLOCK, NO_CLOCK = 0.4, 8.0
 """Percent by which positions may be slower or faster than velocities: GPS agrees to 0.1; beyond, a rate was mistaken."""
 
-WIND_OFF, ANOTHER_WIND = 5.0, 0.9
+WIND_OFF, ANOTHER_WIND = 3.0, 0.9
 """m/s between recorded wind and wind triangle that warn, and share of the stronger of the two that stops: 0.9 is 53 deg at equal speed."""
 CALM = 4.0
 """m/s: in less wind its direction says nothing."""
@@ -125,16 +125,22 @@ def _nose(log: FlightLog, where: np.ndarray) -> Iterator[Check]:
     if fast.sum() < 100:
         return
     air, angle = air[:, fast], {n: log[n][where][fast] for n in ("phi", "theta", "psi")}
-    off = {}
-    for said, signs in _attitudes():
-        R = rotation_body_to_ned(*(s * angle[n] for s, n in zip(signs, ("phi", "theta", "psi"), strict=True)))
-        along = rotate_back(R, tuple(air))[0] / np.sqrt((air**2).sum(0))
-        off[said] = float(np.degrees(np.arccos(np.clip(along, -1, 1))).mean())
+    off = {said: _off_nose(angle, signs, air) for said, signs in _attitudes()}
+    # the wind is that of the record, the velocity the log's
+    v, blows = np.array([log[n][where][fast] for n in ("v_n", "v_e", "v_d")]), np.array(wind)[:, where][:, fast]
+    off["north and east exchanged in position and velocity"] = _off_nose(angle, (1, 1, 1), v[[1, 0, 2]] - blows)
     best = min(off, key=lambda said: off[said])
     sentence = "Mean angle between the nose and where the air comes from, by velocity and recorded wind."
     if best and off[""] > NOSE[0] and off[best] < BETTER * off[""]:
         sentence += f" With {best} it is {off[best]:.0f} deg."
     yield most("nose against airflow", off[""], "deg", *NOSE, sentence, MAPPING.format("nose against airflow"))
+
+
+def _off_nose(angle: Mapping[str, np.ndarray], signs: tuple[int, int, int], air: np.ndarray) -> float:
+    """[deg] mean angle between the nose and the velocity through the air (3, N) NED."""
+    R = rotation_body_to_ned(*(s * angle[n] for s, n in zip(signs, ("phi", "theta", "psi"), strict=True)))
+    along = rotate_back(R, tuple(air))[0] / np.maximum(np.sqrt((air**2).sum(0)), 1e-6)
+    return float(np.degrees(np.arccos(np.clip(along, -1, 1))).mean())
 
 
 def _orders() -> Iterator[tuple[str, tuple[str, ...], tuple[int, ...]]]:
@@ -239,7 +245,7 @@ def _wind(wind: tuple[float, float] | None, triangle: Triangle | None) -> Iterat
     best = min(misfit, key=lambda said: misfit[said])
     if off > WIND_OFF and misfit[best] < FAR_BETTER * off:
         sentence += f" Read as {best} it is {misfit[best]:.1f} m/s."
-    stop = max(ANOTHER_WIND * strong, WIND_OFF + 4 * triangle.std, CALM)
+    stop = max(ANOTHER_WIND * strong, 4 * triangle.std, 5.0)
     yield most("wind against airspeed", off, "m/s", max(WIND_OFF, 4 * triangle.std), stop, sentence, MAPPING.format("wind against airspeed"))
 
 

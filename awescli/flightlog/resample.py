@@ -133,7 +133,7 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
         "rows": int(raw.stamps.size), **removed, "interpolated": int((~between.exact & between.known).sum()),
         "gaps": int((np.diff(stamps) > max_gap).sum()), "gap_samples": int((~between.known).sum()), "missing_cells": filled,
         "spikes": sum(raw.spikes.values()),
-        "pasted_rows": int(repeated_rows(x for name, x in raw.signals.items() if name not in raw.own_stamps).sum()),
+        "pasted_rows": int(repeated_rows(x[keep] for name, x in raw.signals.items() if name not in raw.own_stamps).sum()),
     }  # fmt: skip
     return FlightLog(
         name=raw.name,
