@@ -29,8 +29,18 @@ SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "
 def headline(evidence: Evidence) -> Section:
     """Title, verdict, claims, numbers of the ladder, and the ladder per channel."""
     said = paragraph(f"{lead(evidence)} {worth(evidence)}", "lead") if evidence.effects else ""
-    body = said, tiles(evidence), bullets(claims(evidence)), ladder(evidence), power_figure(evidence)
+    body = poor_data(evidence), said, tiles(evidence), bullets(claims(evidence)), ladder(evidence), power_figure(evidence)
     return Section("summary", title(evidence), body)
+
+
+def poor_data(evidence: Evidence) -> str:
+    """What of the log is not good, before anything that was made of it; empty where all is."""
+    failed = sorted((c for c in evidence.quality.checks if not c.ok), key=lambda c: not c.stops)
+    if not failed:
+        return ""
+    values = [f"{esc(c.name)} {number(c.value)} {esc(c.unit)}".rstrip() + f" (limit {number(c.threshold)})" for c in failed]
+    ignored = " Nothing that is fitted beyond a stop limit means anything; the plan ignores it." if failed[0].stops else ""
+    return paragraph(f"The data first, {link('tab-quality', 'not good')}: {listed(values)}.{ignored}")
 
 
 def lead(evidence: Evidence) -> str:
