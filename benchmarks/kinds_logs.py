@@ -197,7 +197,7 @@ KINDS_OF: dict[str, tuple[Change, str]] = {
     "position 0.5 s late": (_late(0.5, N[0], E[0], D[0]), "position lag"),
 }  # fmt: skip
 """Kind -> (change, words of which one must be said for it to be named: a regular expression)."""
-KINDS = dict.fromkeys(KINDS_OF, 2)
+KINDS = dict.fromkeys(KINDS_OF, 1)
 REPAIRED = {"every other row"}
 """Kinds that are not wrong at all but thinner: right is that nothing is said."""
 

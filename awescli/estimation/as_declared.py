@@ -60,7 +60,7 @@ LOAD = (0.65, 1.5)
 NO_LOAD = (0.4, 2.0)
 """... and in lbf it is 2.2 times, in N 9.8, in kN 0.01 times as large."""
 
-DO = "Look at {} in the log and in the kite file; `ignore: [{}]` in the plan if it is so."
+DO = "Look at {} in the log and in the kite file."
 
 
 def declared_checks(declaration: KiteDeclaration, log: FlightLog) -> list[Check]:
@@ -115,7 +115,7 @@ def _travel(seen: _Seen) -> Iterator[Check]:
     if times:
         worst = max(times, key=lambda name: times[name])
         sentence = f"Deflection over declared travel of the surface that goes farthest ({worst})."
-        yield most("surface travel", times[worst], "times", *TRAVEL, sentence, DO.format(f"unit of the {worst} and its limits", "surface travel"))
+        yield most("surface travel", times[worst], "times", *TRAVEL, sentence, DO.format(f"the unit of the {worst} and its limits"))
 
 
 def _responses(seen: _Seen) -> Iterator[Check]:
@@ -207,7 +207,7 @@ def _response(surface: str, factor: float, std: float, share: float) -> Check:
     limit, stop = (FACTOR[1], NO_FACTOR[1]) if factor > FACTOR[1] else (FACTOR[0], NO_FACTOR[0])
     if not ok:
         sentence += f" It looks like {_looks(factor, surface)}."
-    return Check(name, factor, "", limit, ok, sentence, stop, stops, DO.format(f"sign, unit and scale of the {surface}", name))
+    return Check(name, factor, "", limit, ok, sentence, stop, stops, DO.format(f"sign, unit and scale of the {surface}"))
 
 
 def _looks(factor: float, surface: str) -> str:
@@ -243,7 +243,7 @@ def _load(seen: _Seen) -> Iterator[Check]:
     sentence = "Measured load over the pull that declared weight and air forces leave for the line."
     if not ok:
         sentence += _unit_of(factor)
-    yield Check("load as declared", factor, "", limit, ok, sentence, stop, stops, DO.format("the unit of the load, S and lift", "load as declared"))
+    yield Check("load as declared", factor, "", limit, ok, sentence, stop, stops, DO.format("the unit of the load, S and lift"))
 
 
 def _unit_of(factor: float) -> str:

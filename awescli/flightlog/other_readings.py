@@ -50,7 +50,7 @@ UPWIND = (50.0, 95.0)
 """deg between where the kite flies and downwind."""
 
 SPEED_UNITS = {"kt": 3600 / 1852, "km/h": 3.6, "mph": 3600 / 1609.344, "ft/s": 1 / 0.3048}
-MAPPING = "Say so in a flight.yaml (`format: csv`: `sign`, `unit`, other columns), or leave the log as it is: `ignore: [{}]` in the plan."
+MAPPING = "Say so in a flight.yaml (`format: csv`: `sign`, `unit`, other columns)."
 
 
 def reading_checks(log: FlightLog, airborne: np.ndarray) -> list[Check]:
@@ -133,7 +133,7 @@ def _nose(log: FlightLog, where: np.ndarray) -> Iterator[Check]:
     sentence = "Mean angle between the nose and where the air comes from, by velocity and recorded wind."
     if best and off[""] > NOSE[0] and off[best] < BETTER * off[""]:
         sentence += f" With {best} it is {off[best]:.0f} deg."
-    yield most("nose against airflow", off[""], "deg", *NOSE, sentence, MAPPING.format("nose against airflow"))
+    yield most("nose against airflow", off[""], "deg", *NOSE, sentence, MAPPING)
 
 
 def _off_nose(angle: Mapping[str, np.ndarray], signs: tuple[int, int, int], air: np.ndarray) -> float:
@@ -158,7 +158,7 @@ def _judged(name: str, misfit: Mapping[str, float], says: str) -> Check:
     if best and own > WRONG and misfit[best] < BETTER * own:
         sentence = f"{says}; with the {best} it is {misfit[best]:.2g}." if "read as" not in best else f"{says}; {best} it is {misfit[best]:.2g}."
         stop = FAR_OFF if misfit[best] < FAR_BETTER * own else None
-        return most(name, own, "", min(WRONG, own / 2), stop, sentence, MAPPING.format(name))
+        return most(name, own, "", min(WRONG, own / 2), stop, sentence, MAPPING)
     return Check(name, own, "", WRONG, True, f"{says}: no other order or sign fits far better.")
 
 
@@ -210,7 +210,7 @@ def _airspeed(triangle: Triangle | None) -> Iterator[Check]:
     elif abs(triangle.scale * SPEED_UNITS["kt"] - 1) < 0.1:
         sentence += " It looks like m/s that were taken for kt."
     off = triangle.scale - 1
-    yield most("airspeed scale", off, "", SCALE, NO_PITOT, f"{sentence} (minus 1)", MAPPING.format("airspeed scale"))
+    yield most("airspeed scale", off, "", SCALE, NO_PITOT, f"{sentence} (minus 1)", MAPPING)
 
 
 def _recorded(log: FlightLog, where: np.ndarray) -> tuple[float, float]:
@@ -246,7 +246,7 @@ def _wind(wind: tuple[float, float] | None, triangle: Triangle | None) -> Iterat
     if off > WIND_OFF and misfit[best] < FAR_BETTER * off:
         sentence += f" Read as {best} it is {misfit[best]:.1f} m/s."
     stop = max(ANOTHER_WIND * strong, 4 * triangle.std, 5.0)
-    yield most("wind against airspeed", off, "m/s", max(WIND_OFF, 4 * triangle.std), stop, sentence, MAPPING.format("wind against airspeed"))
+    yield most("wind against airspeed", off, "m/s", max(WIND_OFF, 4 * triangle.std), stop, sentence, MAPPING)
 
 
 def _downwind(log: FlightLog, where: np.ndarray, wind: tuple[float, float] | None) -> Iterator[Check]:
@@ -263,7 +263,7 @@ def _downwind(log: FlightLog, where: np.ndarray, wind: tuple[float, float] | Non
     best = min(misfit, key=lambda said: misfit[said])
     if off > UPWIND[0] and misfit[best] < FAR_BETTER * off:
         sentence += f" With {best} it is {misfit[best]:.0f} deg."
-    yield most("downwind", off, "deg", *UPWIND, sentence, MAPPING.format("downwind"))
+    yield most("downwind", off, "deg", *UPWIND, sentence, MAPPING)
 
 
 def _angle(a: tuple[float, float], b: tuple[float, float]) -> float:

@@ -1,4 +1,4 @@
-"""Every stage ends in at most six lines of 80 columns that hold the answer."""
+"""Every stage ends in at most six lines of 80 columns that hold the answer, and one more where data checks are not good."""
 
 import json
 import re
@@ -41,7 +41,8 @@ def ending(stdout: str, stage: str) -> list[str]:
 @pytest.mark.parametrize("stage", [s.name for s in STAGES])
 def test_a_stage_ends_in_six_lines_of_80_columns(run, stage):
     lines = ending(run[1], stage)
-    assert len(lines) <= 6 and max(map(len, lines)) <= 80, lines
+    assert lines[-1].startswith("  data, not good: usable loops"), lines  # the flight was cut to five
+    assert len(lines) <= 7 and max(map(len, lines)) <= 80, lines
     alone = CliRunner().invoke(APP, [stage], env={"COLUMNS": "80"})
     assert alone.stdout.splitlines()[-len(lines) :] == lines  # skipped, the answer still ends it
 
