@@ -6,8 +6,8 @@ answer of the undamaged case), `noticed` (an answer with a sentence about it), `
 error that awes did not mean, a crash, more than TIMEOUT s). Asked for: no fault, and nothing unnoticed but what nobody could tell.
 Writes results/fuzz_kinds.md.
 
-To add a subject (plausible but wrong logs: a change of meaning in units, signs, frames, clocks, repeated blocks, gaps): a file with
-KINDS and `prepare(folder) -> judge`, and a line in SUBJECTS.
+To add a subject: a file with KINDS and `prepare(folder) -> judge`, and a line in SUBJECTS. Of logs the table by flight, with what is named
+rightly, is made by kinds_logs.py.
 """
 
 import argparse

@@ -1,8 +1,8 @@
-"""Plausible but wrong logs: python benchmarks/kinds_logs.py FLIGHT [FLIGHT ...] [--kite KITE.yaml]
+"""Plausible but wrong logs: python benchmarks/kinds_logs.py FLIGHT [FLIGHT ...] [--kite KITE.yaml] [--write]
 
 A change of meaning in a good log: units, signs, frames, clocks, repeated blocks, gaps. Each is read and checked as `awes check` does, nothing
 is fitted. Noticed: refused by a reader, stopped or warned of by a check that the good log passes, or told in a note; repaired: the numbers
-are those of the good log; named: what is said holds the words of what was done. Writes results/kinds_logs.md.
+are those of the good log; named: what is said holds the words of what was done. With --write the table goes to results/kinds_logs.md.
 
 FLIGHT: folders in Kitemill's format; with a nominal.yaml in them that is the kite, declared by examples/dev_kite/declare.py.
 """
@@ -323,7 +323,7 @@ def main(arguments=None) -> int:
             said = [f"{t.how}{'' if t.named else ' (not named)'}" for t in results[kind].values()]
             print(f"{kind}: {', '.join(said)}: {next(iter(results[kind].values())).words[:160]}", flush=True)
     if not options.only:
-        text = table(f"python benchmarks/kinds_logs.py {' '.join(f.name for f in options.flights)}", results, time.monotonic() - began)
+        text = table(f"python benchmarks/kinds_logs.py {' '.join(f'FLIGHTS/{f.name}' for f in options.flights)}", results, time.monotonic() - began)
         print(text.split("| kind")[0])
         if options.write:
             write_text(HERE / "results" / "kinds_logs.md", text)

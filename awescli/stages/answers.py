@@ -6,7 +6,8 @@ from math import floor, isfinite, log10
 from typing import Any
 
 ANSWER = "answer"
-"""Key of a stage's summary that holds its answer: sentences that fill at most six lines of 80 columns."""
+"""Key of a stage's summary that holds its answer: sentences that fill at most six lines of 80 columns, to which the runner
+adds one where data checks are not good."""
 MOST, WIDTH = 6, 80
 
 
