@@ -322,15 +322,15 @@ def _fitted(
     rounds, tolerance = how
     problems, tables, owns = [], [], []
     for raw, before, fitted in zip(frame.problems(keys), base.problems, base.fit.flights, strict=True):
-        table = raw.simulator.kite.parameters
-        known = {n: fitted.parameters[n].value for n in table if n in fitted.parameters}
-        table, prior = (t.with_rows(_unbounded(t[n]) for n in beyond if n in t) for t in (table, raw.prior))
-        table = table.with_values({**known, **values})
+        prior = raw.prior.with_rows(_unbounded(raw.prior[n]) for n in beyond if n in raw.prior)
+        simulator = raw.simulator.holding(prior)
+        table = simulator.kite.parameters
+        table = table.with_values({**{n: fitted.parameters[n].value for n in table if n in fitted.parameters}, **values})
         table = table.with_rows(replace(table[n], free=True) for n in strengths)
         prior = prior.with_rows(replace(prior[n], free=True) for n in strengths)
         names = tuple(n for n in dict.fromkeys((*before.names, *strengths)) if n in strengths or n not in base.strengths)
         processes = _slight(before.processes) if alone else before.processes
-        problem = replace(raw.with_factors(before.factors), processes=processes, names=names, prior=prior)
+        problem = replace(raw.with_factors(before.factors), simulator=simulator, processes=processes, names=names, prior=prior)
         problems.append(problem)
         tables.append(table)
         owns.append(problem.misfit().carried(fitted.own, fitted.misfit))
