@@ -1,8 +1,8 @@
 """Plausible but wrong logs: python benchmarks/kinds_logs.py FLIGHT [FLIGHT ...] [--kite KITE.yaml] [--write]
 
-A change of meaning in a good log: units, signs, frames, clocks, repeated blocks, gaps. Each is read and checked as `awes check` does, nothing
-is fitted. Noticed: refused by a reader, stopped or warned of by a check that the good log passes, or told in a note; repaired: the numbers
-are those of the good log; named: what is said holds the words of what was done. With --write the table goes to results/kinds_logs.md.
+A change of meaning in a good log: units, signs, frames, clocks, repeated blocks, gaps. Each is read and checked as `awes check` does,
+nothing is fitted. Noticed: refused by a reader, stopped or warned of by a check that the good log passes, or told in a note; named: what is
+said holds the words of what was done. With --write the table goes to results/kinds_logs.md.
 
 FLIGHT: folders in Kitemill's format; with a nominal.yaml in them that is the kite, declared by examples/dev_kite/declare.py.
 """
@@ -45,7 +45,8 @@ class Log:
         self.set(**{a: self.kite[b] for a, b in pairs}, **{b: self.kite[a] for a, b in pairs})
 
     def rows(self, keep) -> None:
-        self.kite = self.kite[np.flatnonzero(keep)] if getattr(keep, "dtype", None) == bool else self.kite[keep]
+        """Some rows, by index or mask."""
+        self.kite = self.kite[np.arange(len(self.kite))[keep]]
 
     def stamps(self, change) -> None:
         t = self.kite["epoch_ms"].to_numpy().astype(float)
@@ -237,7 +238,7 @@ def told(folder: Path, kite: Path) -> dict[str, list[str]]:
         return {"refused": [str(e)]}
     found = {"stopped": [f"{c.name}: {c.sentence}" for c in quality.stopping]}
     try:
-        inputs.parts
+        assert inputs.parts
     except BadInput as e:
         found["refused"] = [str(e)]
     found["warned"] = [f"{c.name}: {c.sentence}" for c in quality.checks if not c.ok and not c.stops]
@@ -266,7 +267,8 @@ class Judge:
         change, words = KINDS_OF[kind]
         change(log, rng)
         said = self._told(log)
-        new = {how: [s for s in said.get(how, ()) if s.partition(":")[0] not in self.good] for how in ("refused", "stopped", "warned", "noted")}
+        hows = ("refused", "stopped", "warned", "noted")
+        new = {how: [s for s in said.get(how, ()) if s.partition(":")[0] not in self.good] for how in hows}
         how = next((how for how, sentences in new.items() if sentences), "silent")
         text = " / ".join(" ".join(s.split()) for sentences in new.values() for s in sentences)
         return Told(how, how != "silent" and bool(re.search(words, text)), text)
@@ -280,8 +282,8 @@ def prepare(folder: Path):
 
     def judged(kind: str, rng: np.random.Generator) -> Judged:
         t = judge(kind, rng)
-        outcome = {"refused": "refused", "stopped": "refused", "silent": "repaired" if kind in REPAIRED else "unnoticed"}.get(t.how, "noticed")
-        return Judged(outcome, t.words[:120])
+        silent = "repaired" if kind in REPAIRED else "unnoticed"
+        return Judged({"refused": "refused", "stopped": "refused", "silent": silent}.get(t.how, "noticed"), t.words[:120])
 
     return judged
 
@@ -323,7 +325,8 @@ def main(arguments=None) -> int:
             said = [f"{t.how}{'' if t.named else ' (not named)'}" for t in results[kind].values()]
             print(f"{kind}: {', '.join(said)}: {next(iter(results[kind].values())).words[:160]}", flush=True)
     if not options.only:
-        text = table(f"python benchmarks/kinds_logs.py {' '.join(f'FLIGHTS/{f.name}' for f in options.flights)}", results, time.monotonic() - began)
+        command = f"python benchmarks/kinds_logs.py {' '.join(f'FLIGHTS/{f.name}' for f in options.flights)}"
+        text = table(command, results, time.monotonic() - began)
         print(text.split("| kind")[0])
         if options.write:
             write_text(HERE / "results" / "kinds_logs.md", text)

@@ -118,8 +118,7 @@ def quality_sections(quality: Any) -> dict[str, Any]:
             for c in quality.channels
         },
         "checks": {
-            c.name: {"value": c.value, "limit": c.threshold, "unit": c.unit, "": how_good(c), "means": c.sentence}
-            for c in quality.checks
+            c.name: {"value": c.value, "limit": c.threshold, "unit": c.unit, "": how_good(c), "means": c.sentence} for c in quality.checks
         },
         "ranges of the parts": {
             r.name: {"unit": r.unit, **{p: between(getattr(r, p)) for p in PARTS}, "test goes": f"{r.test_reach:.2f} x"}

@@ -43,7 +43,7 @@ CONSTANT = 0.3
 """rad/s2: standard deviation of a moment that is always there: a bent wing, a mass off centre."""
 
 KNOWN, SHOWN = 0.15, 0.25
-"""Standard deviation of a factor above which, and share of what is left that a surface must explain below which the flight does not show it:
+"""Standard deviation of a factor above which, and share of what is left that a surface must explain below which nothing is judged:
 where a model misses far more than the surface does, the factor is that of the model's error."""
 
 TRAVEL, EDGE = (1.1, 2.0), 99.0
@@ -172,16 +172,17 @@ def _angular(at) -> np.ndarray:
     return np.stack(np.broadcast_arrays(*at.derivative[9:12]), axis=1)
 
 
-def _regressed(effects: np.ndarray, missing: np.ndarray, nuisances: np.ndarray, seen: _Seen) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """(factors (S,), standard deviations, cost) of the surfaces' effects (N, 3, S) in what is missing (N, 3), beside nuisances (N, 3, n) of
-    variance 1 / NEARER^2; axes weighted by what they leave, one error lasting for half a second."""
+def _regressed(
+    effects: np.ndarray, missing: np.ndarray, nuisances: np.ndarray, seen: _Seen
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """(factors (S,), standard deviations, shares that they explain, cost) of the surfaces' effects (N, 3, S) in what is missing (N, 3),
+    beside nuisances (N, 3, n) of     variance 1 / NEARER^2; axes weighted by what they leave, one error lasting for half a second."""
     surfaces = effects.shape[2]
     together = max(1.0, TOGETHER / (seen.log.dt * max(1.0, float(np.median(np.diff(seen.rows))))))
     prior = np.r_[np.zeros(surfaces), np.full(nuisances.shape[2], NEARER**2)]
     A, scale = np.concatenate([effects, nuisances], axis=2), np.maximum(missing.std(axis=0), 1e-6)
     if not np.isfinite(A).all() or not np.isfinite(missing).all():
-        nothing = np.full(surfaces, np.nan)
-        return nothing, nothing, nothing, np.inf
+        return *(np.full(surfaces, np.nan) for _ in range(3)), np.inf
     for _ in range(4):
         W = 1 / (scale * np.sqrt(together))
         B, y = (A * W[None, :, None]).reshape(-1, A.shape[2]), (missing * W).reshape(-1)
@@ -199,7 +200,8 @@ def _regressed(effects: np.ndarray, missing: np.ndarray, nuisances: np.ndarray, 
 
 def _response(surface: str, factor: float, std: float, share: float) -> Check:
     name = f"{surface} response"
-    sentence = f"Times what is declared that the flight shows of the {surface} (+-{2 * std:.2g}), {100 * share:.0f} % of what is left without it."
+    known = f"(+-{2 * std:.2g}), {100 * share:.0f} % of what is left without it"
+    sentence = f"Times what is declared that the flight shows of the {surface} {known}."
     if std > KNOWN * max(abs(factor), 1.0) or share < SHOWN:
         return Check(name, factor, "", FACTOR[0], True, f"{sentence} Too uncertain to judge.")
     ok = FACTOR[0] <= factor <= FACTOR[1]

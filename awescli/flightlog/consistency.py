@@ -123,7 +123,10 @@ def _pitot(log: FlightLog, where: Signal) -> list[Check]:
     wind = wind_ned(log.wind, log.time, -log["p_d"])
     expected = np.sqrt(sum((log[n] - w) ** 2 for n, w in zip(("v_n", "v_e", "v_d"), wind, strict=True)))
     error, half = moving_average(log["V_a"] - expected, _width(log))[where], NOT_THIS * float(expected[where].mean())
-    said = "Mean of the pitot airspeed minus |velocity - recorded wind|.", "Its standard deviation: gusts, wind at other heights, pitot errors."
+    said = (
+        "Mean of the pitot airspeed minus |velocity - recorded wind|.",
+        "Its standard deviation: gusts, wind at other heights, pitot errors.",
+    )
     return [
         most("airspeed bias", float(error.mean()), "m/s", 2.0, half, said[0], MAPPING),
         most("airspeed scatter", float(error.std()), "m/s", 2.5, half, said[1], MAPPING),
@@ -181,7 +184,6 @@ def _range(log: FlightLog) -> Signal:
 def _rms(log: FlightLog, errors, where: Signal) -> float:
     """Root mean square length of an error vector averaged over AVERAGE, where asked."""
     return float(np.sqrt(sum((moving_average(e, _width(log))[where] ** 2).mean() for e in errors)))
-
 
 
 def _size(signals, where: Signal) -> float:

@@ -112,7 +112,7 @@ def _attitudes() -> Iterator[tuple[str, tuple[int, int, int]]]:
     for signs in product((1, -1), repeat=3):
         turned = [w for w, s in zip(words, signs, strict=True) if s < 0]
         if len(turned) < 3:
-            yield (f"{' and '.join(turned)} of the other sign" if turned else ""), signs
+            yield (f"with the {' and '.join(turned)} of the other sign" if turned else ""), signs
 
 
 def _nose(log: FlightLog, where: np.ndarray) -> Iterator[Check]:
@@ -128,11 +128,11 @@ def _nose(log: FlightLog, where: np.ndarray) -> Iterator[Check]:
     off = {said: _off_nose(angle, signs, air) for said, signs in _attitudes()}
     # the wind is that of the record, the velocity the log's
     v, blows = np.array([log[n][where][fast] for n in ("v_n", "v_e", "v_d")]), np.array(wind)[:, where][:, fast]
-    off["north and east exchanged in position and velocity"] = _off_nose(angle, (1, 1, 1), v[[1, 0, 2]] - blows)
+    off["with north and east exchanged in position and velocity"] = _off_nose(angle, (1, 1, 1), v[[1, 0, 2]] - blows)
     best = min(off, key=lambda said: off[said])
     sentence = "Mean angle between the nose and where the air comes from, by velocity and recorded wind."
     if best and off[""] > NOSE[0] and off[best] < BETTER * off[""]:
-        sentence += f" With {best} it is {off[best]:.0f} deg."
+        sentence += f" It is {off[best]:.0f} deg {best}."
     yield most("nose against airflow", off[""], "deg", *NOSE, sentence, MAPPING)
 
 
@@ -156,7 +156,7 @@ def _judged(name: str, misfit: Mapping[str, float], says: str) -> Check:
     """A check from the misfit of every reading ("" is that of the log), as a share of the signal."""
     own, best = misfit[""], min(misfit, key=lambda words: misfit[words])
     if best and own > WRONG and misfit[best] < BETTER * own:
-        sentence = f"{says}; with the {best} it is {misfit[best]:.2g}." if "read as" not in best else f"{says}; {best} it is {misfit[best]:.2g}."
+        sentence = f"{says}; {best} it is {misfit[best]:.2g}."
         stop = FAR_OFF if misfit[best] < FAR_BETTER * own else None
         return most(name, own, "", min(WRONG, own / 2), stop, sentence, MAPPING)
     return Check(name, own, "", WRONG, True, f"{says}: no other order or sign fits far better.")

@@ -1,4 +1,4 @@
-"""Do the numbers lie where they can? Physical ranges of every channel, of the weather, of the load; and does the weather cover the flight?"""
+"""Do the numbers lie where they can? Physical ranges of every channel, the weather, the load; and does the weather cover the flight?"""
 
 import numpy as np
 
@@ -12,7 +12,8 @@ REACH = {
     "tether_length": 20e3, "reel_out_speed": 40.0, "throttle": 1.2, "motor_speed": 1000.0,
     **dict.fromkeys(CONTROL_SURFACES, np.deg2rad(40.0)),
 }  # fmt: skip
-"""SI: what no kite or small aircraft exceeds: 30 g, 700 deg/s, 430 km/h, surfaces at 40 deg, the pull of a 600 kW kite times twenty. Angles are judged when read."""
+"""SI: what no kite or small aircraft exceeds: 30 g, 700 deg/s, 430 km/h, surfaces at 40 deg, the pull of a 600 kW kite times twenty. Angles
+are judged when they are read."""
 
 FAR_BEYOND = 1.5
 """Times that: beyond, it is no measurement."""
@@ -32,7 +33,7 @@ LOWEST_TOP = 2.0
 """m: a record whose highest height is lower, of a kite at 20 m and more, counts its heights in another unit."""
 
 UNCOVERED, ANOTHER_WEATHER = 900.0, 3600.0
-"""s that the flight is away from the nearest weather sample: half an interval of an ordinary station; an hour later the wind has changed."""
+"""s that the flight is away from the nearest weather sample: half an interval of a usual station; an hour later the wind has changed."""
 
 PUSHED = 5.0
 """Percent of the flown time in which the line may push, by a load cell's offset ..."""
@@ -75,7 +76,8 @@ def _weather(log: FlightLog, where: np.ndarray) -> list[Check]:
         low, high = float(wind.density.min()), float(wind.density.max())
         do = "Mend the density of the weather file (kg/m3), or leave it out: 1.225 is taken then."
         if low < DENSITY[0]:
-            checks.append(least("air density", low, "kg/m3", DENSITY[0], NO_AIR[0], "The lowest recorded; air near the ground has more.", do))
+            said = "The lowest recorded; air near the ground has more."
+            checks.append(least("air density", low, "kg/m3", DENSITY[0], NO_AIR[0], said, do))
         else:
             checks.append(most("air density", high, "kg/m3", DENSITY[1], NO_AIR[1], "The highest recorded.", do))
     fastest = float(np.median(wind.speed.max(axis=1)))
@@ -102,7 +104,8 @@ def _load(log: FlightLog, where: np.ndarray) -> list[Check]:
     tension = log["tension"][where]
     size = float(np.percentile(np.abs(tension), 95))
     share = 100 * float((tension < -PULL * size).mean()) if size > 0 else 0.0
-    checks = [most("line that pushes", share, "%", PUSHED, PUSHED_MOST, "Flown time in which the load is negative.", f"A line pulls: {MAPPING}")]
+    said = "Flown time in which the load is negative."
+    checks = [most("line that pushes", share, "%", PUSHED, PUSHED_MOST, said, "A line pulls: give the column its sign in a flight.yaml.")]
     speed = log["V_a"] if "V_a" in log else np.sqrt(log["v_n"] ** 2 + log["v_e"] ** 2 + log["v_d"] ** 2) if "v_d" in log else None
     fast = where & (speed > 15.0) if speed is not None else where & False
     if fast.sum() >= 50 and size > 0:

@@ -101,7 +101,7 @@ def data_quality(
     invalid = 100 * float((~log.valid).mean())
     longest = runs_of(~log.valid)
     checks = (
-        most("invalid samples", invalid, "%", MAX_INVALID, NO_LOG, "Filled over gaps, or faulty.", "See what made them so, under left out."),
+        most("invalid samples", invalid, "%", MAX_INVALID, NO_LOG, "Filled over gaps, or faulty.", "See what made them so: left out."),
         _sensor_faults(log),
         *enough_checks(log, airborne, loops),
         *physical_checks(log, airborne),

@@ -37,7 +37,7 @@ def stopped(stage: Stage, inputs: Inputs, plan: Plan) -> Iterator[BadInput]:
         for check in quality.stopping:
             if check.name not in plan.ignore:
                 value, limit = f"{check.value:.4g} {check.unit}".strip(), f"{check.stop:.4g}"
-                what = f"data check '{check.name}' is {value}, limit {limit}: nothing fitted to this log would mean anything. {check.sentence}"
+                what = f"data check '{check.name}' is {value}, limit {limit}: nothing fitted would mean anything. {check.sentence}"
                 yield BadInput(what, str(folder), f"{check.do} To go on all the same: `ignore: [{check.name}]` in {plan.file}.")
 
 

@@ -47,7 +47,8 @@ class Plan:
     """A checked plan; every path is ready to open.
 
     file: the stages.yaml; settings: stage name -> its settings, for every stage there is; planned: the stages that `awes run`
-    runs, in the order of the stages table; ignore: data checks that may not stop it; where: parts of a key -> its place, `stages.yaml:12: identify.horizon` or `--set ...`.
+    runs, in the order of the stages table; ignore: data checks that may not stop it; where: parts of a key -> its place,
+    `stages.yaml:12: identify.horizon` or `--set ...`.
     """
 
     file: Path

@@ -1,4 +1,4 @@
-"""Signs, axes, units and clocks as hypotheses: the bundled flight changed in a way that is known is read as just that, and left alone as it is."""
+"""Signs, axes, units and clocks as hypotheses: the bundled flight changed in a known way is read as just that, and left alone as it is."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Data checks gate the fits: a log that is no such flight stops `run`, `check` and every stage with exit code 2, unless the plan ignores it."""
+"""Data checks gate the fits: a log that is no such flight stops `run`, `check` and every stage with exit code 2, unless ignored."""
 
 import json
 
