@@ -17,6 +17,7 @@ FLOORS = {
     "report": 6, "export": 6,
     "stages": 7,
     "cli": 8,
+    "__main__": 9,
 }  # fmt: skip
 
 HEAVY = {"numpy", "scipy", "torch", "torchdiffeq", "polars", "llvmlite", "plotly", "matplotlib", "safetensors"}

@@ -88,6 +88,11 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         with shell() as screen:
             commands.init(screen, stages, folder, flight, kite)
 
+    @app.command(help="Write the bundled flight, its kite file and the standard plan into a new folder, to try awes on.")
+    def demo(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new folder, or an empty one.")]):
+        with shell() as screen:
+            commands.demo(screen, folder)
+
     @app.command(help="List the library of effects: where each acts, its parameters with units, plausible ranges and sources.")
     def effects(as_json: Json = False):
         with shell(as_json) as screen:

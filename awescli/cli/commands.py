@@ -1,5 +1,6 @@
 """What each command does: read the plan, call the floors below, show what came of it."""
 
+import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -231,6 +232,18 @@ def init(screen: Screen, stages: tuple[Stage, ...], folder: Path, flight: Path, 
         write_text(folder / name, text)
     screen.line(f"wrote {', '.join(str(folder / name) for name in made.files)}")
     screen.line(f"next: cd {folder}; awes check")
+
+
+def demo(screen: Screen, folder: Path) -> None:
+    """The bundled flight, its kite file and the standard plan, in a folder of the user's."""
+    from awescli.artifacts import new_folder
+    from awescli.stages.demonstration import demonstration
+
+    files = demonstration()
+    new_folder(folder, files)
+    screen.line(f"wrote {', '.join(str(folder / name) for name in files)}")
+    at = "" if folder.resolve() == Path.cwd() else f"cd {shlex.quote(str(folder))}; "
+    screen.line(f"next: {at}awes check; awes run")
 
 
 def export(screen: Screen, stages: tuple[Stage, ...], source: Path, to: str, out: Path, **which: Any) -> None:

@@ -389,9 +389,10 @@ def _digest(stamp: Stamp) -> str:
 
 @cache
 def code_hash() -> str:
-    """Of all files of awes' own package, the page's script and style included: other code may give other results."""
+    """Of all files of awes' own package, the page's script and style included: other code may give other results. A wheel's demo is no code."""
     package = Path(awescli.__file__).parent
-    return table_hash({str(p.relative_to(package)): file_hash(p) for p in sorted(package.rglob("*")) if _is_code(p)})
+    files = {p.relative_to(package): p for p in sorted(package.rglob("*")) if _is_code(p)}
+    return table_hash({str(name): file_hash(p) for name, p in files.items() if name.parts[0] != "demo"})
 
 
 def _is_code(path: Path) -> bool:
