@@ -1,4 +1,4 @@
-"""All settings are in pyproject.toml. Here is what they cannot say: a wheel takes the demo's files from where they lie in the repository."""
+"""Settings are in pyproject.toml. Here is what they cannot say: a wheel takes the demo from where it lies in the repository."""
 
 import ast
 from pathlib import Path

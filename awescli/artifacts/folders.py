@@ -244,7 +244,7 @@ def _hold(descriptor: int) -> bool:
     return True
 
 
-# --- notes, checkpoints, copies, folders of the user's -------------------------------------------------------------------------------------------
+# --- notes, checkpoints, copies, folders of the user ---------------------------------------------------------------------
 
 
 def own_path(out: Path, name: str) -> Path:

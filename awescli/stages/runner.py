@@ -389,7 +389,9 @@ def _digest(stamp: Stamp) -> str:
 
 @cache
 def code_hash() -> str:
-    """Of all files of awes' own package, the page's script and style included: other code may give other results. A wheel's demo is no code."""
+    """Of all files of awes' own package, the page's script and style included: other code may give other results.
+
+    The demo's files, which a wheel holds, are no code."""
     package = Path(awescli.__file__).parent
     files = {p.relative_to(package): p for p in sorted(package.rglob("*")) if _is_code(p)}
     return table_hash({str(name): file_hash(p) for name, p in files.items() if name.parts[0] != "demo"})

@@ -11,13 +11,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from plotly.offline import get_plotlyjs
-from report.small_evidence import evidence
+from reporting.small_evidence import evidence
 
 from awescli.artifacts.form_check import wrong_with
 from awescli.artifacts.forms import FORMS
 from awescli.flightlog.ranges import loop_ranges, part_ranges, ranges_check
-from awescli.report.html import SECTIONS, page
-from awescli.report.words import number, percent, times, with_std
+from awescli.reporting.html import SECTIONS, page
+from awescli.reporting.words import number, percent, times, with_std
 
 EVIL = "\"><script>alert('x')</script><img src=http://evil.example/x onerror=alert(1)></script>&@ink$phase"
 LARGEST = 8_000_000

@@ -1,8 +1,8 @@
 """What to do next: what would tell rivals apart, what bounds say, what the flight did not show."""
 
-from awescli.report.evidence import Evidence
-from awescli.report.marks import Section, bullets, esc, link, paragraph
-from awescli.report.words import effect_words, listed
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Section, bullets, esc, link, paragraph
+from awescli.reporting.words import effect_words, listed
 
 
 def next_steps(evidence: Evidence) -> Section:

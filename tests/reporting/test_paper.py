@@ -9,13 +9,13 @@ from functools import cache
 import matplotlib
 import numpy as np
 import pytest
-from report.small_evidence import evidence
+from reporting.small_evidence import evidence
 
-from awescli.report.drawing import drawn
-from awescli.report.html import story
-from awescli.report.marks import blocks
-from awescli.report.paper import INDEX, figure_files, light_colours, table_of
-from awescli.report.plots import Figure, axis, bars, line
+from awescli.reporting.drawing import drawn
+from awescli.reporting.html import story
+from awescli.reporting.marks import blocks
+from awescli.reporting.paper import INDEX, figure_files, light_colours, table_of
+from awescli.reporting.plots import Figure, axis, bars, line
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure as Sheet
 from matplotlib.transforms import blended_transform_factory
 
-from awescli.report.plots import Figure
+from awescli.reporting.plots import Figure
 
 WIDE, NARROW = 7.0, 3.5
 """Widths [in] of a figure over the text and of one in a column."""

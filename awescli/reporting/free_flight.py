@@ -5,10 +5,10 @@ import numpy as np
 from awescli.flightlog.split import PARTS
 from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES
-from awescli.report.evidence import Evidence
-from awescli.report.marks import Body, Cell, Section, absent, chip, esc, keys, paragraph, table
-from awescli.report.plots import PANEL_POINTS, Figure, Shared, axis, grid, line, scene, stride
-from awescli.report.words import COLOURS, channel, listed, number, percent, scale_of
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Body, Cell, Section, absent, chip, esc, keys, paragraph, table
+from awescli.reporting.plots import PANEL_POINTS, Figure, Shared, axis, grid, line, scene, stride
+from awescli.reporting.words import COLOURS, channel, listed, number, percent, scale_of
 
 SURFACES = {
     "controller": "the fitted controller moves the surfaces",

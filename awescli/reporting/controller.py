@@ -3,10 +3,10 @@
 import numpy as np
 
 from awescli.flightlog.split import PARTS
-from awescli.report.evidence import Evidence
-from awescli.report.marks import Body, Cell, Section, absent, esc, folded, paragraph, table
-from awescli.report.plots import Figure, axis, dots, line, stride
-from awescli.report.words import COLOURS, listed, number, percent
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Body, Cell, Section, absent, esc, folded, paragraph, table
+from awescli.reporting.plots import Figure, axis, dots, line, stride
+from awescli.reporting.words import COLOURS, listed, number, percent
 
 OUTCOMES = {
     "flies": "In closed loop with the declared model it flies as long as asked from every start.",

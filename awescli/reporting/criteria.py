@@ -1,8 +1,8 @@
 """What the verdict stands on: the table of criteria, and how likely each cause is."""
 
-from awescli.report.evidence import Evidence
-from awescli.report.marks import Cell, bar, chip, esc, paragraph, table
-from awescli.report.words import effect_words, listed, number, percent
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Cell, bar, chip, esc, paragraph, table
+from awescli.reporting.words import effect_words, listed, number, percent
 
 MARKS = {True: ("yes", "good"), False: ("no", "bad"), None: ("not testable", "")}
 CAUSES = {"none": "nothing is missing", "something_else": "something else, not in the library"}

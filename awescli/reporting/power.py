@@ -1,9 +1,9 @@
 """Mechanical power of the test loops: one sentence, and the energy of every loop, measured against each model."""
 
-from awescli.report.evidence import Evidence
-from awescli.report.marks import esc, link
-from awescli.report.plots import Figure, axis, dots, line
-from awescli.report.words import COLOURS, number, percent
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import esc, link
+from awescli.reporting.plots import Figure, axis, dots, line
+from awescli.reporting.words import COLOURS, number, percent
 
 FIGURE = "fig-power"
 KILO = 1e-3

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from awescli.report.criteria import criteria, probabilities
-from awescli.report.evidence import Evidence
-from awescli.report.headline import lead, shows_phase
-from awescli.report.marks import Body, Cell, Section, absent, bar, chip, esc, folded, keys, paragraph, table
-from awescli.report.plots import Figure, Shared, axis, bars, dots, grid, line, log_axis
-from awescli.report.words import COLOURS, channel, effect_words, listed, number, percent, scale_of, short, with_std
+from awescli.reporting.criteria import criteria, probabilities
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.headline import lead, shows_phase
+from awescli.reporting.marks import Body, Cell, Section, absent, bar, chip, esc, folded, keys, paragraph, table
+from awescli.reporting.plots import Figure, Shared, axis, bars, dots, grid, line, log_axis
+from awescli.reporting.words import COLOURS, channel, effect_words, listed, number, percent, scale_of, short, with_std
 
 PANELS = 6
 """Channels shown over the loop: those whose error before stands highest above the noise."""

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from awescli.notation.quantities import UNITS
-from awescli.report.evidence import Evidence
-from awescli.report.marks import Body, Cell, Section, absent, bullets, esc, keys, paragraph, table
-from awescli.report.plots import PANEL_POINTS, Figure, Shared, axis, bars, dots, grid, line, log_axis, stride
-from awescli.report.words import COLOURS, channel, listed, number, percent, short, unit_of
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Body, Cell, Section, absent, bullets, esc, keys, paragraph, table
+from awescli.reporting.plots import PANEL_POINTS, Figure, Shared, axis, bars, dots, grid, line, log_axis, stride
+from awescli.reporting.words import COLOURS, channel, listed, number, percent, short, unit_of
 
 CORRECTED = ("u", "v", "w", "p", "q", "r")
 """States whose derivatives the network corrects: the columns of correction.npz."""

@@ -5,10 +5,10 @@ import numpy as np
 from awescli.flightlog.split import PARTS
 from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES
-from awescli.report.evidence import Evidence
-from awescli.report.marks import Body, Cell, Section, esc, folded, keys, paragraph, table
-from awescli.report.plots import LINE, Figure, Shared, axis, dots, grid, line, log_axis, scene, stride, strip, swatch, with_gaps
-from awescli.report.words import COLOURS, GROUPS, channel, number, percent, scale_of
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Body, Cell, Section, esc, folded, keys, paragraph, table
+from awescli.reporting.plots import LINE, Figure, Shared, axis, dots, grid, line, log_axis, scene, stride, strip, swatch, with_gaps
+from awescli.reporting.words import COLOURS, GROUPS, channel, number, percent, scale_of
 
 SPATIAL = ("p_n", "p_e", "p_d")
 

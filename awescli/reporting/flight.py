@@ -4,10 +4,10 @@ import numpy as np
 
 from awescli.flightlog.log import runs_of
 from awescli.flightlog.split import PARTS
-from awescli.report.evidence import Evidence
-from awescli.report.marks import Body, Cell, Section, bullets, chip, esc, folded, paragraph, table
-from awescli.report.plots import Figure, axis, grid, line, scene, stride, strip, swatch
-from awescli.report.words import COLOURS, channel, number, percent
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Body, Cell, Section, bullets, chip, esc, folded, paragraph, table
+from awescli.reporting.plots import Figure, axis, grid, line, scene, stride, strip, swatch
+from awescli.reporting.words import COLOURS, channel, number, percent
 
 PHASE_COLOURS = {
     "ground": "@grey", "hover": "@ochre", "traction": "@green", "retraction": "@purple", "transition": "@steel", "flight": "@green",

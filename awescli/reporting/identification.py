@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 
-from awescli.report.evidence import Evidence
-from awescli.report.marks import Cell, Section, absent, chip, esc, paragraph, table
-from awescli.report.plots import Figure, axis, bars, dots
-from awescli.report.words import COLOURS, channel, listed, number, percent, unit_of, with_std
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Cell, Section, absent, chip, esc, paragraph, table
+from awescli.reporting.plots import Figure, axis, bars, dots
+from awescli.reporting.words import COLOURS, channel, listed, number, percent, unit_of, with_std
 
 DETERMINED = {"hardly": "hardly seen", "poorly": "poorly determined"}
 """How params.json says that a flight does not determine a parameter -> how the table does."""

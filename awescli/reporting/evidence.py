@@ -10,7 +10,7 @@ from awescli.flightlog.log import FlightLog
 from awescli.flightlog.loops import Loops
 from awescli.flightlog.quality import DataQuality
 from awescli.flightlog.split import Split
-from awescli.report.words import MODELS, effect_words, listed
+from awescli.reporting.words import MODELS, effect_words, listed
 
 Document = Mapping[str, Any]
 Arrays = Mapping[str, np.ndarray]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from awescli.report.marks import Body, chip, esc
+from awescli.reporting.marks import Body, chip, esc
 
 MOST_POINTS = 2500
 """Samples of one line at most: more than a screen has pixels."""

@@ -5,9 +5,9 @@ import shutil
 import subprocess
 
 import pytest
-from report.small_evidence import evidence
+from reporting.small_evidence import evidence
 
-from awescli.report.html import _hash, page
+from awescli.reporting.html import _hash, page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [

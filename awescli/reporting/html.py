@@ -6,18 +6,18 @@ from importlib.resources import files
 
 from plotly.offline import get_plotlyjs
 
-from awescli.report.controller import controller
-from awescli.report.evidence import Evidence
-from awescli.report.flight import flight
-from awescli.report.free_flight import free_flight
-from awescli.report.headline import headline
-from awescli.report.hybrid import hybrid
-from awescli.report.identification import identification
-from awescli.report.marks import Section, esc
-from awescli.report.next_steps import next_steps
-from awescli.report.prediction import prediction
-from awescli.report.provenance import provenance
-from awescli.report.residual import residual
+from awescli.reporting.controller import controller
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.flight import flight
+from awescli.reporting.free_flight import free_flight
+from awescli.reporting.headline import headline
+from awescli.reporting.hybrid import hybrid
+from awescli.reporting.identification import identification
+from awescli.reporting.marks import Section, esc
+from awescli.reporting.next_steps import next_steps
+from awescli.reporting.prediction import prediction
+from awescli.reporting.provenance import provenance
+from awescli.reporting.residual import residual
 
 SECTIONS = (headline, flight, controller, identification, residual, hybrid, free_flight, prediction, next_steps, provenance)
 """The story, in order."""
@@ -62,7 +62,7 @@ def _top(evidence: Evidence, first: Section) -> str:
 
 def own(name: str) -> str:
     """A file of this room."""
-    return (files("awescli.report") / name).read_text(encoding="utf-8")
+    return (files("awescli.reporting") / name).read_text(encoding="utf-8")
 
 
 def _inline(script: str) -> str:

@@ -7,7 +7,7 @@ from awescli.flightlog.loops import Loops
 from awescli.flightlog.quality import data_quality
 from awescli.flightlog.split import PARTS, split
 from awescli.notation.quantities import MEASURED, STATES
-from awescli.report.evidence import Evidence
+from awescli.reporting.evidence import Evidence
 
 DT, LOOP, COUNT = 0.1, 80, 10
 SCORED = (*STATES, "V_a", "tension")

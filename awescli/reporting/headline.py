@@ -1,10 +1,10 @@
 """The first screen: what was wrong with the model, how much better it is now; every claim leads to the plot that shows it."""
 
-from awescli.report.evidence import Evidence
-from awescli.report.marks import Section, bullets, esc, link, paragraph
-from awescli.report.plots import Figure, dots, log_axis
-from awescli.report.power import power_claim, power_figure
-from awescli.report.words import COLOURS, channel, effect_words, listed, number, percent, short, times, with_std
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Section, bullets, esc, link, paragraph
+from awescli.reporting.plots import Figure, dots, log_axis
+from awescli.reporting.power import power_claim, power_figure
+from awescli.reporting.words import COLOURS, channel, effect_words, listed, number, percent, short, times, with_std
 
 ODDS = {
     "none": "Nothing is missing that this flight could show",

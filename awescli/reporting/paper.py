@@ -13,10 +13,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from awescli.report.evidence import Evidence
-from awescli.report.html import own, story
-from awescli.report.marks import blocks
-from awescli.report.plots import Figure, Shared
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.html import own, story
+from awescli.reporting.marks import blocks
+from awescli.reporting.plots import Figure, Shared
 
 INDEX = "figures.csv"
 """What is in each file: title, split, note."""
@@ -24,7 +24,7 @@ INDEX = "figures.csv"
 
 def figure_files(evidence: Evidence) -> Iterator[tuple[str, bytes]]:
     """(file name, content) of every figure of the page, and of their index."""
-    from awescli.report.drawing import drawn  # matplotlib: only for who asks for files
+    from awescli.reporting.drawing import drawn  # matplotlib: only for who asks for files
 
     pieces = [piece for section in story(evidence) for piece in blocks(section.body)]
     shared = {piece.name: np.asarray(piece.values) for piece in pieces if isinstance(piece, Shared)}

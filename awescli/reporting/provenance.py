@@ -1,8 +1,8 @@
 """Where the numbers come from: stages, settings, inputs by their hashes, versions."""
 
-from awescli.report.evidence import Evidence
-from awescli.report.marks import Cell, Section, esc, folded, paragraph, table
-from awescli.report.words import number
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Cell, Section, esc, folded, paragraph, table
+from awescli.reporting.words import number
 
 
 def provenance(evidence: Evidence) -> Section:
