@@ -16,7 +16,7 @@ FLOORS = {
     "learning": 5, "tracing": 5,
     "reporting": 6, "export": 6,
     "stages": 7,
-    "cli": 8,
+    "cli": 8, "api": 8,
     "__main__": 9,
 }  # fmt: skip
 

@@ -16,6 +16,7 @@ from awescli.artifacts.files import (
     write_text,
 )
 from awescli.artifacts.folders import (
+    copied_folder,
     foreign_files,
     has_checkpoints,
     locked,
@@ -41,6 +42,7 @@ __all__ = [
     "PROVENANCE",
     "artifact_hashes",
     "cannot_write",
+    "copied_folder",
     "file_hash",
     "foreign_files",
     "has_checkpoints",

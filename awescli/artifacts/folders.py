@@ -133,6 +133,15 @@ def staged_folder(folder: Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
 
 
+def copied_folder(source: Path, folder: Path) -> None:
+    """A stage's folder, once more in other results: the files that awes made in `source`."""
+    made = (_made(source) or set()) - {MARK}
+    with staged_folder(folder) as staged:
+        for name in sorted(made):
+            if (source / name).is_file():
+                write_content(staged / name, (source / name).read_bytes())
+
+
 def _carry_over(old: Path, new: Path) -> None:
     """What awes did not make in the folder `old` is in `new` afterwards too (as the same files, where the disk can)."""
     for name in foreign_files(old) if old.is_dir() else ():
