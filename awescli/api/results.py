@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import numpy as np
     import polars
 
+    from awescli.flightlog.split import Split
+
 Document = Mapping[str, Any]
 
 
@@ -90,6 +92,11 @@ class Result:
         """The flight that it was made from."""
         return self.origin.flight
 
+    @cached_property
+    def parts(self) -> "Split":
+        """train, validation, test: half-open sample ranges of the flight, whole loops each."""
+        return self.origin.context().inputs.parts_of(self.flight.log, self.flight.path)
+
     def to_frame(self) -> "polars.DataFrame":
         """Its main table."""
         raise NotImplementedError
@@ -116,8 +123,7 @@ class Result:
         def tell() -> list[Any]:
             from awescli.stages.page import gather
 
-            context = self.origin.context()
-            return [self._tell()(gather(context, context.inputs.log, context.inputs.parts, self._scores(), {}))]
+            return [self._tell()(gather(self.origin.context(), self.flight.log, self.parts, self._scores(), {}))]
 
         return Album(tell)
 
@@ -453,9 +459,8 @@ class Report(Result):
             from awescli.reporting.html import story
             from awescli.stages.page import gather
 
-            context = self.origin.context()
             arrays = read_arrays(self.folder / "predictions.npz")
-            return story(gather(context, context.inputs.log, context.inputs.parts, dict(self.metrics), arrays))
+            return story(gather(self.origin.context(), self.flight.log, self.parts, dict(self.metrics), arrays))
 
         return Album(tell)
 

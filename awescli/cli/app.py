@@ -43,7 +43,6 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         name="awes",
         help="Close the loop between an airborne wind energy model and its measured flights.",
         no_args_is_help=True,
-        add_completion=False,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         context_settings={"max_content_width": 120},

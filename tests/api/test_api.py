@@ -10,6 +10,7 @@ from pathlib import Path
 import polars
 import pytest
 from small_run import PLAN, make_small_run
+from stages.test_trace_residual import folder_of
 
 import awescli
 from awescli import api, fit_controller, identify, predict, read_flight, read_kite, report, simulate, trace, train
@@ -227,3 +228,15 @@ def test_results_say_their_types_and_their_units():
             assert "return" in function.__annotations__, (name, function)
             untyped = [p for p in inspect.signature(function).parameters.values() if p.annotation is p.empty and p.name != "self"]
             assert not untyped, (name, function, untyped)
+
+
+@pytest.mark.slow
+def test_a_flight_that_is_not_testable_is_a_result(tmp_path):
+    """At the command line it ends with exit code 3; in a notebook it has a verdict, and what it stands on."""
+    folder = folder_of(tmp_path, {}, {"Cma": -8.0, "Cmq": -8.0})
+    plan = parse_yaml((folder / "stages.yaml").read_text(), "").data
+    found = identify(folder / "flight", folder / "kite.yaml", split=plan["split"], **plan["stages"]["identify"])
+    traced = trace(found, **plan["stages"]["trace-residual"])
+    assert traced.verdict == "not_testable" and traced.effects == () and dict(traced.errors.before) == {}
+    assert not traced.criteria().filter(polars.col("name").str.starts_with("null_"))["pass"].all()
+    assert "not_testable" in repr(traced) and traced._repr_html_() and traced.kite.effects == found.kite.effects
