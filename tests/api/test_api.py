@@ -2,9 +2,12 @@
 
 import importlib
 import inspect
+import re
 import subprocess
 import sys
+import types
 import xml.etree.ElementTree as ET
+from functools import partial
 from pathlib import Path
 
 import polars
@@ -228,6 +231,27 @@ def test_results_say_their_types_and_their_units():
             assert "return" in function.__annotations__, (name, function)
             untyped = [p for p in inspect.signature(function).parameters.values() if p.annotation is p.empty and p.name != "self"]
             assert not untyped, (name, function, untyped)
+
+
+@pytest.mark.slow
+def test_the_readmes_words_work(small, tmp_path, monkeypatch):
+    """As they stand there, on a small flight, with what makes stages quick beside the settings that are said."""
+    (code,) = re.findall(r"^```python\n(.*?)^```$", (Path(__file__).parents[2] / "README.md").read_text(), re.M | re.S)
+    for name, there in (("km1_demo", "flight"), ("kites/km1_initial.yaml", "kite.yaml")):
+        code = code.replace(f"data/{name}", str(small / there))
+    said, code = code.split("\n", 1)
+    assert set(said.removeprefix("from awescli import ").split(", ")) <= set(awescli.__all__)
+    stage_of = {"identify": "identify", "trace": "trace-residual", "train": "train-hybrid", "simulate": "simulate", "report": "evaluate"}
+    quick = {verb: partial(getattr(api, verb), **SETTINGS[stage]) for verb, stage in stage_of.items()}
+    quick |= {"identify": partial(quick["identify"], split=SPLIT), "predict": partial(predict, horizon=1.0)}
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "words_of_the_readme.py").write_text("from awescli import *\nfrom quick_functions import *\n" + code)
+    module = types.ModuleType("quick_functions")
+    vars(module).update(quick)
+    monkeypatch.setitem(sys.modules, "quick_functions", module)
+    told = importlib.import_module("words_of_the_readme")
+    assert told.traced.verdict == "found" and (tmp_path / "out" / "evaluate" / "report.html").is_file()
 
 
 @pytest.mark.slow
