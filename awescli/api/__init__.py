@@ -11,7 +11,9 @@ What this room exports is the public interface, kept by semantic versioning; all
 
 from awescli.api.figures import Picture
 from awescli.api.inputs import Flight, Kite, read_flight, read_kite
-from awescli.api.results import Controller, Effect, Errors, Estimate, Hybrid, Identification, Prediction, Report, Simulation, Tracing
+from awescli.api.models import Controller, Hybrid, Identification, Tracing
+from awescli.api.proofs import Prediction, Report, Simulation
+from awescli.api.values import Effect, Errors, Estimate
 from awescli.api.verbs import fit_controller, identify, predict, report, simulate, trace, train
 
 __all__ = [

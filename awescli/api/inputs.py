@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from awescli.physics.declaration import KiteDeclaration
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Flight:
     """A flight log, in SI units, radians, NED and FRD axes, on one uniform clock.
 
@@ -83,7 +83,7 @@ class Flight:
         return as_html(f"Flight {self.log.name}", self._sentences(), frame(rows))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kite:
     """A kite file: mass, geometry, aerodynamic terms, effects, and for every parameter value, bounds, unit, source and whether it is free.
 

@@ -13,17 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from awescli.api.inputs import Flight, Kite, read_flight, read_kite
-from awescli.api.results import (
-    Controller,
-    Hybrid,
-    Identification,
-    Prediction,
-    Report,
-    Result,
-    Simulation,
-    Tracing,
-    result,
-)
+from awescli.api.models import Controller, Hybrid, Identification, Tracing
+from awescli.api.proofs import Prediction, Report, Simulation
+from awescli.api.results import Result, result
 from awescli.api.work import Origin, run
 from awescli.notation.errors import BadInput
 

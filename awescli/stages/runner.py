@@ -389,14 +389,12 @@ def _digest(stamp: Stamp) -> str:
 
 @cache
 def code_hash() -> str:
-    """Of all files of awes' own package, the page's script and style included: other code may give other results.
-
-    The demo's files, which a wheel holds, are no code."""
+    """Of all files of awes' own package, the page's script and style included: other code may give other results."""
     package = Path(awescli.__file__).parent
-    files = {p.relative_to(package): p for p in sorted(package.rglob("*")) if _is_code(p)}
-    return table_hash({str(name): file_hash(p) for name, p in files.items() if name.parts[0] != "demo"})
+    return table_hash({str(p.relative_to(package)): file_hash(p) for p in sorted(package.rglob("*")) if _is_code(p, package)})
 
 
-def _is_code(path: Path) -> bool:
-    """Not what Python, an editor or a version control system leaves beside the code."""
-    return path.is_file() and path.suffix != ".pyc" and not path.name.startswith(".") and not path.name.endswith("~")
+def _is_code(path: Path, package: Path) -> bool:
+    """Not what Python, an editor or a version control system leaves beside the code, nor the demo that a wheel holds."""
+    code = path.is_file() and path.suffix != ".pyc" and not path.name.startswith(".") and not path.name.endswith("~")
+    return code and not path.is_relative_to(package / "demo")
