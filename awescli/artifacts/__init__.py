@@ -1,7 +1,7 @@
 """What stages leave behind: the only room of awes that writes files, and the readers of what it wrote.
 
 `files.py`: one file, whole or not at all; `folders.py`: a stage's folder, whole or not at all, and nothing lost that awes did not make;
-`forms.py`: what each JSON artifact must hold (checked by `form_check.py`); `origins.py`: hashes, versions, machine.
+`journal.py`: the log file; `forms.py`: what each JSON artifact must hold (checked by `form_check.py`); `origins.py`: hashes, versions, machine.
 """
 
 from awescli.artifacts.files import (
@@ -29,6 +29,7 @@ from awescli.artifacts.folders import (
     scratch_path,
     staged_folder,
 )
+from awescli.artifacts.journal import Journal
 from awescli.artifacts.origins import (
     PROVENANCE,
     artifact_hashes,
@@ -39,6 +40,7 @@ from awescli.artifacts.origins import (
 )
 
 __all__ = [
+    "Journal",
     "PROVENANCE",
     "artifact_hashes",
     "cannot_write",

@@ -21,7 +21,7 @@ from awescli.notation.errors import BadInput
 
 OWN = ".awes"
 """Folder inside a folder of results: `lock`, `partial/` for what is being written, `scratch/` for checkpoints, `forced.json` while a run is
-forced."""
+forced, `awes.log`."""
 MARK = ".made-by-awes"
 """In a stage's folder: JSON, which files awes made. In OWN: a sentence."""
 LONGEST_MARK = 1_000_000

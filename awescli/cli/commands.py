@@ -28,12 +28,15 @@ def run(
     screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str], figures: Path | None = None, **choices: Any
 ) -> None:
     """Run the plan, or one stage of it, and show what came of it. figures: where copies of its figures go."""
+    from awescli.artifacts import Journal
     from awescli.stages.plan import read_plan
     from awescli.stages.runner import drawn, run_plan
 
     if figures is not None and figures.exists() and not figures.is_dir():
         raise BadInput("is a file, a folder is needed", f"--figures {figures}", "Choose another name.")
     plan = read_plan(file, stages, _overrides(settings))
+    if not choices.get("dry_run"):
+        screen.keep_log(Journal(plan.out))
     results = run_plan(plan, stages, progress=screen, report=screen.stage_event, **choices)
     for result in results:
         if result.status in ("ran", "unchanged") and figures is not None and not choices.get("dry_run"):
