@@ -306,6 +306,11 @@ def _fitted_as_known(frame: Frame, model: FittedModel, processes: Sequence[Seque
     return FittedModel.of(model.keys, model.strengths, *found)
 
 
+def fit_apart(frame: Frame, model: FittedModel) -> FittedModel:
+    """The model fitted anew with strengths that every flight has for itself."""
+    return _fitted(replace(frame, per_flight=(*frame.per_flight, *model.strengths)), model, model.keys, model.strengths, {}, WHOLE)
+
+
 def fit_beyond(frame: Frame, model: FittedModel, names: Sequence[str]) -> FittedModel:
     """The model fitted anew with parameters or strengths `names` free to leave their bounds; their priors stay."""
     return _fitted(frame, model, model.keys, model.strengths, {}, WHOLE, beyond=names)

@@ -64,10 +64,11 @@ def test_a_name_that_is_no_check_is_refused_with_the_nearest(flipped):
     assert "Did you mean 'rudder response'?" in result.stderr and "--set ignore" in result.stderr
 
 
-def test_a_further_flight_is_asked_too(tmp_path, flipped):
-    """Guards identify.also: a good plan and a flight beside it that is no such flight."""
+@pytest.mark.parametrize("stage", ["identify", "trace-residual"])
+def test_a_further_flight_is_asked_too(tmp_path, flipped, stage):
+    """Guards `also`: a good plan and a flight beside it that is no such flight."""
     make_small_run(tmp_path)
-    result = awes(tmp_path, "check", "--set", f"identify.also=[{{flight: {flipped / 'flight'}}}]")
+    result = awes(tmp_path, "check", "--set", f"{stage}.also=[{{flight: {flipped / 'flight'}}}]")
     assert result.exit_code == 2 and "data check 'rudder response'" in result.stderr and str(flipped / "flight") in result.stderr
 
 
