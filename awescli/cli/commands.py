@@ -1,6 +1,6 @@
 """What each command does: read the plan, call the floors below, show what came of it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +71,7 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     """Everything that can be wrong before hours are spent; all complaints together."""
     from awescli.engine.object_cache import why_unused
     from awescli.flightlog.quality import data_quality
+    from awescli.flightlog.reconstruction.flight_path import reconstruct
     from awescli.physics.doubts import doubts
     from awescli.physics.kite import needed_by
     from awescli.stages.base import Inputs
@@ -84,8 +85,10 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     inputs = Inputs(plan.flight, plan.kite, plan.split)
     errors: list[BadInput] = []
     log = needed = None
+    noise: dict[str, float] = {}
     try:
         needed = needed_by(inputs.declared)
+        noise = {channel: std for channel, (std, share) in inputs.declared.noise.channels().items() if not share}
         screen.line(f"kite    {plan.kite}: good, {sum(row.free for row in inputs.declared.parameters.values())} free parameters")
         for doubt in doubts(inputs.declared):
             screen.paragraph(f"but {doubt}", 8 * " ")
@@ -104,7 +107,11 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
         quality = data_quality(log, needed, parts)
         for title, content in quality_sections(quality).items():
             screen.section(title, content)
-        screen.answer({"plan": str(plan.file), "quality": json_safe(quality.as_dict())})
+        path = reconstruct(log)
+        for title, content in kinematics_sections(path, noise).items():
+            screen.section(title, content)
+        answer = {"plan": str(plan.file), "quality": quality.as_dict(), "kinematics": path.as_dict()}
+        screen.answer(json_safe(answer))
     for stage in stages:
         if stage.name in plan.planned:
             errors += refused(stage, inputs, plan)
@@ -142,6 +149,20 @@ def quality_sections(quality: Any) -> dict[str, Any]:
     sections |= {title: list(items) for title, items in lists.items() if items}
     bad = [c.name for c in quality.checks if not c.ok]
     sections["verdict"] = "good" if quality.ok else "look at " + ", ".join([*bad, *(["what is missing"] if quality.missing else [])])
+    return sections
+
+
+def kinematics_sections(path: Any, declared: Mapping[str, float]) -> dict[str, Any]:
+    """A FlightPath (flightlog/reconstruction) as title -> table or list. declared: white noise of the kite file [SI], by channel."""
+    from awescli.flightlog.reconstruction.told import error_table, noise_table, said
+
+    sections: dict[str, Any] = {}
+    if path.noise:
+        sections["noise, by kinematics"] = noise_table(path, declared)
+    if path.errors:
+        sections["sensor errors, by kinematics"] = error_table(path)
+    found = [said(e) for e in path.findings]
+    sections["kinematics alone"] = [*(found or ["no error of a sensor that matters"]), *path.notes]
     return sections
 
 

@@ -69,6 +69,9 @@ class TraceResidual(Stage):
         models = {"before": finding.before(), "after": finding.after()}
         predictions = {which: predicted(simulator, log, parts, config.horizon) for which, simulator in models.items()}
         effects = account(finding, log, config.horizon, *(p["test"] for p in predictions.values()))
+        effects["kinematics"] = kinematics(log)
+        for seen in effects["kinematics"]:
+            context.progress.note(f"Kinematics alone: {seen['sentence']}.")
         effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), models, predictions, config.horizon)
         scores = {which: scores_of(p, config.horizon) for which, p in predictions.items()}
         params = traced_params(finding.model, effects)
@@ -83,9 +86,30 @@ class TraceResidual(Stage):
         return {
             "verdict": effects["verdict"], "effect": ", ".join(named(e) for e in effects["effects"]) or "-",
             "test NRMSE before": error.get("before", {}).get("mean"), "after": error["after"]["mean"], "noise floor":
-            error["noise_floor"]["mean"], **detectable(effects), ANSWER: told(effects, context.out / self.name / KITE_FILE),
-            **failure(finding),
+            error["noise_floor"]["mean"], **detectable(effects), **seen_alone(effects),
+            ANSWER: told(effects, context.out / self.name / KITE_FILE), **failure(finding),
         }  # fmt: skip
+
+
+def kinematics(log) -> list[dict]:
+    """What the sensors of a flight contradict each other in, without any model of forces: a witness beside the verdict, not part of it.
+    Each as the effect of the library that it is, with size and standard deviation [SI]."""
+    from awescli.flightlog.reconstruction.flight_path import reconstruct
+    from awescli.flightlog.reconstruction.told import said
+    from awescli.physics.effects import EFFECTS
+
+    return [
+        {
+            "name": e.name, "acts_on": e.target or "", "channels": list(e.acts_on), "size": e.size, "std": e.std, "unit": e.unit,
+            "sentence": said(e),
+        }
+        for e in reconstruct(log).findings if e.name in EFFECTS
+    ]  # fmt: skip
+
+
+def seen_alone(effects: dict) -> dict:
+    """The line of the summary that says what kinematics alone has seen."""
+    return {"kinematics alone": "; ".join(e["sentence"] for e in effects["kinematics"])} if effects.get("kinematics") else {}
 
 
 def begun(identified: dict, horizon: float) -> dict:
@@ -124,6 +148,8 @@ def told(effects: dict, kite_file) -> list[str]:
     share = f", {100 * left['share']:.0f} % of what was missing" if left["share"] > 0 else ""
     rest = effects["unexplained"]
     empirical = [shorten(f"empirical: {rest['expression']}", 120, placeholder=" ...")] if rest and rest["expression"] else []
+    # a second witness that asks no model of forces
+    empirical += [shorten(f"kinematics alone: {seen}", 120, placeholder=" ...") for seen in seen_alone(effects).values()]
     end = [
         change(before, after, error["noise_floor"]["mean"], error["horizon_s"]),
         f"left: chi-square {number(left['chi2'])} (1: noise alone){share}",
