@@ -73,7 +73,10 @@ def air_of_motion(motion: Motion, wind: np.ndarray | None = None) -> Identity:
     )
     shapes |= {"scale": speed[:, None] * only["V_a"], "offset": 0 * speed[:, None] + only["V_a"], "late": -change[:, None] * only["V_a"]}
     for name in vanes:
-        shapes |= {name: 0 * speed[:, None] + only[name], f"{name}_scale": expected[name][:, None] * only[name]}
+        # the upwash on a vane counts at the mean angle alone: attitude noise and gusts are in the expected angle and not in the vane, and a
+        # factor on it would be drawn towards zero by them (errors in variables; Fuller, Measurement Error Models, 1987, ch. 1)
+        constant = 0 * speed[:, None] + only[name]
+        shapes |= {name: constant, f"{name}_scale": float(np.mean(expected[name])) * constant}
     if vanes:
         p, q, r = motion.three("p", "q", "r").T if all(x in log for x in "pqr") else np.zeros((3, n))
         moves = np.stack([0 * r, r, -q], axis=1)  # omega x (1, 0, 0)
@@ -100,7 +103,9 @@ def air_of_motion(motion: Motion, wind: np.ndarray | None = None) -> Identity:
     y, X = np.stack([errors[c] for c in channels], axis=1), np.stack([shapes[c] for c in columns], axis=2)
     series = Series(y, X, H, seen, motion.restart, motion.time, columns, np.array([priors[c] for c in columns]))
     known = (*(Known(w, 1.0) for w in white), *(Known(w.level, WIDE) for w in laws), *(Known(w.memory, WIDE) for w in laws))
-    return Identity("air data", channels, series, white, laws, known, drifts)
+    flown = measured["V_a"][seen[:, 0]]
+    asks = (("at flown speed", {"scale": 1.0, "offset": 1.0 / max(float(flown.mean()) if flown.size else SLOWEST, SLOWEST)}),)
+    return Identity("air data", channels, series, white, laws, known, drifts, asks=asks)
 
 
 def recorded(motion: Motion) -> np.ndarray:

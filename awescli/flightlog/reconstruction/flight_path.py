@@ -5,20 +5,21 @@
 The noise and the errors of all channels, from four identities between them (`identities.py`, `air.py`), each solved in O(n) (`solve.py`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.quality import white_noise
-from awescli.flightlog.reconstruction.air import SLOWEST, air_of_motion, recorded, with_offset
+from awescli.flightlog.reconstruction.air import air_of_motion, recorded, with_offset
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
 from awescli.flightlog.reconstruction.identities import Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
 from awescli.flightlog.reconstruction.solve import Solution, solve, thinned
 from awescli.notation.errors import NumericalFailure
-from awescli.notation.quantities import UNITS
+from awescli.notation.quantities import ANGLES, UNITS
 
 FEWEST, SHORTEST = 200, 10.0
 """Samples and seconds below which nothing is said."""
@@ -62,7 +63,9 @@ def reconstruct(log: FlightLog) -> FlightPath:
             notes.append(f"Of {name} nothing can be said: {e}")
             continue
         noise |= {n.channel: n for n in _noise(solution)}
-        errors += say(solution, motion)
+        said = say(solution)
+        errors += said
+        motion = without(motion, said)
     for channel in log.measured:
         if channel not in noise or noise[channel].white is None:
             by_differences = _by_differences(log, motion, channel)
@@ -71,6 +74,19 @@ def reconstruct(log: FlightLog) -> FlightPath:
                 noise[channel] = by_differences if old is None else _with_drift(by_differences, old)
     ordered = tuple(noise[c] for c in log.measured if c in noise)
     return FlightPath(ordered, tuple(errors), len(motion), int(motion.restart.sum()), tuple(notes))
+
+
+def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
+    """The motion as its sensors would have logged it without the errors that were found: what comes next is not to find them again."""
+    signals = dict(motion.log.measured)
+    for e in errors:
+        for name in e.acts_on if e.found else ():
+            if e.unit == "s":
+                signal = np.unwrap(signals[name]) if name in ANGLES else signals[name]
+                signals[name] = np.interp(motion.log.time + e.size, motion.log.time, signal)
+            else:
+                signals[name] = signals[name] - e.size
+    return replace(motion, log=replace(motion.log, measured=signals)) if any(e.found for e in errors) else motion
 
 
 def _position(motion: Motion) -> Identity:
@@ -100,30 +116,24 @@ def _air(motion: Motion) -> Identity:
     return air_of_motion(motion, wind)
 
 
-def _say_attitude(s: Solution, motion: Motion) -> list[SensorError]:
+def _say_attitude(s: Solution) -> list[SensorError]:
     biases = [_error(s, n, "imu_bias", (n,), "rad/s", "rates", "rates") for n in ("p", "q", "r")]
     return [*biases, _delay(s, "attitude_latency", ("phi", "theta", "psi"))]
 
 
-def _say_position(s: Solution, motion: Motion) -> list[SensorError]:
+def _say_position(s: Solution) -> list[SensorError]:
     return [_delay(s, "position_latency", ("p_n", "p_e", "p_d"), s.identity.moved)]
 
 
-def _say_velocity(s: Solution, motion: Motion) -> list[SensorError]:
+def _say_velocity(s: Solution) -> list[SensorError]:
     biases = [_error(s, n, "imu_bias", (n,), "m/s2", "accelerations", "accelerations") for n in ("a_x", "a_y", "a_z")]
     return [*biases, _error(s, "heading", "heading_bias", ("psi",), "rad"), _delay(s, "velocity latency", ("v_n", "v_e", "v_d"))]
 
 
-def _say_air(s: Solution, motion: Motion) -> list[SensorError]:
+def _say_air(s: Solution) -> list[SensorError]:
     # scale and offset are one at the speed that is flown
-    V_a = motion.log["V_a"][motion.rows]
-    columns = s.identity.series.columns
-    mean = np.zeros(len(columns))
-    mean[columns.index("scale")], mean[columns.index("offset")] = 1.0, 1.0 / max(float(V_a[V_a > SLOWEST].mean()), SLOWEST)
-    size = float(mean @ np.array([s.values[c] for c in columns]))
-    std = float(np.sqrt(mean @ s.covariance @ mean))
-    scale = SensorError("airspeed_scale", None, ("V_a",), size, std, "-", MATTERS["airspeed_scale"])
-    vanes = [_error(s, n, "vane_bias", (n,), "rad", target=n) for n in ("alpha", "beta") if n in columns]
+    scale = _error(s, "at flown speed", "airspeed_scale", ("V_a",), "-")
+    vanes = [_error(s, n, "vane_bias", (n,), "rad", target=n) for n in ("alpha", "beta") if n in s.values]
     return [scale, _error(s, "late", "airspeed_lag", ("V_a",), "s"), *vanes]
 
 
@@ -138,14 +148,14 @@ IDENTITIES: tuple[tuple[str, tuple[str, ...], Callable, Callable], ...] = (
 
 
 def _error(s: Solution, column: str, name: str, acts_on: tuple[str, ...], unit: str, matters: str = "", target: str | None = None):
-    return SensorError(name, target, acts_on, s.values[column], s.std(column), unit, MATTERS[matters or name])
+    return SensorError(name, target, acts_on, s.values[column], s.std[column], unit, MATTERS[matters or name])
 
 
 def _delay(s: Solution, name: str, acts_on: tuple[str, ...], moved: float = 0.0) -> SensorError:
     """A delay delays all motion alike: what differs between slow and quick motion is none."""
     size, quick = s.values["late"] + moved, s.values["late_quick"]
-    agrees = abs(quick) < 3 * s.std("late_quick") or abs(quick) < 0.3 * abs(size)
-    return SensorError(name, None, acts_on, size, s.std("late"), "s", MATTERS[name], bool(agrees))
+    agrees = abs(quick) < 3 * s.std["late_quick"] or abs(quick) < 0.3 * abs(size)
+    return SensorError(name, None, acts_on, size, s.std["late"], "s", MATTERS[name], bool(agrees))
 
 
 def _noise(s: Solution) -> list[ChannelNoise]:

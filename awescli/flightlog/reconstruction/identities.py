@@ -19,6 +19,8 @@ from awescli.flightlog.reconstruction.motion_of import Motion, turn, turned_by
 STEEP = np.deg2rad(80.0)
 """Pitch beyond which roll and yaw are not told apart."""
 MEMORY = 5.0
+KNOWN = 0.005
+"""Spread of the logarithm of white noise that differences have told."""
 WIDE = 0.8
 """Spread of the logarithm of what is known of drifts: a factor of 2.2 (as in estimation/processes/drift.py)."""
 
@@ -30,7 +32,8 @@ SLOW = 2.0
 @dataclass(frozen=True)
 class Identity:
     """A Series with what it is made of. channels: the m measured ones; laws: of its states, at their start, with `known` of white levels,
-    laws and memories; drifts: law -> channels that drift; moved: the delay [s] that was taken out before."""
+    laws and memories; drifts: law -> channels that drift; moved: the delay [s] that was taken out before; asks: what is
+    reported beside the columns, as sums of columns with weights."""
 
     name: str
     channels: tuple[str, ...]
@@ -40,6 +43,7 @@ class Identity:
     known: tuple[Known, ...]
     drifts: dict[str, tuple[str, ...]]
     moved: float = 0.0
+    asks: tuple[tuple[str, dict[str, float]], ...] = ()
 
 
 def attitude_of_rates(motion: Motion) -> Identity:
@@ -115,7 +119,10 @@ def velocity_of_acceleration(motion: Motion) -> Identity:
         motion.restart, motion.time,
         ("a_x", "a_y", "a_z", "heading", *DELAYS), np.array([2.0, 2.0, 2.0, 0.5, 0.5, 0.5]),
     )  # fmt: skip
-    return _identity("velocity", channels, series, laws, {"velocity drift": channels}, 0.0005)
+    found = _identity("velocity", channels, series, laws, {"velocity drift": channels}, 0.0005)
+    # errors of attitude times acceleration are no random walk: the white noise is what differences of high order leave
+    white = tuple(max(white_noise(series.y[:, i], series.seen[:, i]) or w, 0.0005) for i, w in enumerate(found.white))
+    return replace(found, white=white, known=(*(Known(w, KNOWN) for w in white), *found.known[len(white) :]))
 
 
 def _identity(name, channels, series: Series, laws, drifts, least: float) -> Identity:

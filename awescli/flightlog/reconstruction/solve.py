@@ -24,19 +24,16 @@ ABSENT = 0.02
 
 @dataclass(frozen=True)
 class Solution:
-    """levels; values of the shapes by name, covariance (k, k); scatter (k,): by how much stretches of the flight differ more than they may
-    (factor that is already in the covariance, 1 where they agree); gain: law -> what the deviance would lose without it."""
+    """levels; values and standard deviations of the shapes, and of what the identity asks beside them, by name; scatter: by how much
+    stretches of the flight differ more than they may (a factor that is in the deviation, 1 where they agree); gain: law -> what the
+    deviance would lose without it."""
 
     identity: Identity
     levels: Levels
     values: dict[str, float]
-    covariance: np.ndarray
-    scatter: np.ndarray
+    std: dict[str, float]
+    scatter: dict[str, float]
     gain: dict[str, float]
-
-    def std(self, column: str) -> float:
-        i = self.identity.series.columns.index(column)
-        return float(np.sqrt(self.covariance[i, i]))
 
 
 def solve(identity: Identity) -> Solution:
@@ -52,9 +49,18 @@ def solve(identity: Identity) -> Solution:
         without = [*levels.laws[:i], replace(law, level=ABSENT * law.level), *levels.laws[i + 1 :]]
         gain[law.name] = coarse.at(levels.white, without).deviance - coarse.at(levels.white, levels.laws).deviance
     whole = BandedLikelihood(series).at(levels.white, levels.laws)
-    scatter = _scatter(series, levels, whole)
-    covariance = whole.covariance * np.outer(scatter, scatter)
-    return Solution(identity, levels, dict(zip(series.columns, whole.beta.tolist(), strict=True)), covariance, scatter, gain)
+    names, F = _asked(identity)
+    scatter = _scatter(series, levels, whole, F)
+    std = scatter * np.sqrt(np.einsum("fk,kl,fl->f", F, whole.covariance, F))
+    values, std, scatter = (dict(zip(names, x.tolist(), strict=True)) for x in (F @ whole.beta, std, scatter))
+    return Solution(identity, levels, values, std, scatter, gain)
+
+
+def _asked(identity: Identity) -> tuple[tuple[str, ...], np.ndarray]:
+    """(names, (f, k) weights of the shapes) of what is reported: each shape, and what the identity asks."""
+    columns = identity.series.columns
+    F = np.vstack([np.eye(len(columns)), *([weights.get(c, 0.0) for c in columns] for _, weights in identity.asks)])
+    return (*columns, *(name for name, _ in identity.asks)), F
 
 
 def without_outliers(identity: Identity, series: Series) -> Series:
@@ -76,10 +82,10 @@ def thinned(series: Series, most: int) -> Series:
     )  # fmt: skip
 
 
-def _scatter(series: Series, levels: Levels, whole: Estimate) -> np.ndarray:
-    """(k,) factors on the standard deviations: the root of chi-square per degree of freedom between stretches (Birge 1932), where that is
+def _scatter(series: Series, levels: Levels, whole: Estimate, F: np.ndarray) -> np.ndarray:
+    """(f,) factors on the standard deviations: the root of chi-square per degree of freedom between stretches (Birge 1932), where that is
     more than chance."""
-    total = np.zeros(len(whole.beta))
+    total, known = np.zeros(len(F)), np.einsum("fk,kl,fl->f", F, whole.covariance, F)
     n, counted = len(series.y), 0
     for part in np.array_split(np.arange(n), PARTS):
         cut = slice(part[0], part[-1] + 1)
@@ -92,8 +98,8 @@ def _scatter(series: Series, levels: Levels, whole: Estimate) -> np.ndarray:
             continue
         found = BandedLikelihood(own).at(levels.white, levels.laws)
         # what the prior of a shape holds fast tells nothing
-        variance = np.maximum(np.diag(found.covariance) - np.diag(whole.covariance), 1e-3 * np.diag(found.covariance))
-        total += (found.beta - whole.beta) ** 2 / variance
+        own_variance = np.einsum("fk,kl,fl->f", F, found.covariance, F)
+        total += (F @ (found.beta - whole.beta)) ** 2 / np.maximum(own_variance - known, 1e-3 * own_variance)
         counted += 1
     freedom = max(counted - 1, 1)
     return np.where(total > chi2.ppf(AGREE, freedom), np.sqrt(total / freedom), 1.0)
