@@ -34,78 +34,88 @@ SPAN = 0.4
 """s over which the airspeed that velocity and wind give is smoothed for its rate of change."""
 
 
-def air_of_motion(motion: Motion, wind: np.ndarray | None = None) -> Identity:
-    """Airspeed, and vanes where there are any, less what velocity, attitude and wind make of them. wind: (n, 3) NED [m/s] to be linear
-    about, default the record."""
-    log, n = motion.log, len(motion)
-    v, height = motion.three("v_n", "v_e", "v_d"), -log["p_d"][motion.rows] if "p_d" in log else np.zeros(n)
-    if wind is None:
-        wind = recorded(motion)
-    air = v - wind
+def airspeed_of_motion(motion: Motion, wind: np.ndarray | None = None) -> Identity:
+    """Airspeed less |v - w|. wind: (n, 3) NED [m/s] to be linear about, default the record. Alone, without the vanes: these would vote on
+    the wind with errors of the attitude."""
+    air, higher = _air(motion, wind)
     speed = np.maximum(np.linalg.norm(air, axis=1), 1e-3)
-    vanes = [name for name in ("alpha", "beta") if name in log and "phi" in log]
-    channels = ("V_a", *vanes)
-    gradients, expected = {"V_a": air / speed[:, None]}, {"V_a": speed}
-    if vanes:
-        R = motion.rotation
-        body = np.einsum("nji,nj->ni", R, air)
-        flat = np.maximum(np.hypot(body[:, 0], body[:, 2]), 1e-3)
-        expected |= {"alpha": np.arctan2(body[:, 2], body[:, 0]), "beta": np.arcsin(np.clip(body[:, 1] / speed, -1, 1))}
-        by_body = {
-            "alpha": np.stack([-body[:, 2], 0 * flat, body[:, 0]], 1) / flat[:, None] ** 2,
-            "beta": (np.eye(3)[1] - body[:, 1:2] * body / speed[:, None] ** 2) / flat[:, None],
-        }
-        gradients |= {name: np.einsum("nij,nj->ni", R, g) for name, g in by_body.items()}
-    measured = {name: log[name][motion.rows] for name in channels}
-    errors = {name: measured[name] - expected[name] if name == "V_a" else wrap(measured[name] - expected[name]) for name in channels}
-    # of the wind: minus the gradient with respect to the air's velocity
-    G = -np.stack([gradients[name] for name in channels], axis=1)
-    along = wind - np.array([0, 0, 1.0]) * wind
-    along = along / np.maximum(np.linalg.norm(along, axis=1), 1.0)[:, None]
-    across = np.stack([-along[:, 1], along[:, 0], 0 * height], axis=1)
-    higher = ((height - height.mean()) / 100)[:, None]
-    shapes: dict[str, np.ndarray] = {f"wind_{axis}": G[:, :, i] for i, axis in enumerate("ned")}
-    shapes |= {"more_wind_above": np.einsum("nmi,ni->nm", G, along * higher), "veer_above": np.einsum("nmi,ni->nm", G, across * higher)}
-    only = {name: np.eye(len(channels))[i] for i, name in enumerate(channels)}
-    smooth = np.concatenate([local_quadratic(part, motion.dt, SPAN) for part in np.split(speed, np.flatnonzero(motion.restart)[1:])])
-    change = np.concatenate(
-        [local_quadratic(p, motion.dt, SPAN, derivative=1) for p in np.split(smooth, np.flatnonzero(motion.restart)[1:])]
-    )
-    shapes |= {"scale": speed[:, None] * only["V_a"], "offset": 0 * speed[:, None] + only["V_a"], "late": -change[:, None] * only["V_a"]}
-    for name in vanes:
+    G = -air / speed[:, None]
+    seen = motion.seen("V_a")[:, 0] & (speed > SLOWEST)
+    error = motion.log["V_a"][motion.rows] - speed
+    mean = float(speed[seen].mean()) if seen.any() else SLOWEST
+    ends = np.flatnonzero(motion.restart)[1:]
+    changes = [local_quadratic(part, motion.dt, SPAN, derivative=1) for part in np.split(speed, ends)]
+    shapes = _wind_shapes(G[:, None, :], motion, wind, higher) | {
+        "scale": speed[:, None], "offset": np.ones((len(motion), 1)), "late": -np.concatenate(changes)[:, None],
+        # whoever holds the airspeed flies slower over ground when a gust comes from ahead: it then passes for a factor on what varies
+        "answered": (speed - mean)[:, None],
+    }  # fmt: skip
+    answered = float(np.clip(np.var(error[seen]) / max(np.var(speed[seen]), 0.01), 1e-4, 1.0)) if seen.any() else 1.0
+    laws = (Law("gusts and airspeed drift", (0,), GUSTS, GUST_MEMORY),)
+    asks = (("at flown speed", {"scale": 1.0, "offset": 1.0 / mean}),)
+    H = np.ones((len(motion), 1, 1))
+    return _identity("airspeed", motion, error[:, None], shapes, H, seen[:, None], laws, {"answered": answered}, asks)
+
+
+def vanes_of_motion(motion: Motion, wind: np.ndarray | None = None) -> Identity:
+    """Angles of attack and sideslip, those that are measured, less what R^T (v - w) has. wind: as for the airspeed."""
+    air, higher = _air(motion, wind)
+    names = tuple(name for name in ("alpha", "beta") if name in motion.log)
+    R, speed = motion.rotation, np.maximum(np.linalg.norm(air, axis=1), 1e-3)
+    body = np.einsum("nji,nj->ni", R, air)
+    flat = np.maximum(np.hypot(body[:, 0], body[:, 2]), 1e-3)
+    expected = {"alpha": np.arctan2(body[:, 2], body[:, 0]), "beta": np.arcsin(np.clip(body[:, 1] / speed, -1, 1))}
+    by_body = {
+        "alpha": np.stack([-body[:, 2], 0 * flat, body[:, 0]], 1) / flat[:, None] ** 2,
+        "beta": (np.eye(3)[1] - body[:, 1:2] * body / speed[:, None] ** 2) / flat[:, None],
+    }
+    G = -np.stack([np.einsum("nij,nj->ni", R, by_body[name]) for name in names], axis=1)
+    psi, n = motion.log["psi"][motion.rows], len(motion)
+    axes = {"heading": np.array([0, 0, 1.0]), "pitch": np.stack([-np.sin(psi), np.cos(psi), 0 * psi], axis=1)}
+    shapes = _wind_shapes(G, motion, wind, higher) | {c: -np.einsum("nmi,ni->nm", G, np.cross(axis, air)) for c, axis in axes.items()}
+    for i, name in enumerate(names):
         # the upwash on a vane counts at the mean angle alone: attitude noise and gusts are in the expected angle and not in the vane, and a
         # factor on it would be drawn towards zero by them (errors in variables; Fuller, Measurement Error Models, 1987, ch. 1)
-        constant = 0 * speed[:, None] + only[name]
+        constant = np.repeat(np.eye(len(names))[i][None], n, axis=0)
         shapes |= {name: constant, f"{name}_scale": float(np.mean(expected[name])) * constant}
-    if vanes:
-        p, q, r = motion.three("p", "q", "r").T if all(x in log for x in "pqr") else np.zeros((3, n))
-        moves = np.stack([0 * r, r, -q], axis=1)  # omega x (1, 0, 0)
-        psi = log["psi"][motion.rows]
-        axes = {"heading": np.array([0, 0, 1.0]), "pitch": np.stack([-np.sin(psi), np.cos(psi), 0 * psi], axis=1)}
-        shapes |= {name: -np.einsum("nmi,ni->nm", G, np.cross(axis, air)) for name, axis in axes.items()}
-        shapes["arm"] = np.stack([(moves * (body / speed[:, None] if c == "V_a" else by_body[c])).sum(1) for c in channels], axis=1)
-    columns = tuple(shapes)
-    priors = dict(PRIORS)
-    if log.wind is None:
-        priors |= {"wind_n": UNRECORDED, "wind_e": UNRECORDED}
-    white = tuple(max(white_noise(measured[c][motion.seen(c)[:, 0]]) or 0.0, 0.02 if c == "V_a" else 0.0005) for c in channels)
-    if vanes:
-        own = tuple(range(3, 3 + len(vanes)))
-        laws = (Law("gusts", (0, 1, 2), GUSTS, GUST_MEMORY), Law("vane drift", own, 0.01, GUST_MEMORY))
-        drift = np.zeros((n, len(channels), len(vanes)))
-        for i in range(len(vanes)):
-            drift[:, i + 1, i] = 1.0
-        H, drifts = np.concatenate([G, drift], axis=2), {"vane drift": tuple(vanes)}
-    else:
-        laws, H = (Law("gusts and airspeed drift", (0,), GUSTS, GUST_MEMORY),), np.ones((n, 1, 1))
-        drifts = {"gusts and airspeed drift": ("V_a",)}
-    seen = motion.seen(*channels) & (speed > SLOWEST)[:, None]
-    y, X = np.stack([errors[c] for c in channels], axis=1), np.stack([shapes[c] for c in columns], axis=2)
-    series = Series(y, X, H, seen, motion.restart, motion.time, columns, np.array([priors[c] for c in columns]))
+    q, r = (motion.log[x][motion.rows] if x in motion.log else np.zeros(n) for x in "qr")
+    moves = np.stack([0 * r, r, -q], axis=1)  # omega x (1, 0, 0)
+    shapes["arm"] = np.stack([(moves * by_body[name]).sum(1) for name in names], axis=1)
+    error = np.stack([wrap(motion.log[name][motion.rows] - expected[name]) for name in names], axis=1)
+    laws = (Law("gusts", (0, 1, 2), GUSTS, GUST_MEMORY), Law("vane drift", tuple(range(3, 3 + len(names))), 0.01, GUST_MEMORY))
+    H = np.concatenate([G, np.repeat(np.eye(len(names))[None], n, axis=0)], axis=2)
+    return _identity("vanes", motion, error, shapes, H, motion.seen(*names) & (speed > SLOWEST)[:, None], laws, {}, ())
+
+
+def _air(motion: Motion, wind: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """(v - w (n, 3) NED [m/s], height above the mean (n,) [100 m])."""
+    height = -motion.log["p_d"][motion.rows] if "p_d" in motion.log else np.zeros(len(motion))
+    return motion.three("v_n", "v_e", "v_d") - (recorded(motion) if wind is None else wind), (height - height.mean()) / 100
+
+
+def _wind_shapes(G: np.ndarray, motion: Motion, wind: np.ndarray | None, higher: np.ndarray) -> dict[str, np.ndarray]:
+    """What a wind that is constant, grows, or veers with height changes; G (n, m, 3): derivatives with respect to the wind."""
+    wind = recorded(motion) if wind is None else wind
+    flat = wind * np.array([1.0, 1.0, 0.0])
+    along = flat / np.maximum(np.linalg.norm(flat, axis=1), 1.0)[:, None]
+    across = np.stack([-along[:, 1], along[:, 0], 0 * higher], axis=1)
+    shapes = {f"wind_{axis}": G[:, :, i] for i, axis in enumerate("ned")}
+    more = {"more_wind_above": along, "veer_above": across}
+    return shapes | {name: np.einsum("nmi,ni->nm", G, way * higher[:, None]) for name, way in more.items()}
+
+
+def _identity(name: str, motion: Motion, error, shapes: Mapping[str, np.ndarray], H, seen, laws, priors, asks) -> Identity:
+    """channels: V_a, or the vanes there are."""
+    channels = ("V_a",) if name == "airspeed" else tuple(c for c in ("alpha", "beta") if c in motion.log)
+    least = 0.02 if name == "airspeed" else 0.0005
+    white = tuple(max(white_noise(motion.log[c][motion.rows][motion.seen(c)[:, 0]]) or 0.0, least) for c in channels)
     known = (*(Known(w, 1.0) for w in white), *(Known(w.level, WIDE) for w in laws), *(Known(w.memory, WIDE) for w in laws))
-    flown = measured["V_a"][seen[:, 0]]
-    asks = (("at flown speed", {"scale": 1.0, "offset": 1.0 / max(float(flown.mean()) if flown.size else SLOWEST, SLOWEST)}),)
-    return Identity("air data", channels, series, white, laws, known, drifts, asks=asks)
+    wide = {} if motion.log.wind is not None else {"wind_n": UNRECORDED, "wind_e": UNRECORDED}
+    prior = PRIORS | wide | priors
+    columns = tuple(shapes)
+    X = np.stack([shapes[c] for c in columns], axis=2)
+    series = Series(error, X, H, seen, motion.restart, motion.time, columns, np.array([prior[c] for c in columns]))
+    return Identity(name, channels, series, white, laws, known, {laws[-1].name: channels}, asks=asks)
 
 
 def recorded(motion: Motion) -> np.ndarray:

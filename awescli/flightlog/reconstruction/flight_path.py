@@ -5,14 +5,14 @@
 The noise and the errors of all channels, from four identities between them (`identities.py`, `air.py`), each solved in O(n) (`solve.py`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.quality import white_noise
-from awescli.flightlog.reconstruction.air import air_of_motion, recorded, with_offset
+from awescli.flightlog.reconstruction.air import airspeed_of_motion, recorded, vanes_of_motion, with_offset
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
 from awescli.flightlog.reconstruction.identities import Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
@@ -52,7 +52,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
     errors: list[SensorError] = []
     notes: list[str] = []
     for name, needs, build, say in IDENTITIES:
-        if any(n not in log for n in needs):
+        if any(n not in log for n in needs) or (build is _vanes and not {"alpha", "beta"} & set(log.measured)):
             continue
         try:
             identity = build(motion)
@@ -63,7 +63,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
             notes.append(f"Of {name} nothing can be said: {e}")
             continue
         noise |= {n.channel: n for n in _noise(solution)}
-        said = say(solution)
+        said = [_beside_drift(e, noise, len(motion) * log.dt) for e in say(solution)]
         errors += said
         motion = without(motion, said)
     for channel in log.measured:
@@ -74,6 +74,19 @@ def reconstruct(log: FlightLog) -> FlightPath:
                 noise[channel] = by_differences if old is None else _with_drift(by_differences, old)
     ordered = tuple(noise[c] for c in log.measured if c in noise)
     return FlightPath(ordered, tuple(errors), len(motion), int(motion.restart.sum()), tuple(notes))
+
+
+AGAINST = {"heading_bias": "psi", "beta": "psi", "alpha": "theta"}
+"""Error or vane -> the angle that it is told against."""
+
+
+def _beside_drift(error: SensorError, noise: Mapping[str, ChannelNoise], seconds: float) -> SensorError:
+    """An angle that is told against an attitude that drifts is known no better than the mean of that drift over the flight."""
+    angle = AGAINST.get(error.name) or AGAINST.get(error.target or "")
+    if angle not in noise or noise[angle].drift is None or noise[angle].memory is None:
+        return error
+    mean = noise[angle].drift.value * np.sqrt(min(2 * noise[angle].memory.value / seconds, 1.0))
+    return replace(error, std=float(np.hypot(error.std, mean)))
 
 
 def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
@@ -103,17 +116,27 @@ def _position(motion: Motion) -> Identity:
     return position_of_velocity(motion, late)
 
 
-def _air(motion: Motion) -> Identity:
+def _airspeed(motion: Motion) -> Identity:
     """About the wind that a first solution finds where nobody recorded one: the airspeed is not linear in it."""
-    if motion.log.wind is not None:
-        return air_of_motion(motion)
+    return airspeed_of_motion(motion, _wind(motion))
+
+
+def _vanes(motion: Motion) -> Identity:
+    """About the wind that the airspeed finds where nobody recorded one."""
+    return vanes_of_motion(motion, _wind(motion))
+
+
+def _wind(motion: Motion) -> np.ndarray | None:
+    """(n, 3) the constant wind of the flight where nobody recorded one; else None."""
+    if motion.log.wind is not None or "V_a" not in motion.log:
+        return None
     wind = recorded(motion)
     for _ in range(3):
-        identity = air_of_motion(motion, wind)
+        identity = airspeed_of_motion(motion, wind)
         series = thinned(identity.series, FEWEST * 10)
         beta = BandedLikelihood(series).at(np.array(identity.white), identity.laws).beta
         wind = with_offset(wind, dict(zip(series.columns, beta, strict=True)))
-    return air_of_motion(motion, wind)
+    return wind
 
 
 def _say_attitude(s: Solution) -> list[SensorError]:
@@ -130,11 +153,14 @@ def _say_velocity(s: Solution) -> list[SensorError]:
     return [*biases, _error(s, "heading", "heading_bias", ("psi",), "rad"), _delay(s, "velocity latency", ("v_n", "v_e", "v_d"))]
 
 
-def _say_air(s: Solution) -> list[SensorError]:
+def _say_airspeed(s: Solution) -> list[SensorError]:
     # scale and offset are one at the speed that is flown
     scale = _error(s, "at flown speed", "airspeed_scale", ("V_a",), "-")
-    vanes = [_error(s, n, "vane_bias", (n,), "rad", target=n) for n in ("alpha", "beta") if n in s.values]
-    return [scale, _error(s, "late", "airspeed_lag", ("V_a",), "s"), *vanes]
+    return [scale, _error(s, "late", "airspeed_lag", ("V_a",), "s")]
+
+
+def _say_vanes(s: Solution) -> list[SensorError]:
+    return [_error(s, n, "vane_bias", (n,), "rad", target=n) for n in s.identity.channels]
 
 
 VELOCITY, ATTITUDE = ("v_n", "v_e", "v_d"), ("phi", "theta", "psi")
@@ -142,7 +168,8 @@ IDENTITIES: tuple[tuple[str, tuple[str, ...], Callable, Callable], ...] = (
     ("attitude and rates", (*ATTITUDE, "p", "q", "r"), attitude_of_rates, _say_attitude),
     ("position and velocity", ("p_n", "p_e", "p_d", *VELOCITY), _position, _say_position),
     ("velocity and acceleration", (*VELOCITY, "a_x", "a_y", "a_z", *ATTITUDE), velocity_of_acceleration, _say_velocity),
-    ("air data and motion", ("V_a", *VELOCITY), _air, _say_air),
+    ("airspeed and motion", ("V_a", *VELOCITY), _airspeed, _say_airspeed),
+    ("vanes and motion", (*VELOCITY, *ATTITUDE), _vanes, _say_vanes),
 )
 """What is compared, the signals it needs, and how."""
 
