@@ -19,8 +19,8 @@ ATTITUDE, POSITION, VELOCITY, RATES = ("phi", "theta", "psi"), ("p_n", "p_e", "p
 class Sensors:
     """SI. white: channel -> standard deviation, default the kite file's; factor: on all of them; attitude, position: (level, memory [s]) of
     their drifts; gusts: (level, memory) of the three components of wind that only the air data meet; late: group of channels -> delay [s];
-    bias: channel -> constant error; scale: of the airspeed; vanes: whether there are any; outliers: share of samples; gap: [s] lost in one
-    piece in mid flight."""
+    bias: channel -> constant error; scale: of the airspeed; wind: NED, what the air has beyond its record; vanes: whether there are any;
+    outliers: share of samples; gap: [s] lost in one piece in mid flight."""
 
     white: Mapping[str, float] = field(default_factory=lambda: {n: std for n, (std, share) in Noise().channels().items() if not share})
     factor: float = 1.0
@@ -30,6 +30,7 @@ class Sensors:
     late: Mapping[tuple[str, ...], float] = field(default_factory=dict)
     bias: Mapping[str, float] = field(default_factory=dict)
     scale: float = 1.0
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
     vanes: bool = False
     outliers: float = 0.0
     gap: float = 0.0
@@ -65,7 +66,7 @@ class Sensors:
         """The air's velocity past the kite, body axes."""
         wind = wind_ned(true.wind, true.time, -true["p_d"])
         blown = [wander(random, len(true), true.dt, *self.gusts) if self.gusts else 0.0 for _ in wind]
-        past = tuple(true[v] - w - g for v, w, g in zip(VELOCITY, wind, blown, strict=True))
+        past = tuple(true[v] - w - more - g for v, w, more, g in zip(VELOCITY, wind, self.wind, blown, strict=True))
         return rotate_back(rotation_body_to_ned(true["phi"], true["theta"], true["psi"]), past)
 
 

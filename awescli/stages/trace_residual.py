@@ -4,7 +4,7 @@ from textwrap import shorten
 
 from pydantic import Field
 
-from awescli.stages.answers import ANSWER, change, fitting, named, number, sized
+from awescli.stages.answers import ANSWER, WIDTH, change, fitting, named, number, sized
 from awescli.stages.base import FAILURE, KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 
 
@@ -148,21 +148,24 @@ def told(effects: dict, kite_file) -> list[str]:
     share = f", {100 * left['share']:.0f} % of what was missing" if left["share"] > 0 else ""
     rest = effects["unexplained"]
     empirical = [shorten(f"empirical: {rest['expression']}", 120, placeholder=" ...")] if rest and rest["expression"] else []
-    # a second witness that asks no model of forces
-    empirical += [shorten(f"kinematics alone: {seen}", 120, placeholder=" ...") for seen in seen_alone(effects).values()]
+    # a second witness, which asks no model of forces: in full, or in one line
+    told_alone = [f"kinematics alone: {seen}" for seen in seen_alone(effects).values()]
+    alone, briefly = ([shorten(t, most, placeholder=" ...") for t in told_alone] for most in (120, WIDTH - 4))
     end = [
         change(before, after, error["noise_floor"]["mean"], error["horizon_s"]),
         f"left: chi-square {number(left['chi2'])} (1: noise alone){share}",
         f"kite file: {kite_file}; report: awes evaluate --report",
     ]
     if verdict == "not_testable":
-        return fitting(TraceResidual.name, [[f"{verdict}: {effects['reason']}", *end[-1:]]])
+        return fitting(TraceResidual.name, ([f"{verdict}: {effects['reason']}", *seen, *end[-1:]] for seen in (alone, briefly)))
     if not effects["effects"]:
-        return fitting(TraceResidual.name, ([f"{verdict}: {SAYS[verdict]}", *empirical, *e] for e in (end, end[::2])))
+        says, short = f"{verdict}: {SAYS[verdict]}", [shorten(e, WIDTH - 4, placeholder=" ...") for e in empirical]
+        ends = ([*empirical, *alone, *end], [*empirical, *alone, *end[::2]], [*short, *briefly, *end[::2]])
+        return fitting(TraceResidual.name, ([says, *e] for e in ends))
     found = [[_said(e, most) for e in effects["effects"]] for most in (9, 1, 0)]
-    versions = [[f"{verdict}: {first}", *(f"and {e}" for e in others), *empirical, *end] for first, *others in found]
+    versions = [[f"{verdict}: {first}", *(f"and {e}" for e in others), *empirical, *alone, *end] for first, *others in found]
     names = shorten(f"{verdict}: {', '.join(named(e) for e in effects['effects'])}", 200, placeholder=" ...")
-    return fitting(TraceResidual.name, [*versions, [names, *empirical, *end[::2]], [names, *end[::2]]])
+    return fitting(TraceResidual.name, [*versions, [names, *empirical, *alone, *end[::2]], [names, *briefly, *end[::2]]])
 
 
 def _said(effect: dict, most: int) -> str:

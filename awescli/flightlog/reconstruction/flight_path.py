@@ -62,7 +62,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
         except NumericalFailure as e:
             notes.append(f"Of {name} nothing can be said: {e}")
             continue
-        noise |= {n.channel: n for n in _noise(solution)}
+        noise |= {n.channel: _beside_attitude(n, noise) for n in _noise(solution)}
         said = [_beside_drift(e, noise, len(motion) * log.dt) for e in say(solution)]
         errors += said
         motion = without(motion, said)
@@ -78,6 +78,15 @@ def reconstruct(log: FlightLog) -> FlightPath:
 
 AGAINST = {"heading_bias": "psi", "beta": "psi", "alpha": "theta"}
 """Error or vane -> the angle that it is told against."""
+
+
+def _beside_attitude(own: ChannelNoise, noise: Mapping[str, ChannelNoise]) -> ChannelNoise:
+    """A vane is compared with an attitude that is noisy itself: its own white noise is what is left of the variance."""
+    angle = AGAINST.get(own.channel)
+    if angle not in noise or noise[angle].white is None or own.white is None or noise[angle].white.value > 0.9 * own.white.value:
+        return own
+    share = np.sqrt(1 - (noise[angle].white.value / own.white.value) ** 2)
+    return replace(own, white=Level(own.white.value * share, own.white.low * share, own.white.high * share))
 
 
 def _beside_drift(error: SensorError, noise: Mapping[str, ChannelNoise], seconds: float) -> SensorError:
@@ -191,7 +200,10 @@ def _noise(s: Solution) -> list[ChannelNoise]:
     found = []
     remembers = [law.name for law in laws if not law.walks]
     for i, channel in enumerate(s.identity.channels):
-        white = Level.of(s.levels.white[i], s.levels.spread[i]) if s.levels.spread[i] < UNKNOWN else None
+        spread = s.levels.spread[i]
+        if s.identity.white_by_differences:
+            spread = DIFFERENCES_SPREAD / np.sqrt(s.identity.series.seen[:, i].sum())
+        white = Level.of(s.levels.white[i], spread) if spread < UNKNOWN else None
         drift = memory = None
         for j, law in enumerate(laws):
             if channel not in s.identity.drifts.get(law.name, ()):

@@ -18,11 +18,11 @@ from awescli.flightlog.reconstruction.motion_of import Motion, turn, turned_by
 
 STEEP = np.deg2rad(80.0)
 """Pitch beyond which roll and yaw are not told apart."""
-MEMORY = 5.0
+MEMORY = 6.0
 KNOWN = 0.005
 """Spread of the logarithm of white noise that differences have told."""
-WIDE = 0.8
-"""Spread of the logarithm of what is known of drifts: a factor of 2.2 (as in estimation/processes/drift.py)."""
+WIDE = 1.0
+"""Spread of the logarithm of what is known of drifts: a factor of 2.7."""
 
 DELAYS = ("late", "late_quick")
 SLOW = 2.0
@@ -33,7 +33,7 @@ SLOW = 2.0
 class Identity:
     """A Series with what it is made of. channels: the m measured ones; laws: of its states, at their start, with `known` of white levels,
     laws and memories; drifts: law -> channels that drift; moved: the delay [s] that was taken out before; asks: what is
-    reported beside the columns, as sums of columns with weights."""
+    reported beside the columns, as sums of columns with weights; white_by_differences: white noise was told by them beforehand."""
 
     name: str
     channels: tuple[str, ...]
@@ -44,6 +44,7 @@ class Identity:
     drifts: dict[str, tuple[str, ...]]
     moved: float = 0.0
     asks: tuple[tuple[str, dict[str, float]], ...] = ()
+    white_by_differences: bool = False
 
 
 def attitude_of_rates(motion: Motion) -> Identity:
@@ -73,7 +74,7 @@ def attitude_of_rates(motion: Motion) -> Identity:
     deg = np.pi / 180
     laws = (
         Law("roll and pitch drift", (0, 1), 0.3 * deg, MEMORY),
-        Law("yaw drift", (2,), 0.3 * deg, MEMORY),
+        Law("yaw drift", (2,), 0.5 * deg, MEMORY),
         Law("rate noise", (3, 4, 5), _noise(motion, ("p", "q", "r"), 0.05 * deg) * np.sqrt(motion.dt)),
     )
     series = Series(y, X, H, seen, motion.restart, motion.time, ("p", "q", "r", *DELAYS), np.array([0.5] * 5))
@@ -122,7 +123,7 @@ def velocity_of_acceleration(motion: Motion) -> Identity:
     found = _identity("velocity", channels, series, laws, {"velocity drift": channels}, 0.0005)
     # errors of attitude times acceleration are no random walk: the white noise is what differences of high order leave
     white = tuple(max(white_noise(series.y[:, i], series.seen[:, i]) or w, 0.0005) for i, w in enumerate(found.white))
-    return replace(found, white=white, known=(*(Known(w, KNOWN) for w in white), *found.known[len(white) :]))
+    return replace(found, white_by_differences=True, white=white, known=(*(Known(w, KNOWN) for w in white), *found.known[len(white) :]))
 
 
 def _identity(name, channels, series: Series, laws, drifts, least: float) -> Identity:

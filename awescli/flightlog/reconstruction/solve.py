@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood, Estimate, Series
 from awescli.flightlog.reconstruction.identities import Identity
@@ -17,7 +16,6 @@ OUTLIER, FEW = 6.0, 0.02
 """Samples so many standard deviations away do not count, as long as they are no more than this share."""
 PARTS = 6
 """Stretches that are solved for themselves."""
-AGREE = 0.95
 ABSENT = 0.02
 """Of a drift's level, that stands for none: nothing at all would be singular."""
 
@@ -83,8 +81,7 @@ def thinned(series: Series, most: int) -> Series:
 
 
 def _scatter(series: Series, levels: Levels, whole: Estimate, F: np.ndarray) -> np.ndarray:
-    """(f,) factors on the standard deviations: the root of chi-square per degree of freedom between stretches (Birge 1932), where that is
-    more than chance."""
+    """(f,) factors on the standard deviations, at least 1: the root of chi-square per degree of freedom between stretches (Birge 1932)."""
     total, known = np.zeros(len(F)), np.einsum("fk,kl,fl->f", F, whole.covariance, F)
     n, counted = len(series.y), 0
     for part in np.array_split(np.arange(n), PARTS):
@@ -101,5 +98,4 @@ def _scatter(series: Series, levels: Levels, whole: Estimate, F: np.ndarray) -> 
         own_variance = np.einsum("fk,kl,fl->f", F, found.covariance, F)
         total += (F @ (found.beta - whole.beta)) ** 2 / np.maximum(own_variance - known, 1e-3 * own_variance)
         counted += 1
-    freedom = max(counted - 1, 1)
-    return np.where(total > chi2.ppf(AGREE, freedom), np.sqrt(total / freedom), 1.0)
+    return np.sqrt(np.maximum(total / max(counted - 1, 1), 1.0))

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from awescli.flightlog.quality import DISPLAY
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
 
@@ -40,9 +42,10 @@ def error_table(path: FlightPath) -> dict[str, dict[str, object]]:
 
 def said(error: SensorError) -> str:
     """`position late by 0.26 s +- 0.01`, with one standard deviation."""
-    unit, factor = DISPLAY.get(error.unit, (error.unit, 1.0))
-    size, std = (error.size * 100, error.std * 100) if error.unit == "-" else (error.size * factor, error.std * factor)
-    amount = f"{abs(size):.2g}" if abs(size) >= 10 * std else f"{abs(size):.1g}"
+    unit, factor = ("%", 100.0) if error.unit == "-" else DISPLAY.get(error.unit, (error.unit, 1.0))
+    std = error.std * factor
+    places = int(np.clip(-np.floor(np.log10(std)), 0, 6)) if std > 0 else 3
+    amount, size = f"{abs(error.size) * factor:.{places}f}", error.size
     where = " and ".join(error.acts_on) if len(error.acts_on) <= 2 else ", ".join(error.acts_on)
     words = {
         "position_latency": f"position {'late' if size > 0 else 'early'} by {amount} s",
@@ -52,7 +55,7 @@ def said(error: SensorError) -> str:
         "airspeed_scale": f"airspeed reads {amount} % {'high' if size > 0 else 'low'}",
         "heading_bias": f"heading off by {'-' if size < 0 else ''}{amount} {unit}",
     }
-    return f"{words.get(error.name, f'{where} off by ' + ('-' if size < 0 else '') + f'{amount} {unit}')} +- {std:.1g}"
+    return f"{words.get(error.name, f'{where} off by ' + ('-' if size < 0 else '') + f'{amount} {unit}')} +- {std:.{places}f}"
 
 
 def _between(level: Level | None, factor: float) -> str:
