@@ -63,7 +63,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
             notes.append(f"Of {name} nothing can be said: {e}")
             continue
         noise |= {n.channel: _beside_attitude(n, noise) for n in _noise(solution)}
-        said = [_beside_drift(e, noise, len(motion) * log.dt) for e in say(solution)]
+        said = [_beside_drift(e, noise, motion) for e in say(solution)]
         errors += said
         motion = without(motion, said)
     for channel in log.measured:
@@ -89,13 +89,16 @@ def _beside_attitude(own: ChannelNoise, noise: Mapping[str, ChannelNoise]) -> Ch
     return replace(own, white=Level(own.white.value * share, own.white.low * share, own.white.high * share))
 
 
-def _beside_drift(error: SensorError, noise: Mapping[str, ChannelNoise], seconds: float) -> SensorError:
-    """An angle that is told against an attitude that drifts is known no better than the mean of that drift over the flight."""
-    angle = AGAINST.get(error.name) or AGAINST.get(error.target or "")
+def _beside_drift(error: SensorError, noise: Mapping[str, ChannelNoise], motion: Motion) -> SensorError:
+    """What is told against an attitude that drifts is known no better than the mean of that drift over the flight: angles themselves, and
+    accelerations, which the drift turns away."""
+    turns = error.target == "accelerations"
+    angle = "theta" if turns else AGAINST.get(error.name) or AGAINST.get(error.target or "")
     if angle not in noise or noise[angle].drift is None or noise[angle].memory is None:
         return error
-    mean = noise[angle].drift.value * np.sqrt(min(2 * noise[angle].memory.value / seconds, 1.0))
-    return replace(error, std=float(np.hypot(error.std, mean)))
+    mean = noise[angle].drift.value * np.sqrt(min(2 * noise[angle].memory.value / (len(motion) * motion.dt), 1.0))
+    size = float(np.sqrt((motion.three("a_x", "a_y", "a_z") ** 2).sum(1).mean() / 3)) if turns else 1.0
+    return replace(error, std=float(np.hypot(error.std, mean * size)))
 
 
 def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:

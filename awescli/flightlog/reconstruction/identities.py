@@ -120,7 +120,8 @@ def velocity_of_acceleration(motion: Motion) -> Identity:
         motion.restart, motion.time,
         ("a_x", "a_y", "a_z", "heading", *DELAYS), np.array([2.0, 2.0, 2.0, 0.5, 0.5, 0.5]),
     )  # fmt: skip
-    found = _identity("velocity", channels, series, laws, {"velocity drift": channels}, 0.0005)
+    # a drift here is that of the velocity, or of the attitude times the acceleration: it is nobody's
+    found = _identity("velocity", channels, series, laws, {}, 0.0005)
     # errors of attitude times acceleration are no random walk: the white noise is what differences of high order leave
     white = tuple(max(white_noise(series.y[:, i], series.seen[:, i]) or w, 0.0005) for i, w in enumerate(found.white))
     return replace(found, white_by_differences=True, white=white, known=(*(Known(w, KNOWN) for w in white), *found.known[len(white) :]))
