@@ -66,7 +66,7 @@ class Believed:
         """All that reads artifacts, one after the other; the page of the report."""
         from awescli.artifacts import read_arrays, read_json
         from awescli.learning.correction import Correction
-        from awescli.report.html import page
+        from awescli.reporting.html import page
         from awescli.stages.comparison import compare
         from awescli.stages.controller_artifact import read_controller
         from awescli.stages.ladder import network

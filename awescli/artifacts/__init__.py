@@ -1,7 +1,8 @@
 """What stages leave behind: the only room of awes that writes files, and the readers of what it wrote.
 
 `files.py`: one file, whole or not at all; `folders.py`: a stage's folder, whole or not at all, and nothing lost that awes did not make;
-`forms.py`: what each JSON artifact must hold (checked by `form_check.py`); `origins.py`: hashes, versions, machine.
+`journal.py`: the log file; `forms.py`: what each JSON artifact must hold (checked by `form_check.py`); `origins.py`: hashes, versions,
+machine.
 """
 
 from awescli.artifacts.files import (
@@ -16,9 +17,11 @@ from awescli.artifacts.files import (
     write_text,
 )
 from awescli.artifacts.folders import (
+    copied_folder,
     foreign_files,
     has_checkpoints,
     locked,
+    new_folder,
     own_path,
     put_beside,
     refuse_foreign,
@@ -27,6 +30,7 @@ from awescli.artifacts.folders import (
     scratch_path,
     staged_folder,
 )
+from awescli.artifacts.journal import Journal
 from awescli.artifacts.origins import (
     PROVENANCE,
     artifact_hashes,
@@ -37,14 +41,17 @@ from awescli.artifacts.origins import (
 )
 
 __all__ = [
+    "Journal",
     "PROVENANCE",
     "artifact_hashes",
     "cannot_write",
+    "copied_folder",
     "file_hash",
     "foreign_files",
     "has_checkpoints",
     "locked",
     "machine",
+    "new_folder",
     "own_path",
     "put_beside",
     "read_arrays",

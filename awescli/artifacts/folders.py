@@ -21,7 +21,7 @@ from awescli.notation.errors import BadInput
 
 OWN = ".awes"
 """Folder inside a folder of results: `lock`, `partial/` for what is being written, `scratch/` for checkpoints, `forced.json` while a run is
-forced."""
+forced, `awes.log`."""
 MARK = ".made-by-awes"
 """In a stage's folder: JSON, which files awes made. In OWN: a sentence."""
 LONGEST_MARK = 1_000_000
@@ -131,6 +131,15 @@ def staged_folder(folder: Path) -> Iterator[Path]:
             raise cannot_write(folder, e) from None
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+
+
+def copied_folder(source: Path, folder: Path) -> None:
+    """A stage's folder, once more in other results: the files that awes made in `source`."""
+    made = (_made(source) or set()) - {MARK}
+    with staged_folder(folder) as staged:
+        for name in sorted(made):
+            if (source / name).is_file():
+                write_content(staged / name, (source / name).read_bytes())
 
 
 def _carry_over(old: Path, new: Path) -> None:
@@ -244,7 +253,7 @@ def _hold(descriptor: int) -> bool:
     return True
 
 
-# --- notes, checkpoints, copies -------------------------------------------------------------------------------------------
+# --- notes, checkpoints, copies, folders of the user ---------------------------------------------------------------------
 
 
 def own_path(out: Path, name: str) -> Path:
@@ -299,6 +308,46 @@ def put_beside(folder: Path, files: Mapping[str, bytes]) -> None:
     for name, content in files.items():
         write_content(folder / name, content)
     _mark(folder, sorted(made - {MARK, PROVENANCE} | set(files)))
+
+
+def new_folder(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files (relative name -> content) into a folder of the user's that is new, or empty: all of them or none.
+
+    Raises BadInput where something is there already. In an empty folder they appear in the order given, so that the last one is there only
+    where all are.
+    """
+    if os.path.lexists(folder) and (folder.is_symlink() or not folder.is_dir()):
+        raise BadInput("this is no folder", str(folder), "Name a new folder, or an empty one.")
+    if folder.is_dir() and (there := sorted(p.name for p in folder.iterdir())):
+        holds = f"{', '.join(there[:3])}{', ...' if len(there) > 3 else ''}"
+        raise BadInput(f"this folder holds files ({holds})", str(folder), "Name a new folder, or an empty one.")
+    written: list[Path] = []
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        if not folder.exists():
+            partial = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
+            written.append(partial)
+            for name, content in files.items():
+                write_content(partial / name, content)
+            os.rename(partial, folder)
+            sync_folder(folder.parent)
+            return
+        for name, content in files.items():
+            written.append(folder / Path(name).parts[0])
+            write_content(folder / name, content)
+    except OSError as e:
+        _remove_all(written)
+        raise cannot_write(folder, e) from None
+    except BaseException:
+        _remove_all(written)
+        raise
+
+
+def _remove_all(paths: list[Path]) -> None:
+    """What was begun and did not come to its end."""
+    for path in paths:
+        with suppress(OSError):
+            remove(path)
 
 
 def _free(path: Path, content: bytes) -> bool:

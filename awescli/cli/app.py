@@ -43,7 +43,6 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         name="awes",
         help="Close the loop between an airborne wind energy model and its measured flights.",
         no_args_is_help=True,
-        add_completion=False,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         context_settings={"max_content_width": 120},
@@ -87,6 +86,11 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
     ):
         with shell() as screen:
             commands.init(screen, stages, folder, flight, kite)
+
+    @app.command(help="Write the bundled flight, its kite file and the standard plan into a new folder, to try awes on.")
+    def demo(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A new folder, or an empty one.")]):
+        with shell() as screen:
+            commands.demo(screen, folder)
 
     @app.command(help="List the library of effects: where each acts, its parameters with units, plausible ranges and sources.")
     def effects(as_json: Json = False):

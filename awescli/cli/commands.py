@@ -1,5 +1,6 @@
 """What each command does: read the plan, call the floors below, show what came of it."""
 
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -27,12 +28,15 @@ def run(
     screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str], figures: Path | None = None, **choices: Any
 ) -> None:
     """Run the plan, or one stage of it, and show what came of it. figures: where copies of its figures go."""
+    from awescli.artifacts import Journal
     from awescli.stages.plan import read_plan
     from awescli.stages.runner import drawn, run_plan
 
     if figures is not None and figures.exists() and not figures.is_dir():
         raise BadInput("is a file, a folder is needed", f"--figures {figures}", "Choose another name.")
     plan = read_plan(file, stages, _overrides(settings))
+    if not choices.get("dry_run"):
+        screen.keep_log(Journal(plan.out))
     results = run_plan(plan, stages, progress=screen, report=screen.stage_event, **choices)
     for result in results:
         if result.status in ("ran", "unchanged") and figures is not None and not choices.get("dry_run"):
@@ -252,6 +256,18 @@ def init(screen: Screen, stages: tuple[Stage, ...], folder: Path, flight: Path, 
         write_text(folder / name, text)
     screen.line(f"wrote {', '.join(str(folder / name) for name in made.files)}")
     screen.line(f"next: cd {folder}; awes check")
+
+
+def demo(screen: Screen, folder: Path) -> None:
+    """The bundled flight, its kite file and the standard plan, in a folder of the user's."""
+    from awescli.artifacts import new_folder
+    from awescli.stages.demonstration import demonstration
+
+    files = demonstration()
+    new_folder(folder, files)
+    screen.line(f"wrote {', '.join(str(folder / name) for name in files)}")
+    at = "" if folder.resolve() == Path.cwd() else f"cd {shlex.quote(str(folder))}; "
+    screen.line(f"next: {at}awes check; awes run")
 
 
 def export(screen: Screen, stages: tuple[Stage, ...], source: Path, to: str, out: Path, **which: Any) -> None:

@@ -1,10 +1,11 @@
 """What the person sees: lines, bars, tables; and the Progress that stages report to."""
 
 import os
+import shlex
 import shutil
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from awescli.cli.tables import printable, table_lines, text_of, wrapped
@@ -24,6 +25,7 @@ class Screen:
         self.bars: Any = None
         self.running, self.goes_on = "", ""
         self.finished: list[str] = []
+        self.journal: Any = None
         self._console: Any = None
 
     @property
@@ -43,8 +45,19 @@ class Screen:
     # lines
 
     def line(self, text: str) -> None:
+        self.log(text)
         if not self.quiet:
             self.console.print(printable(text), markup=False, soft_wrap=True)
+
+    def log(self, text: str) -> None:
+        """Into the log file, where there is one: also what --quiet does not show."""
+        if self.journal is not None:
+            self.journal.write([printable(text)])
+
+    def keep_log(self, journal: Any) -> None:
+        """From here on all lines go into a log file too (`artifacts.Journal`)."""
+        self.journal = journal
+        self.log(f"$ {shlex.join(['awes', *sys.argv[1:]])}")
 
     def paragraph(self, text: str, indent: str = "") -> None:
         """A sentence in lines that fit, the further ones indented."""
@@ -58,6 +71,7 @@ class Screen:
 
     def error(self, text: str) -> None:
         self.close()
+        self.log(text)
         print(printable(text), file=sys.stderr)
 
     def answer(self, obj: Any) -> None:
@@ -103,13 +117,15 @@ class Screen:
     def task(self, description: str, total: int | None = None) -> "_Bar | _PlainTask":
         self._end_task()
         if not self.fancy:
-            return _PlainTask(self, description, total)
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+            return _PlainTask(self.line, description, total)
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        columns = TextColumn("  {task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+        columns = [TextColumn("  {task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()]
+        columns += [TextColumn("left"), TimeRemainingColumn(compact=True)] if total else []
         self.bars = Progress(*columns, TextColumn("{task.fields[text]}", markup=False), console=self.console, transient=True)
         self.bars.start()
-        return _Bar(self.bars, self.bars.add_task(printable(description), total=total, text=""))
+        told = _PlainTask(self.log, description, total)
+        return _Bar(self.bars, self.bars.add_task(printable(description), total=total, text=""), told)
 
     def note(self, text: str) -> None:
         self.line(f"  {text}")
@@ -139,8 +155,6 @@ class Screen:
 
     def section(self, title: str, content: Any) -> None:
         """A table of rows of columns, a table of values, a list, or one value."""
-        if self.quiet:
-            return
         if isinstance(content, Mapping) and content:
             self.line(title)
             self.table(content)
@@ -153,25 +167,28 @@ class Screen:
 
 
 class _Bar:
-    """A task with a bar, on a terminal."""
+    """A task with a bar, on a terminal; told: what the log file has of it."""
 
-    def __init__(self, bars: Any, task: Any):
-        self.bars, self.id = bars, task
+    def __init__(self, bars: Any, task: Any, told: "_PlainTask"):
+        self.bars, self.id, self.told = bars, task, told
 
     def advance(self, n: int = 1) -> None:
         self.bars.advance(self.id, n)
+        self.told.advance(n)
 
     def update(self, text: str) -> None:
         self.bars.update(self.id, text=printable(text))
+        self.told.update(text)
 
 
 class _PlainTask:
     """A task in a pipe or a log file: a line when it begins, then at most one every ten seconds."""
 
-    def __init__(self, screen: Screen, description: str, total: int | None):
-        self.screen, self.description, self.total = screen, description, total
-        self.count, self.text, self.last = 0, "", time.monotonic()
-        screen.line(f"  {description}")
+    def __init__(self, say: Callable[[str], None], description: str, total: int | None):
+        self.say, self.description, self.total = say, description, total
+        self.count, self.text, self.began = 0, "", time.monotonic()
+        self.last = self.began
+        say(f"  {description}")
 
     def advance(self, n: int = 1) -> None:
         self.count += n
@@ -185,4 +202,6 @@ class _PlainTask:
         if time.monotonic() - self.last >= 10:
             self.last = time.monotonic()
             steps = f" {self.count}/{self.total}" if self.total else f" {self.count}" if self.count else ""
-            self.screen.line(f"  {self.description}{steps} {self.text}".rstrip())
+            left = (self.last - self.began) / self.count * (self.total - self.count) if self.total and self.count else None
+            rest = f" (about {left:.0f} s left)" if left else ""
+            self.say(f"  {self.description}{steps}{rest} {self.text}".rstrip())

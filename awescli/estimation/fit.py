@@ -23,6 +23,8 @@ RISEN = 2.0
 """Cost (chi-square) by which a step may miss what it was to gain: more, and the log determinant was not what its slope promised."""
 MISLED = 4
 """How often that may be before it is left out."""
+UNFINISHED = 1e-3
+"""Share of the cost (chi-square) that a fit may leave to another step and yet count as ended: a kink, as a dead band has one, stops it."""
 FAR = 1000.0
 """After a step as large as this (its square, as above) the fit is far away, and the log determinant is small beside the cost."""
 RELAXATIONS = 4
@@ -117,6 +119,16 @@ class JointFit:
     places: tuple[np.ndarray, ...]
 
     @property
+    def still_to_gain(self) -> float:
+        """Share of the cost that another step would promise."""
+        return float(self.solution.kkt / max(self.solution.cost, 1e-300))
+
+    @property
+    def ended(self) -> bool:
+        """Did the fit come to its minimum, or next to it?"""
+        return self.still_to_gain <= UNFINISHED
+
+    @property
     def known(self) -> np.ndarray:
         """(n, n) information of all segments on the unknowns, without the prior."""
         return sum(_lifted(f.information.H, place, len(self.names)) for f, place in zip(self.flights, self.places, strict=True))
@@ -171,6 +183,7 @@ class _Problem:
     centre: np.ndarray
     precision: np.ndarray
     integrates: tuple[bool, ...]
+    probes: int
 
     def begin(self, x: np.ndarray) -> tuple[_Inner, ...]:
         inner = []
@@ -245,12 +258,12 @@ class _Problem:
         """The price of segments that have no say."""
         return DIVERGED_COST * share.misfit.observed.measured[0].size * (len(flies) - len(heard))
 
-    @staticmethod
-    def _led_uphill(share: Share, place: np.ndarray, i: _Inner, known: _Known, x: np.ndarray, b: np.ndarray) -> _Inner:
+    def _led_uphill(self, share: Share, place: np.ndarray, i: _Inner, known: _Known, x: np.ndarray, b: np.ndarray) -> _Inner:
         """The tilt, found anew where its promise was not kept, and left out (of b too) where it changes too fast to be followed."""
         b[place] -= i.tilt
         misled = i.misled + 1
-        found = tilt(share.misfit, x[place], i.own, known.links, known.gram, known.heard) if misled < MISLED and len(known.heard) else None
+        again = misled < MISLED and len(known.heard) and len(place)
+        found = self._tilt(share, x, place, i, known.links, known.gram, known.heard) if again else None
         new = 0.0 * i.tilt if found is None else found
         b[place] += new
         return replace(i, tilt=new, tilted_at=x, misled=misled)
@@ -258,7 +271,7 @@ class _Problem:
     def _integrated(self, share, x, place, i: _Inner, before: Linearised | None, links, gram, heard) -> _Inner:
         """The tilt, found anew where it is due: never found, or the parameters have moved by a standard deviation since."""
         swings = i.swings
-        if i.misled >= MISLED:
+        if i.misled >= MISLED or not len(place):
             return i
         if i.tilted_at is None and before is not None and float((step := x - before.known[0]) @ before.H @ step) > FAR:
             return i
@@ -269,8 +282,11 @@ class _Problem:
             swings += small and 1.0 < distance < SWING
             if not (small and (distance > SWING or (distance > 1.0 and swings < SWINGS))):
                 return replace(i, swings=swings)
-        found = tilt(share.misfit, x[place], i.own, links, gram, heard)
+        found = self._tilt(share, x, place, i, links, gram, heard)
         return replace(i, tilt=i.tilt if found is None else found, tilted_at=x, swings=swings)
+
+    def _tilt(self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, links: Links, gram: Gram, heard: np.ndarray):
+        return tilt(share.misfit, x[place], i.own, links, gram, heard, self.precision[place], self.probes)
 
 
 def relaxed(misfit: Misfit, x: np.ndarray, own: Own) -> Own:
@@ -302,12 +318,14 @@ def fit_together(
     prior: bool = True,
     iterations: int = 30,
     tolerance: float = 1e-2,
+    probes: int = 2,
     on_iteration: Callable[[int, float], None] = lambda i, c: None,
 ) -> JointFit:
     """Fit the unknowns of all flights under the parameters' bounds and the kites' constraints, the nuisances integrated out. Raises
     BadInput where no values satisfy these.
 
-    prior: weigh deviations from the shares' `prior` with each row's `prior_std` (maximum a posteriori).
+    prior: weigh deviations from the shares' `prior` with each row's `prior_std` (maximum a posteriori); probes: of each look at the log
+    determinant of the nuisances (`laplace.tilt`).
     """
     names = tuple(dict.fromkeys(u for share in shares for u in share.unknowns))
     # who comes first decides about a shared row
@@ -320,7 +338,7 @@ def fit_together(
     stds = np.array([parameters[n].prior_std for n in names])
     places = tuple(np.array([names.index(u) for u in share.unknowns], dtype=int) for share in shares)
     integrates = tuple(any(p.random for p in s.misfit.processes if any(g.level > 0 for g in p.groups)) for s in shares)
-    problem = _Problem(tuple(shares), places, weighed.vector(names), 1 / stds**2 if prior else np.zeros(len(names)), integrates)
+    problem = _Problem(tuple(shares), places, weighed.vector(names), 1 / stds**2 if prior else np.zeros(len(names)), integrates, probes)
     x = parameters.vector(names)
     solution = minimise(problem, x, problem.begin(x), limits, tolerance=tolerance, iterations=iterations, on_iteration=on_iteration)
     found = parameters.with_values(dict(zip(names, solution.x, strict=True)))

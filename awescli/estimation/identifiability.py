@@ -1,15 +1,13 @@
 """What a fit says about its own answer: standard deviations, correlations, what the flights do not excite, what sits at a limit."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from itertools import product
 
 import numpy as np
 from scipy.linalg import qr
 
-from awescli.estimation.fit import Fit, JointFit
+from awescli.estimation.fit import JointFit
 from awescli.estimation.limits import scaling
-from awescli.notation.constraints import LinearConstraint
-from awescli.notation.parameters import ParameterTable
 
 EXCITED = 0.5
 """A parameter whose standard deviation is still more than this share of its prior's was hardly seen by the flight."""
@@ -37,13 +35,6 @@ INTERVAL = 1.959964
 def interval(value: float, std: float) -> list[float]:
     """[low, high] of the 95 % interval."""
     return [value - INTERVAL * std, value + INTERVAL * std]
-
-
-def describe_one(fit: Fit, prior: ParameterTable, constraints: Sequence[LinearConstraint], record: Collection[str] = ()) -> dict:
-    """`describe` of a fit to one flight, as tracing makes it: prior: what its parameters were weighed against; constraints: the kite's."""
-    place = np.arange(len(fit.names))
-    whole = JointFit(fit.names, fit.parameters, prior, fit.solution, fit.covariance, fit.chi2, tuple(constraints), (fit,), (place,))
-    return describe(whole, record)
 
 
 def describe(fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str, str] | None = None) -> dict:

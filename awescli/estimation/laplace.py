@@ -8,6 +8,7 @@ determinant, to second order in d (Hutchinson's estimator); a change of the nuis
 
 import numpy as np
 
+from awescli.estimation.information_filter import Nuisances
 from awescli.estimation.links import Gram, Links
 from awescli.estimation.misfit import Misfit, Own
 
@@ -15,18 +16,42 @@ PROBE = 0.5
 """Size of the probes, in standard deviations: small enough not to lose a segment."""
 
 
-def tilt(misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, which: np.ndarray) -> np.ndarray | None:
+def tilt(
+    misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, which: np.ndarray, precision: np.ndarray, probes: int
+) -> np.ndarray | None:
     """(n,) -1/2 of the gradient of the log determinant with respect to the globals, at parameter values x and nuisances at their best:
-    what is to be added to J'r. None where a probe loses a segment. links, gram: of `misfit` there."""
+    what is to be added to J'r. None where a probe loses a segment. links, gram: of `misfit` there; precision: (n,) of the prior.
+
+    The mean of `probes` >= 2 estimates, drawn towards zero by what their scatter says of it (James and Stein): where a model is far from
+    linear in nuisances that matter little, one estimate would move parameters by several standard deviations at random.
+    """
     info = misfit.eliminated(gram, own, which)
-    draw, mask = info.samples(1, seed=0), np.isin(np.arange(len(links)), which)
-    bent_x, bent = (-2.0 * g for g in links.gradients())
-    for side in (1.0, -1.0):
-        probed, trajectories = misfit.links(x, own.moved(draw, side * PROBE, mask))
-        if not (trajectories.alive[which] > misfit.observed.segments.steps).all():
-            return None
-        of_x, of_globals = probed.gradients()
-        bent_x, bent = bent_x + of_x, bent + of_globals
-    # the prior's pull is linear, and gone from second differences: processes at rest
-    asked = gram.asked(bent_x / (2 * PROBE**2), bent / (2 * PROBE**2))
-    return misfit.eliminated(asked, Own(own.starts, 0.0 * own.path), which).b
+    found = estimates(misfit, x, own, links, gram, which, info.samples(probes, seed=0))
+    return None if found is None else shrunk(found, info.H + np.diag(precision))
+
+
+def estimates(misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:
+    """(m, n) the tilt as each of m draws of the nuisances sees it; None where one loses a segment."""
+    mask, (rest_x, rest) = np.isin(np.arange(len(links)), which), links.gradients()
+    found = []
+    for case in range(draws.path.shape[-1]):
+        bent_x, bent = -2.0 * rest_x, -2.0 * rest
+        for side in (1.0, -1.0):
+            probed, trajectories = misfit.links(x, own.moved(draws, side * PROBE, mask, case))
+            if not (trajectories.alive[which] > misfit.observed.segments.steps).all():
+                return None
+            of_x, of_globals = probed.gradients()
+            bent_x, bent = bent_x + of_x, bent + of_globals
+        # the prior's pull is linear, and gone from second differences: processes at rest
+        asked = gram.asked(bent_x / (2 * PROBE**2), bent / (2 * PROBE**2))
+        found.append(misfit.eliminated(asked, Own(own.starts, 0.0 * own.path), which).b)
+    return np.array(found)
+
+
+def shrunk(found: np.ndarray, H: np.ndarray) -> np.ndarray:
+    """(n,) the mean of estimates (m, n) times 1 - (its variance) / (its square), in the norm of H^-1; zero where that is negative."""
+    mean = found.mean(axis=0)
+    apart = found - mean
+    variance = float(np.sum(apart.T * np.linalg.solve(H, apart.T))) / (len(found) * (len(found) - 1))
+    square = float(mean @ np.linalg.solve(H, mean))
+    return mean * max(0.0, 1.0 - variance / max(square, 1e-300))

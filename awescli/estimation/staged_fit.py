@@ -34,6 +34,8 @@ ROUNDS = 8
 """Most often are levels and parameters fitted in turn."""
 LOOSE, TIGHT = 2.0, 0.1
 """What a fit need not gain any more (chi-square) while levels still change, and in the end."""
+FEW, MANY = 2, 8
+"""Probes of a look at the log determinant of the nuisances, while levels still change and in the end."""
 UNCHANGED = 2.0
 """Deviance that new levels must gain to be worth another fit."""
 OFF = 0.03
@@ -241,7 +243,7 @@ def _fitted(
 ) -> JointFit:
     shares = [_share(*each, per_flight) for each in zip(problems, labels, tables, owns, strict=True)]
     length = max(p.horizon for p in problems)
-    how = {"prior": prior, "tolerance": tolerance, "iterations": iterations}
+    how = {"prior": prior, "tolerance": tolerance, "iterations": iterations, "probes": FEW if tolerance >= LOOSE else MANY}
     return fit_together(shares, **how, on_iteration=lambda i, c: on_iteration(length, i, c))
 
 

@@ -1,6 +1,6 @@
 """Kite: an ordered list of effects on a rigid body. The only place where an instant is filled and loads are summed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -273,9 +273,16 @@ class Kite:
 
     def with_values(self, values: dict[str, float]) -> "Kite":
         """The same kite with other parameter values."""
+        return self._with(self.parameters.with_values(values))
+
+    def with_rows(self, rows: Iterable[Parameter]) -> "Kite":
+        """The same kite with other rows of parameters."""
+        return self._with(self.parameters.with_rows(rows))
+
+    def _with(self, parameters: ParameterTable) -> "Kite":
         other = object.__new__(Kite)
         other.__dict__.update(self.__dict__)
-        other.parameters = self.parameters.with_values(values)
+        other.parameters = parameters
         return other
 
     def declare(self, keys: Sequence[str], free: Sequence[str] = (), table: ParameterTable | None = None) -> KiteDeclaration:

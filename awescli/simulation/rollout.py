@@ -141,9 +141,9 @@ class Simulator:
         return self._differentiated[outputs]
 
     def holding(self, table) -> "Simulator":
-        """The same compiled simulator with its kite at the values of a parameter table."""
+        """The same compiled simulator with its kite at a parameter table: values, and the bounds that they keep there."""
         other = copy(self)
-        other.kite = self.kite.with_values({name: table[name].value for name in self.kite.parameter_names})
+        other.kite = self.kite.with_rows(table[name] for name in self.kite.parameter_names)
         other._longest = self.step
         return other
 

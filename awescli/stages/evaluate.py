@@ -39,7 +39,7 @@ class Evaluate(Stage):
 
     def figures(self, context, config):
         from awescli.artifacts import read_arrays, read_json
-        from awescli.report.paper import figure_files
+        from awescli.reporting.paper import figure_files
         from awescli.stages.flight_parts import flight_parts
         from awescli.stages.page import gather
 

@@ -94,7 +94,7 @@ class Identify(Stage):
             on_iteration=lambda h, i, cost: (task.advance(), task.update(f"{words}{h:g} s, iteration {i}: cost {cost:.6g}")),
         )  # fmt: skip
         method = "filter error" if problems[0].processes else "output error"
-        if problems[0].processes and not better_than_declared(problems[0], fitted.flights[0], config.horizon):
+        if problems[0].processes and not (fitted.ended and better_than_declared(problems[0], fitted.flights[0], config.horizon)):
             method = "output error"
             context.progress.note(
                 "model error leaves the parameters little to say on this flight; they are fitted without it (output error)"

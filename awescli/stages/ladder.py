@@ -10,15 +10,17 @@ MADE_BY = {"identified": "identify", "with_effects": "trace-residual", "hybrid":
 
 def ladder(context: Context, log) -> dict:
     """name -> Simulator of every model that exists, in the order in which they were made."""
+    return {name: model_of(name, file, log) for name, file in kite_files(context).items()}
+
+
+def model_of(name: str, file: Path, log):
+    """The Simulator of one model in the wind of a flight: of its kite file, and of the network beside it."""
     from awescli.estimation.problem import simulator_of
     from awescli.learning.correction import hybrid_from_artifact
     from awescli.physics.declaration import read_kite
 
-    models = {}
-    for name, file in kite_files(context).items():
-        declaration = read_kite(file)
-        models[name] = hybrid_from_artifact(*network(file.parent), declaration, log) if name == "hybrid" else simulator_of(declaration, log)
-    return models
+    declaration = read_kite(file)
+    return hybrid_from_artifact(*network(file.parent), declaration, log) if name == "hybrid" else simulator_of(declaration, log)
 
 
 def kite_files(context: Context) -> dict[str, Path]:

@@ -16,7 +16,7 @@ REPORT, FIGURES = "report.html", "figures"
 def write_report(context: Context, evidence) -> None:
     """report.html in the stage's folder."""
     from awescli.artifacts import write_text
-    from awescli.report.html import page
+    from awescli.reporting.html import page
 
     write_text(context.folder / REPORT, page(evidence))
 
@@ -24,7 +24,7 @@ def write_report(context: Context, evidence) -> None:
 def write_figures(context: Context, evidence) -> None:
     """Every figure of the page as PNG, SVG and CSV."""
     from awescli.artifacts import write_content
-    from awescli.report.paper import figure_files
+    from awescli.reporting.paper import figure_files
 
     task = context.progress.task("drawing figures")
     for name, content in figure_files(evidence):
@@ -38,7 +38,7 @@ def gather(context: Context, log, parts, metrics: dict, arrays: dict):
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.phases import phases
     from awescli.flightlog.quality import data_quality
-    from awescli.report.evidence import Evidence
+    from awescli.reporting.evidence import Evidence
 
     law, identified, traced, trained, simulated = (context.upstream(stage) for stage in UPSTREAM)
     labels = phases(log)

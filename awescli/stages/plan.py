@@ -75,9 +75,12 @@ def plan_model(stages: tuple[Stage, ...]) -> type[SharedSettings]:
 
 def read_plan(path: Path, stages: Sequence[Stage], overrides: Mapping[str, str] | None = None) -> Plan:
     """The plan in `path` with `overrides` (dotted key -> YAML text); raises BadInput, or BadInputs for several mistakes."""
-    model = plan_model(tuple(stages))
-    document = open_document(path, omit=OMIT).with_overrides(overrides or {}, model)
-    checked: Any = document.check(model)
+    return plan_of(open_document(path, omit=OMIT).with_overrides(overrides or {}, plan_model(tuple(stages))), path, stages)
+
+
+def plan_of(document: Document, path: Path, stages: Sequence[Stage]) -> Plan:
+    """The plan that a document holds, as if it stood in `path`; raises as `read_plan` does."""
+    checked: Any = document.check(plan_model(tuple(stages)))
     place = _Paths(document, path.parent)
     settings = {s.name: place.inside(getattr(checked.stages, s.name.replace("-", "_")), ("stages", s.name)) for s in stages}
     present = checked.stages.model_fields_set

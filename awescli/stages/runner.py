@@ -391,9 +391,10 @@ def _digest(stamp: Stamp) -> str:
 def code_hash() -> str:
     """Of all files of awes' own package, the page's script and style included: other code may give other results."""
     package = Path(awescli.__file__).parent
-    return table_hash({str(p.relative_to(package)): file_hash(p) for p in sorted(package.rglob("*")) if _is_code(p)})
+    return table_hash({str(p.relative_to(package)): file_hash(p) for p in sorted(package.rglob("*")) if _is_code(p, package)})
 
 
-def _is_code(path: Path) -> bool:
-    """Not what Python, an editor or a version control system leaves beside the code."""
-    return path.is_file() and path.suffix != ".pyc" and not path.name.startswith(".") and not path.name.endswith("~")
+def _is_code(path: Path, package: Path) -> bool:
+    """Not what Python, an editor or a version control system leaves beside the code, nor the demo that a wheel holds."""
+    code = path.is_file() and path.suffix != ".pyc" and not path.name.startswith(".") and not path.name.endswith("~")
+    return code and not path.is_relative_to(package / "demo")

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from awescli.stages.answers import ANSWER, WIDTH, change, fitting, named, number, sized
 from awescli.stages.base import FAILURE, KITE_FILE, Names, Need, Seconds, Stage, StageConfig
+from awescli.stages.further_flights import FurtherFlight, flights_of, refused_flights, unknown_own
 
 
 class TraceResidualConfig(StageConfig):
@@ -16,6 +17,10 @@ class TraceResidualConfig(StageConfig):
     rounds: int = Field(3, ge=1, le=6, description="most effects that may be accepted one after the other")
     candidates: Names | None = Field(None, description="effects to try; default the whole library that the flight could show")
     outputs: Names | None = Field(None, description="measured channels that count; default those of identify")
+    also: tuple[FurtherFlight, ...] = Field((), description="further flights of the same kite: what one cannot show, several can")
+    per_flight: tuple[str, ...] = Field(
+        (), description="parameters that each flight has for itself, names or patterns: trims, offsets ([dl, C?0]); all others are shared"
+    )
 
 
 class TraceResidual(Stage):
@@ -41,18 +46,21 @@ class TraceResidual(Stage):
                 yield "candidates", e
         yield from unknown_channels(inputs.log, config.outputs)
         yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
+        yield from unknown_own(inputs.declared, config)
+        yield from refused_flights(inputs, config.also, config.outputs)
 
     def run(self, context, config):
         from awescli.artifacts import read_json, write_arrays, write_json, write_text
         from awescli.flightlog.loops import find_loops
         from awescli.physics.declaration import kite_text, read_kite
-        from awescli.stages.flight_parts import flight_parts, predicted, scores_of
+        from awescli.stages.flight_parts import predicted, scores_of
         from awescli.stages.handed_on import traced_params, with_sources
         from awescli.tracing.account import account, residual_arrays
         from awescli.tracing.flight import trace_flight
+        from awescli.tracing.models import TracedFlight
 
-        log, parts = flight_parts(context)
         declared = read_kite(context.kite)
+        (log, parts, *_), *others = flights_of(context, config.also, declared)
         identified = read_kite(context.upstream("identify") / KITE_FILE)
         task = context.progress.task("tracing the residual")
 
@@ -63,7 +71,8 @@ class TraceResidual(Stage):
         # the prior is what the user declared; the search starts from what identify found
         handed_on = read_json(context.upstream("identify") / "metrics.json")
         began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon)}
-        settings = config.model_dump() | {"outputs": config.outputs or tuple(handed_on["outputs"])}
+        also = tuple(TracedFlight(*other) for other in others)
+        settings = config.model_dump() | {"outputs": config.outputs or tuple(handed_on["outputs"]), "also": also}
         finding = trace_flight(declared, log, parts, progress=progress, **began, **settings)
         progress("scoring on unseen loops")
         models = {"before": finding.before(), "after": finding.after()}

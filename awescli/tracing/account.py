@@ -15,6 +15,7 @@ from awescli.tracing.investigate import Finding
 from awescli.tracing.models import FittedModel
 from awescli.tracing.residuals import residual_study
 from awescli.tracing.search import Tried
+from awescli.tracing.when import InFlight
 
 SLIP = 0.08
 """Relative distance from the size that a mistake of a unit leaves up to which it is asked for."""
@@ -41,10 +42,10 @@ def account(finding: Finding, log, horizon: float, before: Prediction, after: Pr
         "horizon_s": horizon, **({"before": before.nrmse()} if testable else {}), "after": after.nrmse(),
         "noise_floor": before.noise_floor(), "diverged_before": before.diverged, "diverged_after": after.diverged, "split": "test",
     }  # fmt: skip
-    slip = _slip(finding)
+    said = (SENTENCES[finding.verdict], finding.reason, _slip(finding), _began(finding))
     return {
         "verdict": finding.verdict,
-        "sentence": " ".join(s for s in (SENTENCES[finding.verdict], finding.reason, slip) if s),
+        "sentence": " ".join(s for s in said if s),
         "reason": finding.reason or None,
         "effects": effects,
         "ranking": _ranking(finding),
@@ -60,6 +61,7 @@ def account(finding: Finding, log, horizon: float, before: Prediction, after: Pr
             "validation_before": evidence.bare.chi2, "validation_after": _alone(finding).chi2,
         },
         "left": _left(finding),
+        "flights": [_in_flight(finding, f) for f in finding.flights],
         "gust_m_s": max(evidence.gusts.values(), default=0.0),
         "processes": _processes(model), "noise_factors": dict(model.problems[0].factors),
         "roll_gusts": _roll_gusts(finding),
@@ -85,6 +87,17 @@ def _left(finding: Finding) -> dict:
     return {
         "chi2": rest.chi2, "share": share, "channels": rest.channels, "worth": rest.worth, "levels": rest.levels,
         "repeats": None if again is None else {"share": again.share, "p": again.p, "loops": again.loops},
+    }  # fmt: skip
+
+
+def _in_flight(finding: Finding, flight: InFlight) -> dict:
+    """What the answer is worth in one flight: deviance on every segment, since when it acts, its size from this flight."""
+    rows = {p.name: p for key in flight.keys for p in make_effect(key, finding.frame.declared).rows()}
+    return {
+        "effects": list(flight.keys), "flight": flight.label or finding.frame.flights[0].log.name, "gain": float(flight.gains.sum()),
+        "since_s": None if flight.onset is None else list(flight.onset),
+        "segments": {"begins_s": flight.times.tolist(), "gain": flight.gains.tolist()},
+        "parameters": {n: {"value": v, "std": std, "unit": rows[n].unit} for n, (v, std) in flight.sizes.items()},
     }  # fmt: skip
 
 
@@ -242,6 +255,14 @@ def _slip(finding: Finding) -> str:
                 return f"{said}; {known[near]}"
             return f"{said}."
     return ""
+
+
+def _began(finding: Finding) -> str:
+    """That an effect set in during a flight."""
+    name = finding.frame.flights[0].log.name
+    begun = [(" and ".join(f.keys), f.label or name, *f.onset) for f in finding.flights if f.onset is not None]
+    told = "{} began between {:.0f} s and {:.0f} s of {}: trace what was flown later alone."
+    return " ".join(told.format(what, a, b, where) for what, where, a, b in begun)
 
 
 def _separate(effects: Sequence[Mapping]) -> list[str]:

@@ -49,7 +49,7 @@ class Criteria:
     # how likely is it?
     temperature: float = 5.0
     """By which differences of deviance are divided before they become odds: both models are approximate, and evidence between approximate
-    models is overconfident (Grunwald & van Ommen, Bayesian Analysis 12, 2017). On development flights 90 % then are about 90 %."""
+    models is overconfident (Grunwald & van Ommen, Bayesian Analysis 12, 2017). How well it is chosen, no campaign has shown yet."""
     unknown: float = 0.02
     """Probability that is kept for something else in any case: libraries are not complete."""
 

@@ -25,18 +25,22 @@ def trace_flight(
     candidates: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     rounds: int = CRITERIA.effects,
+    also: Sequence[TracedFlight] = (),
+    per_flight: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
 ) -> Finding:
     """The finding on a flight cut into `parts` (train, validation, test; test is not touched).
 
     declared gives the prior; start: name -> value to start the fit from; levels: of processes and noise, as an identification left them:
     the fit begins where that one ended; identified_error: its mean NRMSE on validation loops, `horizon` ahead; candidates: keys of effects
-    (default: the whole library that the flight could show).
+    (default: the whole library that the flight could show); also: further flights of the same kite, with labels: parameters and effects are
+    shared, but for those that patterns in per_flight name; nuisances are every flight's own.
     """
     keys = library_keys(declared, log, candidates)
-    frame = Frame((TracedFlight(log, parts, declared),), horizon, tuple(outputs or log.measured))
+    flights = (TracedFlight(log, parts, declared), *also)
+    frame = Frame(flights, horizon, tuple(outputs or log.measured), tuple(per_flight))
     progress("fitting the model as it is declared")
-    null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None else (levels,))
+    null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None or also else (levels,))
     error = predict(null.simulator, log, parts.validation, horizon).nrmse()["mean"]
     return investigate(
         frame, null, keys, rounds=rounds, null_error=error, identified_error=identified_error, progress=progress

@@ -22,6 +22,7 @@ from awescli.tracing.rest import Rest, channels_of, rest_of
 from awescli.tracing.screen import CandidateColumns, informed
 from awescli.tracing.search import Search, Tried, search
 from awescli.tracing.verdict import NULL, Criterion, probabilities, table, verdict
+from awescli.tracing.when import InFlight, in_flights
 
 ROLL_GUSTS = RollGustProcess.name
 STILL = 1e-3
@@ -60,7 +61,8 @@ class RollGusts:
 class Finding:
     """verdict: see `verdict`; table: of the criteria; probability: cause -> probability; evidence: behind them; model: what is handed on:
     the declared model where nothing was found, one with empirical terms where what is left has no name; implausible: a candidate that
-    leads with a size that nothing has, and its model without bounds; roll_gusts: None where there are none."""
+    leads with a size that nothing has, and its model without bounds; roll_gusts: None where there are none; flights: since when and with
+    which size the answer, or the candidate that came nearest to one, holds in each."""
 
     frame: Frame
     verdict: str
@@ -70,6 +72,7 @@ class Finding:
     model: FittedModel
     implausible: tuple[tuple[Tried, FittedModel], ...] = ()
     roll_gusts: RollGusts | None = None
+    flights: tuple[InFlight, ...] = ()
 
     @property
     def null(self) -> FittedModel:
@@ -134,7 +137,19 @@ def _finding(frame: Frame, evidence: Evidence, criteria: Criteria) -> Finding:
         handed_on = evidence.bank.final
     roll = _roll_gusts(frame, evidence.search.null) if answer == "not_deterministic" and evidence.gusts else None
     odds = probabilities(evidence, answer, criteria)
-    return Finding(frame, answer, rows, odds, evidence, handed_on, _implausible(frame, evidence, criteria), roll)
+    implausible = _implausible(frame, evidence, criteria)
+    return Finding(frame, answer, rows, odds, evidence, handed_on, implausible, roll, _since(frame, evidence, answer, criteria))
+
+
+def _since(frame: Frame, evidence: Evidence, answer: str, criteria: Criteria) -> tuple[InFlight, ...]:
+    """Since when and in which flights the answer holds; where there is none but something is left, the candidate that came nearest, if it
+    began in flight."""
+    null, model = evidence.search.null, evidence.model
+    if answer in ("found", "cannot_tell") and model.keys:
+        return in_flights(frame, null, model, criteria)
+    nearest = evidence.search.rounds[0].contenders[:1] if answer == "unexplained" and evidence.search.rounds else []
+    found = [in_flights(frame, null, t.model, criteria) for t in nearest if t.gain > criteria.decisive]
+    return next((flights for flights in found if any(f.onset for f in flights)), ())
 
 
 def _implausible(frame: Frame, evidence: Evidence, criteria: Criteria) -> tuple[tuple[Tried, FittedModel], ...]:

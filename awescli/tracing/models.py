@@ -306,6 +306,11 @@ def _fitted_as_known(frame: Frame, model: FittedModel, processes: Sequence[Seque
     return FittedModel.of(model.keys, model.strengths, *found)
 
 
+def fit_apart(frame: Frame, model: FittedModel) -> FittedModel:
+    """The model fitted anew with strengths that every flight has for itself."""
+    return _fitted(replace(frame, per_flight=(*frame.per_flight, *model.strengths)), model, model.keys, model.strengths, {}, WHOLE)
+
+
 def fit_beyond(frame: Frame, model: FittedModel, names: Sequence[str]) -> FittedModel:
     """The model fitted anew with parameters or strengths `names` free to leave their bounds; their priors stay."""
     return _fitted(frame, model, model.keys, model.strengths, {}, WHOLE, beyond=names)
@@ -322,15 +327,15 @@ def _fitted(
     rounds, tolerance = how
     problems, tables, owns = [], [], []
     for raw, before, fitted in zip(frame.problems(keys), base.problems, base.fit.flights, strict=True):
-        table = raw.simulator.kite.parameters
-        known = {n: fitted.parameters[n].value for n in table if n in fitted.parameters}
-        table, prior = (t.with_rows(_unbounded(t[n]) for n in beyond if n in t) for t in (table, raw.prior))
-        table = table.with_values({**known, **values})
+        prior = raw.prior.with_rows(_unbounded(raw.prior[n]) for n in beyond if n in raw.prior)
+        simulator = raw.simulator.holding(prior)
+        table = simulator.kite.parameters
+        table = table.with_values({**{n: fitted.parameters[n].value for n in table if n in fitted.parameters}, **values})
         table = table.with_rows(replace(table[n], free=True) for n in strengths)
         prior = prior.with_rows(replace(prior[n], free=True) for n in strengths)
         names = tuple(n for n in dict.fromkeys((*before.names, *strengths)) if n in strengths or n not in base.strengths)
         processes = _slight(before.processes) if alone else before.processes
-        problem = replace(raw.with_factors(before.factors), processes=processes, names=names, prior=prior)
+        problem = replace(raw.with_factors(before.factors), simulator=simulator, processes=processes, names=names, prior=prior)
         problems.append(problem)
         tables.append(table)
         owns.append(problem.misfit().carried(fitted.own, fitted.misfit))

@@ -70,13 +70,18 @@ def rest_of(frame: Frame, model: FittedModel) -> tuple[FittedModel, Rest]:
 
 
 def channels_of(model: FittedModel) -> dict[str, float]:
-    """Channel -> mean square of the whitened residual on the first flight's validation loops, what is not known of starts, processes and
-    parameters included: 1 is noise alone."""
-    judged, place = model.judged[0], model.fit.places[0]
-    if not len(judged.heard):
-        return {}
-    factors = noise_factors(judged.misfit, judged.information, judged.links, judged.heard, change=model.step[place])
-    return {name: factor**2 for name, factor in factors.items()}
+    """Channel -> mean square of the whitened residual on the validation loops, what is not known of starts, processes and parameters
+    included: 1 is noise alone. Of several flights the mean, by their samples."""
+    squares, samples = {}, {}
+    for judged, place in zip(model.judged, model.fit.places, strict=True):
+        if not len(judged.heard):
+            continue
+        count = float(judged.information.dof.sum())
+        factors = noise_factors(judged.misfit, judged.information, judged.links, judged.heard, change=model.step[place])
+        for name, factor in factors.items():
+            squares[name] = squares.get(name, 0.0) + count * factor**2
+            samples[name] = samples.get(name, 0.0) + count
+    return {name: square / samples[name] for name, square in squares.items()}
 
 
 def repetition_of(model: FittedModel, loops: Loops) -> Repetition | None:

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, log
+from math import exp, isfinite, log
 
+from awescli.estimation.fit import UNFINISHED
 from awescli.estimation.processes.drift import Drift
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import PRICE, Evidence
@@ -69,11 +70,11 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
         ),
         Criterion(
             "null_converged",
-            null.fit.solution.outcome,
-            "converged or stalled",
-            null.fit.solution.outcome in ("converged", "stalled"),
-            "how the fit of the declared model ended",
-            "definition",
+            null.fit.still_to_gain if isfinite(null.fit.still_to_gain) else null.fit.solution.outcome,
+            UNFINISHED,
+            null.fit.still_to_gain <= UNFINISHED,
+            f"share of the cost that another step would promise the declared model, whose fit ended as {null.fit.solution.outcome}",
+            "set on development flights",
         ),
         Criterion(
             "null_follows",

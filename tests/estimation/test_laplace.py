@@ -7,8 +7,7 @@ import pytest
 from kites import DEVELOPMENT, flight
 
 from awescli.estimation.fit import fit
-from awescli.estimation.information_filter import Information
-from awescli.estimation.laplace import tilt
+from awescli.estimation.laplace import estimates, shrunk, tilt
 from awescli.estimation.problem import build, simulator_of
 from awescli.estimation.processes.gusts import Gusts, mean_airspeed
 from awescli.estimation.processes.roll_gusts import RollGusts
@@ -53,7 +52,7 @@ def coarse(problem, seconds: float):
     return problem.with_processes([replace(p, spacing=seconds) for p in problem.processes])
 
 
-def test_the_tilt_is_the_gradient_of_the_log_determinant(problem, monkeypatch):
+def test_the_tilt_is_the_gradient_of_the_log_determinant(problem):
     """Guards what integrating gusts out adds, against central differences of the log determinant with the nuisances at their best
     throughout: the mean over random probes, within three standard errors and a fifth."""
     names = ("CLa", "Cmq", "CtD")
@@ -72,11 +71,8 @@ def test_the_tilt_is_the_gradient_of_the_log_determinant(problem, monkeypatch):
 
     own = best(x)
     links, _ = misfit.links(x, own)
-    gram, samples, tilts = links.gram(), Information.samples, []
-    for seed in range(24):
-        monkeypatch.setattr(Information, "samples", lambda info, draws, seed, s=seed: samples(info, draws, s))
-        tilts.append(tilt(misfit, x, own, links, gram, every))
-    tilts = np.array(tilts)
+    gram = links.gram()
+    tilts = estimates(misfit, x, own, links, gram, every, misfit.eliminated(gram, own, every).samples(24, seed=0))
     chance, seen = tilts.std(axis=0) / np.sqrt(len(tilts)), 0
     for i, name in enumerate(names):
         e = np.eye(len(names))[i] * 2e-3 * abs(x[i])
@@ -104,4 +100,19 @@ def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
     def size(b):
         return float((((vectors.T @ (scale * b))[known]) ** 2 / values[known]).sum()) / known.sum()
 
-    assert size(info.b) > 8 and size(info.b + tilt(misfit, x, own, links, gram, every)) < size(info.b) / 4
+    assert size(info.b) > 8 and size(info.b + tilt(misfit, x, own, links, gram, every, 1 / scale**2, 2)) < size(info.b) / 4
+
+
+def test_estimates_that_contradict_each_other_say_nothing():
+    """Guards the Laplace term where it is all chance (a calm flight with a model error that matters little): estimates that scatter by more
+    than their mean are drawn to zero, those that agree stay, and on average the risk is below that of the mean (James and Stein)."""
+    random, H = np.random.default_rng(0), np.diag([4.0, 1.0, 0.25, 9.0, 1.0, 1.0])
+    scale = 1 / np.sqrt(np.diag(H))
+    agreed = np.array([10.0, -3.0, 2.0, 5.0, 0.0, 1.0]) / scale
+    assert shrunk(agreed + 1e-3 * random.normal(size=(2, 6)), H) == pytest.approx(agreed, rel=1e-2, abs=1e-2)
+    risk = {"mean": 0.0, "shrunk": 0.0}
+    for _ in range(200):
+        found = random.normal(size=(2, 6)) / scale
+        for name, value in (("mean", found.mean(axis=0)), ("shrunk", shrunk(found, H))):
+            risk[name] += value @ np.linalg.solve(H, value)
+    assert risk["shrunk"] < 0.6 * risk["mean"]

@@ -10,8 +10,8 @@ from small_run import make_small_run
 
 from awescli.artifacts import read_json
 
-TIMES = ("provenance.json", "report.html", "lock")
-"""Files that hold times: provenance, and the page that shows it."""
+TIMES = ("provenance.json", "report.html", "lock", "awes.log")
+"""Files that hold times: provenance, the page that shows it, and the log."""
 
 
 def files(out):

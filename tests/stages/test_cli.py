@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from stages.dummy_stages import DUMMIES, make_folder
 from typer.testing import CliRunner
 
 from awescli.cli import build_app
+from awescli.cli.screen import _PlainTask
 from awescli.stages import STAGES
 
 APP = build_app(DUMMIES)
@@ -52,7 +54,8 @@ def test_figures_go_where_the_user_wants_them(folder):
     awes("run")
     (folder / "paper").mkdir()
     (folder / "paper" / "mine.tex").write_text("kept")
-    before = {p: p.read_bytes() for p in (folder / "out").rglob("*") if p.is_file()}
+    own = folder / "out" / ".awes"  # the log goes on
+    before = {p: p.read_bytes() for p in (folder / "out").rglob("*") if p.is_file() and p.parent != own}
     for arguments in (["--figures", "paper"], [], ["--figures", "paper"]):
         result = awes("evaluate", *arguments)
         assert result.exit_code == 0 and "evaluate: skipped, unchanged" in result.stdout, result.stderr
@@ -61,7 +64,8 @@ def test_figures_go_where_the_user_wants_them(folder):
             assert sorted(p.name for p in (folder / "paper").iterdir()) == [".made-by-awes", "mine.tex", "one.png"]
             assert (folder / "paper" / "one.png").read_bytes() == b"PNG of from: trace-residual 3\n"
             (folder / "paper" / "one.png").write_bytes(b"an earlier copy, which awes may replace")
-    assert {p: p.read_bytes() for p in (folder / "out").rglob("*") if p.is_file()} == before  # a view of the results, not one of them
+    now = {p: p.read_bytes() for p in (folder / "out").rglob("*") if p.is_file() and p.parent != own}
+    assert now == before  # a view of the results, not one of them
     assert "files in" not in awes("evaluate", "--figures", "paper", "--dry-run").stdout
     (folder / "own").mkdir()
     (folder / "own" / "one.png").write_text("the user's own")
@@ -322,3 +326,69 @@ def test_ctrl_c_before_a_command_begins_leaves_no_traceback(where):
     code = f"import os, signal, sys; from awescli.cli import app, commands, main; {patched}; sys.argv = ['awes', 'check']; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+def test_what_was_said_stands_in_the_log_file(folder, monkeypatch):
+    """Run after run, with the time of day, what --quiet does not show and errors too; a dry run leaves nothing."""
+    log = folder / "out" / ".awes" / "awes.log"
+    monkeypatch.setattr("sys.argv", ["awes", "run", "--quiet"])
+    awes("run", "--dry-run")
+    assert not log.exists()
+    assert awes("run", "--quiet").stdout == ""
+    lines = log.read_text().splitlines()
+    assert all(re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+-]\d\d:\d\d \[\d+\] ", line) for line in lines)
+    assert lines[0].endswith("$ awes run --quiet") and any("identify: done in" in line for line in lines)
+    awes("identify", "--set", "identify.end=no answer")
+    more = log.read_text().splitlines()
+    assert more[: len(lines)] == lines and any("the fit stalled" in line for line in more[len(lines) :])
+    # a mistake of the plan is nothing that happened in this folder
+    awes("identify", "--set", "identify.en=1")
+    assert log.read_text().splitlines() == more
+
+
+@pytest.mark.parametrize("planted", ["link", "second name", "folder", "pipe"])
+def test_the_log_is_written_to_nothing_else(folder, planted):
+    awes("run")
+    log, mine = folder / "out" / ".awes" / "awes.log", folder / "mine"
+    mine.write_text("mine")
+    log.unlink()
+    plant = {
+        "link": lambda: log.symlink_to(mine),
+        "second name": lambda: os.link(mine, log),
+        "folder": log.mkdir,
+        "pipe": lambda: os.mkfifo(log),
+    }
+    plant[planted]()
+    assert awes("run", "--force").exit_code == 0
+    assert mine.read_text() == "mine"
+
+
+def test_a_log_does_not_grow_without_end(folder, monkeypatch):
+    monkeypatch.setattr("awescli.artifacts.journal.LONGEST", 100)
+    for _ in range(3):
+        awes("run", "--force")
+    own = folder / "out" / ".awes"
+    assert sorted(p.name for p in own.glob("awes.log*")) == ["awes.log", "awes.log.1"]
+
+
+def test_where_the_steps_are_known_the_rest_is_told(monkeypatch):
+    """In a pipe: one line every ten seconds, with the time that is left where every step took as long."""
+    clock, said = [0.0], []
+    monkeypatch.setattr("awescli.cli.screen.time.monotonic", lambda: clock[0])
+    task = _PlainTask(said.append, "scoring", 4)
+    for _ in range(3):
+        clock[0] += 12.0
+        task.advance()
+    assert said == ["  scoring", "  scoring 1/4 (about 36 s left)", "  scoring 2/4 (about 24 s left)", "  scoring 3/4 (about 12 s left)"]
+    unknown = _PlainTask(said.append, "Gauss-Newton", None)
+    clock[0] += 12.0
+    unknown.advance()
+    assert said[-1] == "  Gauss-Newton 1"
+
+
+def test_the_shell_completes_commands():
+    for words, expected in (("awes ide", "identify"), ("awes export --su", "--surfaces")):
+        env = {**os.environ, "_AWES_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
+        code = "import sys; sys.argv = ['awes']; from awescli.cli import main; main()"
+        done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+        assert expected in done.stdout.split(), done.stderr

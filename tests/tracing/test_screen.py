@@ -16,7 +16,7 @@ from awescli.tracing.screen import CandidateColumns, holm, informed, screen
 
 KEYS = ("sideslip_drag", "parasitic_drag", "actuator_lag:rudder", "pitch_curvature", "airspeed_scale", "position_latency",
         "surface_bias:roll", "tether_drag", "lift_stall", "heading_bias")  # fmt: skip
-SMALL = {"sideslip_drag": 0.03, "airspeed_scale": 0.2, "pitch_curvature": 0.35}
+SMALL = {"sideslip_drag": 0.02, "airspeed_scale": 0.2, "pitch_curvature": 0.35}
 """Shares of a plausible size at which nothing but the effect itself is needed to follow the flight."""
 
 

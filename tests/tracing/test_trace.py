@@ -53,6 +53,19 @@ def test_one_missing_effect_is_named_with_its_size(key, values, seed):
     assert account["probability"][key] > 0.5 and account["ranking"][0]["name"] == best["name"]
 
 
+def test_a_load_in_another_unit_is_no_physics():
+    """Guards a unit mistake (A10): a clean flight whose load is in lbf, read as kgf, gets no name, and is asked for the unit in words. The
+    load cell's scale is far outside what any has, where its fit must go all the same."""
+    declared, log, parts = short_flight({}, seed=11, duration=50.0)
+    log = replace(log, measured={**log.measured, "tension": log["tension"] / 0.45359237})
+    candidates = ("load_cell_scale", "tether_attachment", "sideslip_drag", "actuator_lag:rudder")
+    account, finding = traced_flight(declared, log, parts, 3.0, candidates=candidates, curriculum=(1.0,))
+    assert account["verdict"] not in ("found", "cannot_tell", "none") and account["effects"] == []
+    assert "load_cell_scale" in account["sentence"] and "is the load in lbf, and read as kgf?" in account["sentence"]
+    ((_, model),) = finding.implausible
+    assert model.table["load_cell_scale.s"].value == pytest.approx(1 / 0.45359237, rel=0.05)
+
+
 @pytest.mark.slow
 def test_the_verdict_does_not_depend_on_the_loggers_rate():
     """Guards logs of every rate (A1): every second and every fifth sample of a flight give the verdict and the size of all of them."""

@@ -98,9 +98,9 @@ def sensors(drift=0.0, factor=1.0):
     return SimpleNamespace(processes=(Drift((group,), 1.25),), factors={"tension": factor})
 
 
-def model(deviance=0.0, keys=(), validation=0.0, flies=100, outcome="converged", rest=None, problem=None, chi2=1.0):
+def model(deviance=0.0, keys=(), validation=0.0, flies=100, still_to_gain=0.0, rest=None, problem=None, chi2=1.0):
     """What a table needs to know of a model: two segments, one strength for each key."""
-    fitted = SimpleNamespace(solution=SimpleNamespace(outcome=outcome))
+    fitted = SimpleNamespace(solution=SimpleNamespace(outcome="no_progress"), still_to_gain=still_to_gain)
     return SimpleNamespace(
         keys=tuple(keys), strengths=tuple(f"{k}.k" for k in keys), deviance=deviance,
         validation=np.array([validation, 0.0]), unseen=validation, flies=flies, chi2=chi2,
@@ -143,7 +143,8 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
     "name, good, bad",
     [
         ("null_flew", {"null": model(1000.0, flies=90)}, {"null": model(1000.0, flies=89)}),
-        ("null_converged", {}, {"null": model(1000.0, outcome="iteration_limit")}),
+        ("null_converged", {"null": model(1000.0, still_to_gain=0.9e-3)}, {"null": model(1000.0, still_to_gain=1.1e-3)}),
+        ("null_converged", {}, {"null": model(1000.0, still_to_gain=np.inf)}),
         ("null_follows", {"null": model(1000.0, chi2=1.9)}, {"null": model(1000.0, chi2=2.1)}),
         ("null_as_identified", {"null_error": 0.0124, "identified_error": 0.01}, {"null_error": 0.0126, "identified_error": 0.01}),
         ("effect_likelier", {"answer": model(987.9, ("a",), 250.0)}, {"answer": model(988.1, ("a",), 250.0)}),

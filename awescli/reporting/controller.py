@@ -1,0 +1,148 @@
+"""The controller: how well the fitted law repeats what was flown, and whether it flies."""
+
+import numpy as np
+
+from awescli.flightlog.split import PARTS
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Body, Cell, Section, absent, esc, folded, paragraph, table
+from awescli.reporting.plots import Figure, axis, dots, line, stride
+from awescli.reporting.words import COLOURS, listed, number, percent
+
+OUTCOMES = {
+    "flies": "In closed loop with the declared model it flies as long as asked from every start.",
+    "does_not_fly": "In closed loop with the declared model it does not fly.",
+    "departs": "In closed loop with the declared model it does not fly as long as asked from every start.",
+}
+
+
+def controller(evidence: Evidence) -> Section:
+    title = "The controller"
+    if evidence.controller is None:
+        return Section(
+            "controller", title, absent("awes fit-controller", "no control law was fitted; set-points are replayed from the log")
+        )
+    against = tuple(law_against_log(evidence, s) for s in evidence.commanded)
+    body = paragraph(sentence(evidence)), fit_table(evidence), against, survival(evidence), steering(evidence), features(evidence)
+    return Section("controller", title, body)
+
+
+def sentence(evidence: Evidence) -> str:
+    """What the law is."""
+    report = evidence.controller
+    names = report.get("surfaces", [])
+    seen = (report.get("features") or {}).get("chosen", [])
+    delay = (report.get("delay") or {}).get("delay_s")
+    law = f"A {esc(report.get('kind', 'fitted'))} law with {esc(report.get('nonzeros', '?'))} terms"
+    text = f"{law} drives {esc(listed(list(names)))} from {len(seen)} quantities"
+    return f"{text}{f', delayed by {number(delay)} s' if delay else ''}."
+
+
+def fit_table(evidence: Evidence) -> str:
+    """NRMSE per surface and part, with the share that noise in the law's inputs explains."""
+    report, rows = evidence.controller, []
+    head = ["surface"]
+    for part in PARTS:
+        head += [part, f"{part}: noise"]
+    for surface in report.get("surfaces", []):
+        row: list = [surface]
+        for part in PARTS:
+            for key in ("nrmse", "noise_nrmse"):
+                value = ((report.get(key) or {}).get(part) or {}).get(surface)
+                row.append(Cell(percent(value), value))
+        rows.append(row)
+    note = paragraph(
+        "NRMSE of the set-point, in percent of its range; beside it, what the sensor noise in the law's inputs alone would cause.", "soft"
+    )
+    return f'<div id="tab-controller">{note}{table(head, rows)}</div>'
+
+
+def law_against_log(evidence: Evidence, surface: str) -> Body:
+    """Measured and commanded set-point over the test part."""
+    log = evidence.log
+    if surface not in log:
+        return ""
+    rows = np.concatenate([np.append(np.arange(a, b), -1) for a, b in evidence.parts.test])
+    gap = rows < 0
+    step = stride(len(rows))
+    degrees = lambda values: np.where(gap, np.nan, np.degrees(values[rows]))[::step]  # noqa: E731
+    t = np.where(gap, np.nan, log.time[rows])[::step]
+    data = [
+        line(t, degrees(log[surface]), "flown", COLOURS["measured"]),
+        line(t, degrees(evidence.commanded[surface]), "law, at the measured states", COLOURS["with_effects"]),
+    ]
+    return Figure(
+        f"fig-law-{surface}", f"{surface.capitalize()}: flown, and what the law commands", data,
+        {"xaxis": axis("time [s]"), "yaxis": axis(f"{surface} [°]")}, split=f"test {evidence.parts.of}", height=280, linked="test",
+    )  # fmt: skip
+
+
+def survival(evidence: Evidence) -> Body:
+    """How long the law flies the model by itself, from several starts."""
+    proof = evidence.controller.get("closed_loop") or {}
+    flown, starts = proof.get("survival_s") or [], proof.get("starts_s") or []
+    if not flown or len(flown) != len(starts):
+        return ""
+    asked = proof.get("asked_s", max(flown))
+    text = OUTCOMES.get(proof.get("outcome"), esc(proof.get("outcome", "")))
+    error = proof.get("path_error_5s_m")
+    text += f" After 5 s it is {number(error)} m off the measured path." if error is not None else ""
+    ends = [c for s, f in zip(starts, flown, strict=True) for c in (s, s, None)]
+    heights = [c for f in flown for c in (0, f, None)]
+    data = [
+        line(ends, heights, "flown", COLOURS["initial"], width=3, showlegend=False, hoverinfo="skip"),
+        dots(
+            list(starts),
+            list(flown),
+            "flown",
+            COLOURS["initial"],
+            hovertemplate="from %{x:.0f} s: %{y:.1f} s<extra></extra>",
+            showlegend=False,
+        ),
+    ]
+    layout = {
+        "xaxis": axis("start in the flight [s]", range=[-1.0, float(evidence.log.time[-1])]),
+        "yaxis": axis("flown [s]", range=[0, 1.1 * asked]),
+        "shapes": [dict(type="line", xref="paper", x0=0, x1=1, y0=asked, y1=asked, line={"color": "@grey", "dash": "dot"})],
+        "annotations": [dict(xref="paper", x=1, y=asked, text="asked", showarrow=False, yanchor="top", xanchor="right")],
+    }  # fmt: skip
+    return Figure(
+        "fig-survival", "Closed loop with the declared model", data, layout, split="starts over the whole flight", note=text, height=240
+    )
+
+
+def steering(evidence: Evidence) -> str:
+    """What the law steers for, and whether the small-gain condition holds."""
+    report = evidence.controller
+    found, gains = report.get("steering") or {}, report.get("gain") or {}
+    said = []
+    if found.get("circle") == "commanded":
+        said.append(f"The circle that is steered for lies {number(found['moved_deg'])}° beside the one that was flown.")
+    if any(source != "does not steer" for source in (found.get("slopes") or {}).values()):
+        said.append(
+            "What a quiet flight cannot tell, the answer to a kite off its circle, is asked to be that of a kite that steers for it, "
+            f"with {number(report.get('hold', 0.0))} of the weight of the log."
+        )
+    for surface, gain in gains.items():
+        if gain.get("holds") is not None:
+            verb = "holds" if gain["holds"] else "does not hold"
+            said.append(
+                f"The small-gain condition {verb} for the {esc(surface)}: slope of the law's error {number(gain['gamma_error'])} rad, "
+                f"gain of the closed loop at least {number(gain['plant_gain'])} per rad."
+            )
+    return paragraph(" ".join(said)) if said else ""
+
+
+def features(evidence: Evidence) -> str:
+    """What the law sees and why."""
+    found = evidence.controller.get("features") or {}
+    reasons = found.get("reasons") or {}
+    rows = [
+        (name, Cell(percent((reasons.get(name) or {}).get("cost_of_omission")), (reasons.get(name) or {}).get("cost_of_omission")))
+        for name in found.get("chosen", [])
+    ]
+    if not rows:
+        return ""
+    return folded(
+        f"The {len(rows)} quantities the law sees",
+        paragraph(esc(found.get("how", ""))) + table(("quantity", "error grows without it by"), rows),
+    )

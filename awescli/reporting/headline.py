@@ -1,0 +1,263 @@
+"""The first screen: what was wrong with the model, how much better it is now; every claim leads to the plot that shows it."""
+
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import Section, bullets, esc, link, paragraph
+from awescli.reporting.plots import Figure, dots, log_axis
+from awescli.reporting.power import power_claim, power_figure
+from awescli.reporting.words import COLOURS, channel, effect_words, listed, number, percent, short, times, with_std
+
+ODDS = {
+    "none": "Nothing is missing that this flight could show",
+    "not_deterministic": "What is left does not repeat: it is the air, or noise",
+    "not_testable": "There is no fitted model whose residual could be traced",
+}
+LEADS = {
+    "cannot_tell": "Several explanations do equally well on this flight; {next}.",
+    "none": "Nothing is missing that this flight could show at its noise; {detectable}.",
+    "not_deterministic": "What is left does not repeat from {one} to {one}, and no effect helps on unseen {of}.",
+}
+"""Where effects.json points to another of its keys, the page points to a place on the page."""
+UNUSED = {
+    "nothing_to_learn": "found nothing to learn: physics explains validation nearly to the noise",
+    "too_short": "was not used: physics leaves more than noise, but this flight is too short to prove a correction of it",
+    "diverged": "was not used: with every one that was tried the simulation diverged",
+}
+"""Why a trained network is no model of the ladder: outcome (`learning.acceptance.OUTCOMES`) -> what the first screen says."""
+SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
+
+
+def headline(evidence: Evidence) -> Section:
+    """Title, verdict, claims, numbers of the ladder, and the ladder per channel."""
+    said = paragraph(f"{lead(evidence)} {worth(evidence)}", "lead") if evidence.effects else ""
+    body = said, tiles(evidence), bullets(claims(evidence)), ladder(evidence), power_figure(evidence)
+    return Section("summary", title(evidence), body)
+
+
+def lead(evidence: Evidence) -> str:
+    """The verdict in a sentence."""
+    of = evidence.parts.of
+    places = {
+        "of": of,
+        "one": of.removesuffix("s"),
+        "next": link("next", "what would tell them apart"),
+        "detectable": link("detectable", "what would have been seen"),
+    }
+    known = LEADS.get(evidence.effects["verdict"])
+    rolls = f" What is left {link('fig-roll', 'rolls the kite')} as gusts across its span do." if evidence.effects.get("roll_gusts") else ""
+    return known.format(**places) + rolls if known else esc(evidence.effects["sentence"])
+
+
+def worth(evidence: Evidence) -> str:
+    """How much better the model is now, in a sentence."""
+    before, after = (evidence.nrmse(m)["mean"] for m in (evidence.models[0], evidence.best))
+    return f"On unseen {esc(evidence.parts.of)} the error is {link('fig-ladder', times(before, after))} now."
+
+
+def title(evidence: Evidence) -> str:
+    """The verdict in one line."""
+    effects = evidence.effects
+    if effects is None:
+        return "How well the identified model predicts" if evidence.identify else "How well the declared model predicts"
+    verdict = effects["verdict"]
+    names = [effect_words(e["name"], e.get("acts_on", "")) for e in effects["effects"]]
+    if verdict == "found":
+        return f"The model lacked {listed(names)}"
+    if verdict == "cannot_tell":
+        pairs = [
+            [n, *(effect_words(r["name"], r.get("acts_on", "")) for r in e["rivals"])]
+            for n, e in zip(names, effects["effects"], strict=True)
+        ]
+        return f"Something is missing, and this flight cannot tell which: {'; '.join(' or '.join(p) for p in pairs)}"
+    if verdict == "unexplained":
+        where = (effects.get("unexplained") or {}).get("channel", "")
+        return f"Something is left{f' in {channel(where)}' if where else ''} that no effect of the library explains"
+    return ODDS.get(verdict, verdict)
+
+
+def tiles(evidence: Evidence) -> str:
+    """Mean error of every model, and what noise alone would leave."""
+    rows = [(evidence.label(m), evidence.nrmse(m)["mean"], COLOURS[m]) for m in evidence.models]
+    rows.append(("noise alone (no model can do better)", evidence.floor["mean"], COLOURS["floor"]))
+    cells = "".join(
+        f'<a class="tile" href="#fig-ladder" style="--tone:var(--{colour[1:]})"><b>{percent(value)}</b><span>{esc(label)}</span></a>'
+        for label, value, colour in rows
+    )
+    ahead = f"Prediction error {evidence.horizon:g} s ahead on the test {esc(evidence.parts.of)}"
+    what = f"{ahead}: mean NRMSE of the 12 states, in percent of each state's range."
+    return f'<div class="tiles">{cells}</div>' + paragraph(f'<span class="soft">{what}</span>')
+
+
+def claims(evidence: Evidence) -> list[str]:
+    """What the page claims, each sentence with a link to its plot."""
+    found = [_error(evidence), power_claim(evidence)]
+    if evidence.effects:
+        found += [_effect(evidence, e) for e in evidence.effects["effects"]]
+        seen_alone = evidence.effects.get("kinematics", [])
+        found += [f"Kinematics alone, without any model of forces: {esc(seen['sentence'])}." for seen in seen_alone]
+        found.append(_gain(evidence))
+        found += _shifts(evidence)
+    elif evidence.params:
+        found += _bounds(evidence)
+    return [c for c in [*found, _hybrid(evidence), _flown(evidence), _controller(evidence), _flight(evidence)] if c]
+
+
+def _error(evidence: Evidence) -> str:
+    first, last = evidence.models[0], evidence.best
+    before, after = evidence.nrmse(first)["mean"], evidence.nrmse(last)["mean"]
+    count = f"{evidence.parts.counts[2]} {evidence.parts.of}"
+    ahead = f"{evidence.horizon:g} s ahead"
+    if first == last:
+        return f"On {count} that nothing was fitted to, the model errs by {link('fig-ladder', percent(before))} {ahead}."
+    text = (
+        f"On {count} that nothing was fitted to, the error {ahead} went from {percent(before)} ({esc(evidence.label(first))}) "
+        f"to {link('fig-ladder', percent(after))} ({esc(evidence.label(last))}): {times(before, after)}"
+    )
+    if "identified" in evidence.models and last != "identified":
+        middle = evidence.nrmse("identified")["mean"]
+        text += f"; identification alone reaches {link('fig-attitude', percent(middle))}"
+    floor = evidence.floor["mean"]
+    left = f"{'little more is left than' if after < 1.15 * floor else 'there remains more than'} sensor noise ({percent(floor)})"
+    return f"{text}; {left}. {link('fig-3d-prediction', 'See the paths')}."
+
+
+def _effect(evidence: Evidence, effect: dict) -> str:
+    name = esc(effect_words(effect["name"], effect.get("acts_on", "")))
+    sizes = ", ".join(f"{esc(k)} = {esc(with_std(p['value'], p['std'], p['unit']))}" for k, p in effect["parameters"].items())
+    rivals = [effect_words(r["name"], r.get("acts_on", "")) for r in effect["rivals"]]
+    against = f" Not to be told from {esc(listed(rivals))} on this flight; {link('next', 'what would separate them')}." if rivals else ""
+    doc = f" ({esc(effect['doc'])})" if effect.get("doc") else ""
+    if not evidence.tracing_added:
+        return f"<b>{name}</b>{doc} is suspected, {sizes} (± 2 std); {link('fig-shifts', 'the parameters')} hint at it.{against}"
+    shown = "fig-phase" if shows_phase(evidence) else "fig-residual"
+    return f"<b>{link(shown, name)}</b>{doc}: {link('tab-effects', sizes)} (± 2 std){_share(evidence, effect)}.{against}"
+
+
+def _share(evidence: Evidence, effect: dict) -> str:
+    """How much of the gap the effect explains by itself, and the next best."""
+    ranking = evidence.effects["ranking"]
+    own = [c for c in ranking if c["name"] == effect["name"] and c.get("acts_on", "") == effect.get("acts_on", "")]
+    if not own or own[0]["explained_share"] <= 0:
+        return ""
+    text = f"; alone it explains {link('tab-ranking', percent(own[0]['explained_share']))} of the gap on train"
+    others = [c for c in ranking if c["name"] not in {e["name"] for e in evidence.effects["effects"]}]
+    if not others:
+        return text
+    best = max(others, key=lambda c: c["explained_share"])
+    return f"{text} (next: {esc(effect_words(best['name'], best.get('acts_on', '')))}, {percent(best['explained_share'])})"
+
+
+def _gain(evidence: Evidence) -> str:
+    """What tracing was worth, all effects together."""
+    if not evidence.tracing_added:
+        return ""
+    error = evidence.effects["error"]
+    before, after = error["before"]["mean"], error["after"]["mean"]
+    them = "them" if len(evidence.effects["effects"]) > 1 else "it"
+    text = f"Fitted with {them}, the declared model errs by {link('fig-residual', percent(after))} instead of {percent(before)}"
+    repeats = link("fig-phase", "what repeats in every loop, before and after")
+    return f"{text}; {repeats}." if shows_phase(evidence) else f"{text}."
+
+
+def shows_phase(evidence: Evidence) -> bool:
+    """Whether there are loops to average the residual over."""
+    return evidence.loops.kind == "loops" and "test_first" in (evidence.residuals or {})
+
+
+def _shifts(evidence: Evidence) -> list[str]:
+    shifts = evidence.effects.get("parameter_shifts", {})
+    bounded = [n for n, p in ((evidence.params or {}).get("parameters") or {}).items() if p.get("at_bound")]
+    if not shifts or not evidence.tracing_added:
+        return _bounds(evidence)
+    far = {which: sum(abs(s[f"{which}_in_prior_std"]) > 1 for s in shifts.values()) for which in ("before", "after")}
+    swallowed = link("fig-shifts", "parameters had to stand in")
+    text = f"Without what was added, {swallowed}: {far['before']} of {len(shifts)} lay more than one prior std off"
+    text += f", {len(bounded)} at a bound" if bounded else ""
+    return [f"{text}; with it {far['after']}."]
+
+
+def _bounds(evidence: Evidence) -> list[str]:
+    bounded = [n for n, p in ((evidence.params or {}).get("parameters") or {}).items() if p.get("at_bound")]
+    if not bounded:
+        return []
+    ended = f"{len(bounded)} parameters ended" if len(bounded) > 1 else "One parameter ended"
+    return [f"{ended} {link('tab-parameters', 'at a bound')} ({esc(listed(bounded))}): a bound is wrong, or an effect is missing."]
+
+
+def _hybrid(evidence: Evidence) -> str:
+    if evidence.hybrid is not None and "hybrid" not in evidence.models:
+        said = UNUSED.get(evidence.hybrid.get("outcome", ""), "was not scored")
+        return f"A {link('hybrid', 'network on top of physics')} {said}; it stays at zero."
+    if "hybrid" not in evidence.models:
+        return ""
+    base = evidence.models[-2] if len(evidence.models) > 1 else "hybrid"
+    before, after = evidence.nrmse(base)["mean"], evidence.nrmse("hybrid")["mean"]
+    told = times(before, after)
+    return f"The network on top of physics: {percent(before)} to {link('fig-hybrid-velocities', percent(after))}, {told}."
+
+
+def _flown(evidence: Evidence) -> str:
+    """How long the model flies by itself, and how near to the flight."""
+    f = evidence.flown
+    if f is None:
+        return ""
+    who = {"controller": "with the fitted controller", "recorded": "on the recorded set-points"}.get(f["surfaces"], "on a built-in law")
+    far = list((f.get("path_error_m") or {}).items())
+    near = f", {number(far[-1][1])} m (RMS) from the measured path over {esc(far[-1][0])} s" if far else ""
+    held = f"{link('fig-3d-flown', number(f['survived_s']) + ' s')} of {number(f['asked_s'])} s"
+    return f"Flown on its own {who}, the model ({esc(evidence.label(evidence.same_as(f['model'])))}) holds for {held}{near}."
+
+
+def _controller(evidence: Evidence) -> str:
+    test = ((evidence.controller or {}).get("nrmse") or {}).get("test") or {}
+    if not test:
+        return ""
+    noise = ((evidence.controller.get("noise_nrmse") or {}).get("test")) or {}
+    pieces = [
+        f"{esc(s)} to {link('fig-law-' + esc(s), percent(v))}" + (f" (noise {percent(noise[s])})" if s in noise else "")
+        for s, v in test.items()
+    ]
+    loop = (evidence.controller.get("closed_loop") or {}).get("outcome")
+    flown = {"flies": "and flies the declared model in closed loop", "departs": "but does not hold the declared model in closed loop",
+             "does_not_fly": "but does not fly the declared model in closed loop"}.get(loop, "")  # fmt: skip
+    return (
+        f"The fitted controller repeats {listed(pieces)} of its range on the test {esc(evidence.parts.of)}{f', {flown}' if flown else ''}."
+    )
+
+
+def _flight(evidence: Evidence) -> str:
+    failed = [c.name for c in evidence.quality.checks if not c.ok]
+    head = f"{link('fig-3d-flight', 'The flight')}: {evidence.quality.duration:.0f} s, {esc(evidence.quality.loops)}"
+    if not failed:
+        return f"{head}; {link('tab-quality', 'all data checks passed')}."
+    return f"{head}; {link('tab-quality', 'data checks that failed')}: {esc(listed(failed))}."
+
+
+def ladder(evidence: Evidence) -> Figure:
+    """Error per channel of every model, on a logarithmic axis, with the noise floor."""
+    names = [n for n in SCORED if n in evidence.nrmse(evidence.best)]
+    labels = [short(n) for n in names]
+    full = [channel(n) for n in names]
+    data = [
+        dots(
+            [100 * evidence.nrmse(m)[n] for n in names], labels, evidence.label(m), COLOURS[m], size=10,
+            text=full, hovertemplate="%{text}: %{x:.3g} %<extra>" + esc(evidence.label(m)) + "</extra>",
+        )
+        for m in evidence.models
+    ]  # fmt: skip
+    data.append(
+        dots(
+            [100 * evidence.floor[n] for n in names], labels, "noise alone", COLOURS["floor"], size=14, symbol="line-ns",
+            marker={"line": {"width": 2.5, "color": COLOURS["floor"]}},
+            text=full, hovertemplate="%{text}: %{x:.3g} %<extra>noise alone</extra>",
+        )
+    )  # fmt: skip
+    layout = {
+        "xaxis": log_axis("NRMSE [% of range]", *(t["x"] for t in data)),
+        "yaxis": {"autorange": "reversed", "type": "category", "dtick": 1},
+        "margin": {"l": 64},
+    }
+    return Figure(
+        "fig-ladder", f"Prediction error {evidence.horizon:g} s ahead, per channel", data, layout, split=f"test {evidence.parts.of}",
+        note="Further left is better; the axis is logarithmic. The grey mark is sensor noise: further left is chance.",
+        height=max(60 + 24 * len(names), 260),
+    )  # fmt: skip

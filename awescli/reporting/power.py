@@ -1,0 +1,62 @@
+"""Mechanical power of the test loops: one sentence, and the energy of every loop, measured against each model."""
+
+from awescli.reporting.evidence import Evidence
+from awescli.reporting.marks import esc, link
+from awescli.reporting.plots import Figure, axis, dots, line
+from awescli.reporting.words import COLOURS, number, percent
+
+FIGURE = "fig-power"
+KILO = 1e-3
+
+
+def powers(evidence: Evidence) -> dict[str, dict]:
+    """Model -> its power block, of those models that have one (a tethered flight, a load cell)."""
+    return {m: evidence.scores[m]["power"] for m in evidence.models if evidence.scores[m].get("power")}
+
+
+def power_claim(evidence: Evidence) -> str:
+    """What the line earned on the test loops, and how wrong each model is about it; empty for a flight without power."""
+    found = powers(evidence)
+    if not found:
+        return ""
+    block = found[list(found)[-1]]
+    told = [f"{esc(evidence.label(m))} {signed(b['error_share'])}" for m, b in found.items()]
+    interval = block["interval_share"]
+    between = f" ({signed(interval[0])} to {signed(interval[1])} over loops, 95 %)" if interval else ""
+    over = f"{block['seconds']:.0f} of {block['loop_seconds']:.0f} s of {block['loops']} test {esc(evidence.parts.of)}"
+    measured = link(FIGURE, f"{number(block['measured_mean_W'] * KILO)} kW")
+    return f"Mean mechanical power over {over}: {measured} measured; predicted power is off by: {', '.join(told)}{between}."
+
+
+def power_figure(evidence: Evidence) -> Figure | str:
+    """Energy of every test loop, predicted against measured, on one scale; on the diagonal a model is right."""
+    found = powers(evidence)
+    if not found:
+        return ""
+    data = []
+    for model, block in found.items():
+        rows = block["by_loop"]
+        label = f"{evidence.label(model)}, {signed(block['error_share'])}"
+        data.append(
+            dots(
+                [row["measured_J"] * KILO for row in rows], [row["predicted_J"] * KILO for row in rows], label, COLOURS[model], size=9,
+                text=[f"loop {row['loop']}, {row['seconds']:.1f} of {row['of_seconds']:.1f} s" for row in rows],
+                hovertemplate="%{text}<br>measured %{x:.3g} kJ, predicted %{y:.3g} kJ<extra>" + esc(evidence.label(model)) + "</extra>",
+            )
+        )  # fmt: skip
+    shown = [v for t in data for v in (*t["x"], *t["y"])]
+    ends = [min(shown), max(shown)]
+    data.insert(0, line(ends, ends, "as measured", COLOURS["measured"], width=1, dash="dot", hoverinfo="skip"))
+    layout = {"xaxis": axis("energy of a loop, measured [kJ]"), "yaxis": axis("predicted [kJ]"), "margin": {"t": 24}}
+    return Figure(
+        FIGURE, "Energy of every loop, measured and predicted", data, layout, split=f"test {evidence.parts.of}", height=300,
+        note="Tension times reel-out speed, over what predictions cover of a loop. The percentages are errors of the mean power.",
+    )  # fmt: skip
+
+
+def signed(share: float | None) -> str:
+    """A share with its sign, in percent: +3.2 %, −28.7 %."""
+    if share is None:
+        return "–"
+    text = percent(abs(share)) if abs(share) < 0.01 else f"{100 * abs(share):.1f} %"
+    return f"{'+' if share >= 0 else '−'}{text}"

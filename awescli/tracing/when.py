@@ -1,0 +1,58 @@
+"""Since when, and in which flights: what an answer gains on each segment of each flight, its size in each flight, and its onset."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.models import FittedModel, Frame, fit_apart
+
+
+@dataclass(frozen=True)
+class InFlight:
+    """What an answer is worth in one flight.
+
+    keys: of the answer's effects; label: of the flight, "" for the plan's; times, gains: (K,) where the segments begin [s], and the
+    deviance that the answer gains there on the declared model; onset: [s] between which two times it began to act, None where it acted from
+    the beginning; sizes: full name of a strength -> (value, standard deviation) from this flight, all other parameters shared.
+    """
+
+    keys: tuple[str, ...]
+    label: str
+    times: np.ndarray
+    gains: np.ndarray
+    onset: tuple[float, float] | None
+    sizes: dict[str, tuple[float, float]]
+
+
+def in_flights(frame: Frame, null: FittedModel, model: FittedModel, criteria: Criteria = CRITERIA) -> tuple[InFlight, ...]:
+    """The answer `model` in each of the flights."""
+    apart = fit_apart(frame, model) if len(frame.flights) > 1 else model
+    std = dict(zip(apart.fit.names, np.sqrt(np.diag(apart.fit.covariance)), strict=True))
+    found, t, v = [], 0, 0
+    for flight, fitted, judged in zip(frame.flights, model.fit.flights, model.judged, strict=True):
+        of_train, of_validation = slice(t, t + len(fitted.alive)), slice(v, v + len(judged.alive))
+        t, v = of_train.stop, of_validation.stop
+        first = np.concatenate([f.misfit.observed.segments.first for f in (fitted, judged)])
+        gains = np.concatenate([(null.train - model.train)[of_train], (null.validation - model.validation)[of_validation]])
+        order = np.argsort(first)
+        times, gains = first[order] * flight.log.dt, gains[order]
+        names = {n: f"{n}@{flight.label}" if flight.label else n for n in model.strengths}
+        sizes = {n: (float(apart.fit.parameters[own].value), float(std[own])) for n, own in names.items()}
+        found.append(InFlight(model.keys, flight.label, times, gains, _between(times, onset(gains, criteria), frame.horizon), sizes))
+    return tuple(found)
+
+
+def onset(gains: np.ndarray, criteria: Criteria = CRITERIA) -> int:
+    """The segment from which on an effect acts: 0, unless leaving it out before is decisively likelier. gains: (K,) deviance that it gains
+    on each segment, in order of time. That the segment was searched for costs 2 log K (K equally likely places)."""
+    if not len(gains):
+        return 0
+    before = np.concatenate([[0.0], np.cumsum(gains)[:-1]])
+    best = int(np.argmin(before))
+    return best if before[best] < -(criteria.decisive + 2 * np.log(len(gains))) else 0
+
+
+def _between(times: np.ndarray, begins: int, horizon: float) -> tuple[float, float] | None:
+    """From where the last segment without the effect begins to where the first one with it ends: it set in between."""
+    return None if begins == 0 else (float(times[begins - 1]), float(times[begins]) + horizon)
