@@ -281,6 +281,18 @@ class Criterion(Checked):
     source: Text
 
 
+class SeenAlone(Checked):
+    """An error of a sensor that kinematics alone shows."""
+
+    name: Word
+    acts_on: Text
+    channels: list[Text]
+    size: Number
+    std: Number
+    unit: Text
+    sentence: Text
+
+
 class Effects(Checked):
     """effects.json."""
 
@@ -300,6 +312,7 @@ class Effects(Checked):
     not_testable: list[Text] = []
     parameter_shifts: dict[str, Shift] = {}
     separate: list[Text] = []
+    kinematics: list[SeenAlone] = []
 
     @model_validator(mode="after")
     def _fitted(self):

@@ -1,7 +1,7 @@
 """What each command does: read the plan, call the floors below, show what came of it."""
 
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +74,7 @@ def _write_figures(screen: Screen, files: Iterable[tuple[str, str | bytes]], to:
 def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:
     """Everything that can be wrong before hours are spent; all complaints together."""
     from awescli.engine.object_cache import why_unused
+    from awescli.flightlog.reconstruction.flight_path import reconstruct
     from awescli.physics.doubts import doubts
     from awescli.stages.base import Inputs
     from awescli.stages.checking import raise_all, refused
@@ -86,7 +87,9 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     inputs = Inputs(plan.flight, plan.kite, plan.split)
     errors: list[BadInput] = []
     log = None
+    noise: dict[str, float] = {}
     try:
+        noise = {channel: std for channel, (std, share) in inputs.declared.noise.channels().items() if not share}
         screen.line(f"kite    {plan.kite}: good, {sum(row.free for row in inputs.declared.parameters.values())} free parameters")
         for doubt in doubts(inputs.declared):
             screen.paragraph(f"but {doubt}", 8 * " ")
@@ -101,7 +104,11 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
         quality = inputs.quality
         for title, content in quality_sections(quality).items():
             screen.section(title, content)
-        screen.answer({"plan": str(plan.file), "quality": json_safe(quality.as_dict())})
+        path = reconstruct(log)
+        for title, content in kinematics_sections(path, noise).items():
+            screen.section(title, content)
+        answer = {"plan": str(plan.file), "quality": quality.as_dict(), "kinematics": path.as_dict()}
+        screen.answer(json_safe(answer))
     for stage in stages:
         if stage.name in plan.planned:
             errors += refused(stage, inputs, plan)
@@ -144,6 +151,20 @@ def quality_sections(quality: Any) -> dict[str, Any]:
 def how_good(check: Any) -> str:
     """A check in a word or two."""
     return "good" if check.ok else "STOPS" if check.stops else "NOT GOOD"
+
+
+def kinematics_sections(path: Any, declared: Mapping[str, float]) -> dict[str, Any]:
+    """A FlightPath (flightlog/reconstruction) as title -> table or list. declared: white noise of the kite file [SI], by channel."""
+    from awescli.flightlog.reconstruction.told import error_table, noise_table, said
+
+    sections: dict[str, Any] = {}
+    if path.noise:
+        sections["noise, by kinematics"] = noise_table(path, declared)
+    if path.errors:
+        sections["sensor errors, by kinematics"] = error_table(path)
+    found = [said(e) for e in path.findings]
+    sections["kinematics alone"] = [*(found or ["no error of a sensor that matters"]), *path.notes]
+    return sections
 
 
 def between(ends: tuple[float, float]) -> str:

@@ -1,6 +1,6 @@
 """The network f_nn (seed section 5): what it adds to d/dt of (u, v, w, p, q, r), where it must keep still, and the kite that has it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -193,10 +193,14 @@ class HybridKite:
 
     def with_values(self, values: dict[str, float]) -> "HybridKite":
         """The same hybrid with other values of physical parameters or weights."""
+        return self.with_rows(self.parameters.with_values(values).rows)
+
+    def with_rows(self, rows: Iterable[Parameter]) -> "HybridKite":
+        """The same hybrid with other rows of parameters."""
         other = object.__new__(HybridKite)
         other.__dict__.update(self.__dict__)
-        other.parameters = self.parameters.with_values(values)
-        other.kite = self.kite.with_values({k: v for k, v in values.items() if k in self.kite.parameters})
+        other.parameters = self.parameters.with_rows(rows)
+        other.kite = self.kite.with_rows(other.parameters[name] for name in self.kite.parameters)
         return other
 
     def declare(self, keys: Sequence[str], free: Sequence[str] = (), table: ParameterTable | None = None):

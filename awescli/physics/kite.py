@@ -273,16 +273,13 @@ class Kite:
 
     def with_values(self, values: dict[str, float]) -> "Kite":
         """The same kite with other parameter values."""
-        return self._with(self.parameters.with_values(values))
+        return self.with_rows(self.parameters.with_values(values).rows)
 
     def with_rows(self, rows: Iterable[Parameter]) -> "Kite":
         """The same kite with other rows of parameters."""
-        return self._with(self.parameters.with_rows(rows))
-
-    def _with(self, parameters: ParameterTable) -> "Kite":
         other = object.__new__(Kite)
         other.__dict__.update(self.__dict__)
-        other.parameters = parameters
+        other.parameters = self.parameters.with_rows(rows)
         return other
 
     def declare(self, keys: Sequence[str], free: Sequence[str] = (), table: ParameterTable | None = None) -> KiteDeclaration:

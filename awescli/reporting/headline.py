@@ -102,6 +102,8 @@ def claims(evidence: Evidence) -> list[str]:
     found = [_error(evidence), power_claim(evidence)]
     if evidence.effects:
         found += [_effect(evidence, e) for e in evidence.effects["effects"]]
+        seen_alone = evidence.effects.get("kinematics", [])
+        found += [f"Kinematics alone, without any model of forces: {esc(seen['sentence'])}." for seen in seen_alone]
         found.append(_gain(evidence))
         found += _shifts(evidence)
     elif evidence.params:

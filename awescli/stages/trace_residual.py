@@ -4,7 +4,7 @@ from textwrap import shorten
 
 from pydantic import Field
 
-from awescli.stages.answers import ANSWER, change, fitting, named, number, sized
+from awescli.stages.answers import ANSWER, WIDTH, change, fitting, named, number, sized
 from awescli.stages.base import FAILURE, KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 from awescli.stages.further_flights import FurtherFlight, flights_of, refused_flights, unknown_own
 
@@ -81,6 +81,9 @@ class TraceResidual(Stage):
         models = {"before": finding.before(), "after": finding.after()}
         predictions = {which: predicted(simulator, log, parts, config.horizon) for which, simulator in models.items()}
         effects = account(finding, log, config.horizon, *(p["test"] for p in predictions.values()))
+        effects["kinematics"] = kinematics(log)
+        for seen in effects["kinematics"]:
+            context.progress.note(f"Kinematics alone: {seen['sentence']}.")
         effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), models, predictions, config.horizon)
         scores = {which: scores_of(p, config.horizon) for which, p in predictions.items()}
         params = traced_params(finding.model, effects)
@@ -95,9 +98,30 @@ class TraceResidual(Stage):
         return {
             "verdict": effects["verdict"], "effect": ", ".join(named(e) for e in effects["effects"]) or "-",
             "test NRMSE before": error.get("before", {}).get("mean"), "after": error["after"]["mean"], "noise floor":
-            error["noise_floor"]["mean"], **detectable(effects), ANSWER: told(effects, context.out / self.name / KITE_FILE),
-            **failure(finding),
+            error["noise_floor"]["mean"], **detectable(effects), **seen_alone(effects),
+            ANSWER: told(effects, context.out / self.name / KITE_FILE), **failure(finding),
         }  # fmt: skip
+
+
+def kinematics(log) -> list[dict]:
+    """What the sensors of a flight contradict each other in, without any model of forces: a witness beside the verdict, not part of it.
+    Each as the effect of the library that it is, with size and standard deviation [SI]."""
+    from awescli.flightlog.reconstruction.flight_path import reconstruct
+    from awescli.flightlog.reconstruction.told import said
+    from awescli.physics.effects import EFFECTS
+
+    return [
+        {
+            "name": e.name, "acts_on": e.target or "", "channels": list(e.acts_on), "size": e.size, "std": e.std, "unit": e.unit,
+            "sentence": said(e),
+        }
+        for e in reconstruct(log).findings if e.name in EFFECTS
+    ]  # fmt: skip
+
+
+def seen_alone(effects: dict) -> dict:
+    """The line of the summary that says what kinematics alone has seen."""
+    return {"kinematics alone": "; ".join(e["sentence"] for e in effects["kinematics"])} if effects.get("kinematics") else {}
 
 
 def begun(identified: dict, horizon: float) -> dict:
@@ -136,19 +160,24 @@ def told(effects: dict, kite_file) -> list[str]:
     share = f", {100 * left['share']:.0f} % of what was missing" if left["share"] > 0 else ""
     rest = effects["unexplained"]
     empirical = [shorten(f"empirical: {rest['expression']}", 120, placeholder=" ...")] if rest and rest["expression"] else []
+    # a second witness, which asks no model of forces: in full, or in one line
+    told_alone = [f"kinematics alone: {seen}" for seen in seen_alone(effects).values()]
+    alone, briefly = ([shorten(t, most, placeholder=" ...") for t in told_alone] for most in (120, WIDTH - 4))
     end = [
         change(before, after, error["noise_floor"]["mean"], error["horizon_s"]),
         f"left: chi-square {number(left['chi2'])} (1: noise alone){share}",
         f"kite file: {kite_file}; report: awes evaluate --report",
     ]
     if verdict == "not_testable":
-        return fitting(TraceResidual.name, [[f"{verdict}: {effects['reason']}", *end[-1:]]])
+        return fitting(TraceResidual.name, ([f"{verdict}: {effects['reason']}", *seen, *end[-1:]] for seen in (alone, briefly)))
     if not effects["effects"]:
-        return fitting(TraceResidual.name, ([f"{verdict}: {SAYS[verdict]}", *empirical, *e] for e in (end, end[::2])))
+        says, short = f"{verdict}: {SAYS[verdict]}", [shorten(e, WIDTH - 4, placeholder=" ...") for e in empirical]
+        ends = ([*empirical, *alone, *end], [*empirical, *alone, *end[::2]], [*short, *briefly, *end[::2]])
+        return fitting(TraceResidual.name, ([says, *e] for e in ends))
     found = [[_said(e, most) for e in effects["effects"]] for most in (9, 1, 0)]
-    versions = [[f"{verdict}: {first}", *(f"and {e}" for e in others), *empirical, *end] for first, *others in found]
+    versions = [[f"{verdict}: {first}", *(f"and {e}" for e in others), *empirical, *alone, *end] for first, *others in found]
     names = shorten(f"{verdict}: {', '.join(named(e) for e in effects['effects'])}", 200, placeholder=" ...")
-    return fitting(TraceResidual.name, [*versions, [names, *empirical, *end[::2]], [names, *end[::2]]])
+    return fitting(TraceResidual.name, [*versions, [names, *empirical, *alone, *end[::2]], [names, *briefly, *end[::2]]])
 
 
 def _said(effect: dict, most: int) -> str:

@@ -103,7 +103,8 @@ SIZES = {n: {"value": -123.456, "std": 0.01234, "unit": "N s/m"} for n in ("thre
 
 @pytest.mark.parametrize("verdict", SAYS)
 @pytest.mark.parametrize("count", [0, 1, 3])
-def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count):
+@pytest.mark.parametrize("seen", [0, 1, 4])
+def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen):
     rivals = [{"name": "surface_effectiveness", "acts_on": "elevator"}] * 4
     entry = EFFECT | {"parameters": SIZES, "rivals": rivals if verdict == "cannot_tell" else []}
     error = {"horizon_s": 5.0, **{k: {"mean": 0.0123456} for k in ("before", "after", "noise_floor")}}
@@ -114,10 +115,12 @@ def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count):
         "error": error,
         "left": {"chi2": 1.234, "share": 0.5},
         "unexplained": unexplained,
+        "kinematics": [{"sentence": "position late by 0.2603 s +- 0.0004"}] * seen,
     }
     lines = lines_of("trace-residual", told(effects, "out/trace-residual/kite.yaml"))
     assert max(map(len, lines)) <= 80 and len(lines) <= 6, lines
     assert "0.0123 -> 0.0123 (noise alone 0.0123)" in " ".join(lines) and verdict in lines[0] and "kite.yaml" in lines[-1]
+    assert ("kinematics alone: position late by 0.2603 s" in " ".join(lines)) == (seen > 0)
     if count:
         assert "surface_effectiveness on elevator" in " ".join(" ".join(lines).split())
 

@@ -77,10 +77,22 @@ def test_nothing_is_found_where_nothing_is_missing(tmp_path):
     folder = folder_of(tmp_path, {})
     summary, effects = run(folder), effects_of(folder)
     assert summary["verdict"] == effects["verdict"] == "none" and effects["effects"] == []
+    assert effects["kinematics"] == [] and "kinematics alone" not in summary
     assert effects["error"]["after"] == effects["error"]["before"] and set(summary["would have been seen from"]) >= {"sideslip_drag"}
     assert max(effects["probability"], key=effects["probability"].get) == "none"
     identified, traced = (read_kite(folder / "out" / s / "kite.yaml") for s in ("identify", "trace-residual"))
     assert traced.effects == identified.effects
+
+
+def test_kinematics_alone_stands_beside_the_verdict(tmp_path):
+    """Guards A15: a position that is late is plain without any model of forces; the verdict of the candidates here knows nothing of it."""
+    folder = folder_of(tmp_path, {"position_latency": {"tau": 0.24}})
+    summary = run(folder)
+    (seen,) = effects_of(folder)["kinematics"]
+    assert (seen["name"], seen["acts_on"], seen["unit"]) == ("position_latency", "", "s") and seen["channels"] == ["p_n", "p_e", "p_d"]
+    assert abs(seen["size"] - 0.24) < max(4 * seen["std"], 0.002)
+    assert summary["kinematics alone"] == seen["sentence"] and seen["sentence"].startswith("position late by 0.24")
+    assert any(line.startswith("kinematics alone: position late by 0.24") for line in summary["answer"])
 
 
 def test_a_kite_that_cannot_fly_the_flight_is_a_named_failure(tmp_path):

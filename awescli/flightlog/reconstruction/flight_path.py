@@ -1,0 +1,231 @@
+"""reconstruct: the flight path of a log from its kinematics, without any model of forces.
+
+    path = reconstruct(log);  path.noise, path.errors, path.findings
+
+The noise and the errors of all channels, from four identities between them (`identities.py`, `air.py`), each solved in O(n) (`solve.py`).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from awescli.flightlog.log import FlightLog
+from awescli.flightlog.quality import white_noise
+from awescli.flightlog.reconstruction.air import airspeed_of_motion, recorded, vanes_of_motion, with_offset
+from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
+from awescli.flightlog.reconstruction.identities import Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
+from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
+from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
+from awescli.flightlog.reconstruction.solve import Solution, solve, thinned
+from awescli.notation.errors import NumericalFailure
+from awescli.notation.quantities import ANGLES, UNITS
+
+FEWEST, SHORTEST = 200, 10.0
+"""Samples and seconds below which nothing is said."""
+UNKNOWN = 0.7
+"""Spread of a logarithm from which a level is not told: a factor of four either way."""
+REAL = 12.0
+"""Deviance that a drift must be worth: one that is not there has two parameters to fit noise with."""
+SHARE = 0.25
+"""Of the white noise, below which a drift is not worth a word."""
+MOVED = 0.02
+"""s: a longer delay is taken out first, so that the rest is linear."""
+DIFFERENCES_SPREAD = 1.9
+"""Standard deviation of the logarithm of `quality.white_noise` times the root of the samples: the median of differences of order four."""
+
+DEG = np.pi / 180
+MATTERS = {
+    "rates": 0.5 * DEG, "accelerations": 0.5, "attitude_latency": 0.03, "velocity latency": 0.03, "position_latency": 0.05,
+    "heading_bias": 1.5 * DEG, "airspeed_scale": 0.03, "airspeed_lag": 0.25, "vane_bias": 1.5 * DEG,
+}  # fmt: skip
+"""Sizes from which an error changes what a model learns [SI]: those at which the library's effects begin (`source` of their parameters).
+A lag of the airspeed only from where gusts, to which the flight answers, do not pass for one (0.19 s on UMN's Thor)."""
+
+
+def reconstruct(log: FlightLog) -> FlightPath:
+    """Noise and errors of the sensors of a log, as `read_flight` gives it; empty, with a note, where the log hardly flies."""
+    motion = motion_of(log)
+    if motion is None or len(motion) * log.dt < SHORTEST or len(motion) < FEWEST:
+        return FlightPath((), (), 0, 0, ("Nothing is flown for long enough in one piece.",))
+    noise: dict[str, ChannelNoise] = {}
+    errors: list[SensorError] = []
+    notes: list[str] = []
+    for name, needs, build, say in IDENTITIES:
+        if any(n not in log for n in needs) or (build is _vanes and not {"alpha", "beta"} & set(log.measured)):
+            continue
+        try:
+            identity = build(motion)
+            if identity.series.seen.sum(0).min() < FEWEST:
+                continue
+            solution = solve(identity)
+        except NumericalFailure as e:
+            notes.append(f"Of {name} nothing can be said: {e}")
+            continue
+        noise |= {n.channel: _beside_attitude(n, noise) for n in _noise(solution)}
+        said = [_beside_drift(e, noise, motion) for e in say(solution)]
+        errors += said
+        motion = without(motion, said)
+    for channel in log.measured:
+        if channel not in noise or noise[channel].white is None:
+            by_differences = _by_differences(log, motion, channel)
+            if by_differences is not None:
+                old = noise.get(channel)
+                noise[channel] = by_differences if old is None else _with_drift(by_differences, old)
+    ordered = tuple(noise[c] for c in log.measured if c in noise)
+    return FlightPath(ordered, tuple(errors), len(motion), int(motion.restart.sum()), tuple(notes))
+
+
+AGAINST = {"heading_bias": "psi", "beta": "psi", "alpha": "theta"}
+"""Error or vane -> the angle that it is told against."""
+
+
+def _beside_attitude(own: ChannelNoise, noise: Mapping[str, ChannelNoise]) -> ChannelNoise:
+    """A vane is compared with an attitude that is noisy itself: its own white noise is what is left of the variance."""
+    angle = AGAINST.get(own.channel)
+    if angle not in noise or noise[angle].white is None or own.white is None or noise[angle].white.value > 0.9 * own.white.value:
+        return own
+    share = np.sqrt(1 - (noise[angle].white.value / own.white.value) ** 2)
+    return replace(own, white=Level(own.white.value * share, own.white.low * share, own.white.high * share))
+
+
+def _beside_drift(error: SensorError, noise: Mapping[str, ChannelNoise], motion: Motion) -> SensorError:
+    """What is told against an attitude that drifts is known no better than the mean of that drift over the flight: angles themselves, and
+    accelerations, which the drift turns away."""
+    turns = error.target == "accelerations"
+    angle = "theta" if turns else AGAINST.get(error.name) or AGAINST.get(error.target or "")
+    if angle not in noise or noise[angle].drift is None or noise[angle].memory is None:
+        return error
+    mean = noise[angle].drift.value * np.sqrt(min(2 * noise[angle].memory.value / (len(motion) * motion.dt), 1.0))
+    size = float(np.sqrt((motion.three("a_x", "a_y", "a_z") ** 2).sum(1).mean() / 3)) if turns else 1.0
+    return replace(error, std=float(np.hypot(error.std, mean * size)))
+
+
+def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
+    """The motion as its sensors would have logged it without the errors that were found: what comes next is not to find them again."""
+    signals = dict(motion.log.measured)
+    for e in errors:
+        for name in e.acts_on if e.found else ():
+            if e.unit == "s":
+                signal = np.unwrap(signals[name]) if name in ANGLES else signals[name]
+                signals[name] = np.interp(motion.log.time + e.size, motion.log.time, signal)
+            else:
+                signals[name] = signals[name] - e.size
+    return replace(motion, log=replace(motion.log, measured=signals)) if any(e.found for e in errors) else motion
+
+
+def _position(motion: Motion) -> Identity:
+    """With a delay of the position taken out of the reference, which says how much."""
+    late = 0.0
+    for _ in range(3):
+        identity = position_of_velocity(motion, late)
+        series = thinned(identity.series, FEWEST * 10)
+        beta = BandedLikelihood(series).at(np.array(identity.white), identity.laws).beta
+        more = float(beta[series.columns.index("late")])
+        if abs(more) < MOVED:
+            break
+        late += more
+    return position_of_velocity(motion, late)
+
+
+def _airspeed(motion: Motion) -> Identity:
+    """About the wind that a first solution finds where nobody recorded one: the airspeed is not linear in it."""
+    return airspeed_of_motion(motion, _wind(motion))
+
+
+def _vanes(motion: Motion) -> Identity:
+    """About the wind that the airspeed finds where nobody recorded one."""
+    return vanes_of_motion(motion, _wind(motion))
+
+
+def _wind(motion: Motion) -> np.ndarray | None:
+    """(n, 3) the constant wind of the flight where nobody recorded one; else None."""
+    if motion.log.wind is not None or "V_a" not in motion.log:
+        return None
+    wind = recorded(motion)
+    for _ in range(3):
+        identity = airspeed_of_motion(motion, wind)
+        series = thinned(identity.series, FEWEST * 10)
+        beta = BandedLikelihood(series).at(np.array(identity.white), identity.laws).beta
+        wind = with_offset(wind, dict(zip(series.columns, beta, strict=True)))
+    return wind
+
+
+def _say_attitude(s: Solution) -> list[SensorError]:
+    biases = [_error(s, n, "imu_bias", (n,), "rad/s", "rates", "rates") for n in ("p", "q", "r")]
+    return [*biases, _delay(s, "attitude_latency", ("phi", "theta", "psi"))]
+
+
+def _say_position(s: Solution) -> list[SensorError]:
+    return [_delay(s, "position_latency", ("p_n", "p_e", "p_d"), s.identity.moved)]
+
+
+def _say_velocity(s: Solution) -> list[SensorError]:
+    biases = [_error(s, n, "imu_bias", (n,), "m/s2", "accelerations", "accelerations") for n in ("a_x", "a_y", "a_z")]
+    return [*biases, _error(s, "heading", "heading_bias", ("psi",), "rad"), _delay(s, "velocity latency", ("v_n", "v_e", "v_d"))]
+
+
+def _say_airspeed(s: Solution) -> list[SensorError]:
+    # scale and offset are one at the speed that is flown
+    scale = _error(s, "at flown speed", "airspeed_scale", ("V_a",), "-")
+    return [scale, _error(s, "late", "airspeed_lag", ("V_a",), "s")]
+
+
+def _say_vanes(s: Solution) -> list[SensorError]:
+    return [_error(s, n, "vane_bias", (n,), "rad", target=n) for n in s.identity.channels]
+
+
+VELOCITY, ATTITUDE = ("v_n", "v_e", "v_d"), ("phi", "theta", "psi")
+IDENTITIES: tuple[tuple[str, tuple[str, ...], Callable, Callable], ...] = (
+    ("attitude and rates", (*ATTITUDE, "p", "q", "r"), attitude_of_rates, _say_attitude),
+    ("position and velocity", ("p_n", "p_e", "p_d", *VELOCITY), _position, _say_position),
+    ("velocity and acceleration", (*VELOCITY, "a_x", "a_y", "a_z", *ATTITUDE), velocity_of_acceleration, _say_velocity),
+    ("airspeed and motion", ("V_a", *VELOCITY), _airspeed, _say_airspeed),
+    ("vanes and motion", (*VELOCITY, *ATTITUDE), _vanes, _say_vanes),
+)
+"""What is compared, the signals it needs, and how."""
+
+
+def _error(s: Solution, column: str, name: str, acts_on: tuple[str, ...], unit: str, matters: str = "", target: str | None = None):
+    return SensorError(name, target, acts_on, s.values[column], s.std[column], unit, MATTERS[matters or name])
+
+
+def _delay(s: Solution, name: str, acts_on: tuple[str, ...], moved: float = 0.0) -> SensorError:
+    """A delay delays all motion alike: what differs between slow and quick motion is none."""
+    size, quick = s.values["late"] + moved, s.values["late_quick"]
+    agrees = abs(quick) < 3 * s.std["late_quick"] or abs(quick) < 0.3 * abs(size)
+    return SensorError(name, None, acts_on, size, s.std["late"], "s", MATTERS[name], bool(agrees))
+
+
+def _noise(s: Solution) -> list[ChannelNoise]:
+    """White noise and drift of the channels of an identity."""
+    m, laws = len(s.identity.channels), s.levels.laws
+    found = []
+    remembers = [law.name for law in laws if not law.walks]
+    for i, channel in enumerate(s.identity.channels):
+        spread = s.levels.spread[i]
+        if s.identity.white_by_differences:
+            spread = DIFFERENCES_SPREAD / np.sqrt(s.identity.series.seen[:, i].sum())
+        white = Level.of(s.levels.white[i], spread) if spread < UNKNOWN else None
+        drift = memory = None
+        for j, law in enumerate(laws):
+            if channel not in s.identity.drifts.get(law.name, ()):
+                continue
+            if s.gain[law.name] > REAL and law.level > SHARE * s.levels.white[i]:
+                drift = Level.of(law.level, s.levels.spread[m + j])
+                memory = Level.of(law.memory, s.levels.spread[m + len(laws) + remembers.index(law.name)])
+        found.append(ChannelNoise(channel, UNITS[channel], white, drift, memory, s.identity.name))
+    return found
+
+
+def _by_differences(log: FlightLog, motion: Motion, channel: str) -> ChannelNoise | None:
+    """White noise of a channel that no other tells: what differences of high order leave."""
+    new = log.is_new(channel)
+    white = white_noise(log[channel][new], log.valid[new])
+    if not white:
+        return None
+    return ChannelNoise(channel, UNITS[channel], Level.of(white, DIFFERENCES_SPREAD / np.sqrt(len(motion))), None, None, "differences")
+
+
+def _with_drift(noise: ChannelNoise, old: ChannelNoise) -> ChannelNoise:
+    return ChannelNoise(noise.channel, noise.unit, noise.white, old.drift, old.memory, noise.by)

@@ -1,0 +1,138 @@
+"""The likelihood of series that are a sum of known shapes, Gauss-Markov processes and white noise, in O(n).
+
+    y_k = X_k beta + H_k z_k + e_k,     e white,     z_{k+1} = phi_k z_k + w_k
+
+with each state on its own (Gelb, Applied Optimal Estimation, ch. 3). The states are integrated out: their precision is banded, so one
+banded Cholesky factorisation gives the log determinant and the generalised least squares of beta (Rue & Held, Gaussian Markov Random
+Fields, ch. 2). The likelihood is the restricted one (Harville 1977): beta is integrated out too, so that levels are not too small by what
+beta has fitted. It is what a Rauch-Tung-Striebel smoother with beta among its states gives, to rounding.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
+
+from awescli.notation.errors import NumericalFailure
+
+FAR = 1e3
+"""Standard deviation with which a random walk begins, in its unit: knows nothing, and stays far from rounding."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """States that share one law: Ornstein-Uhlenbeck of standard deviation `level` and `memory` [s]; with an infinite memory a random walk
+    of `level` per root second."""
+
+    name: str
+    states: tuple[int, ...]
+    level: float
+    memory: float = np.inf
+
+    @property
+    def walks(self) -> bool:
+        return not np.isfinite(self.memory)
+
+
+@dataclass(frozen=True)
+class Series:
+    """m series of n samples at `time` (n,) [s], with what they may be made of.
+
+    y (n, m); X (n, m, k) shapes, named `columns`, each with the standard deviation of its prior about zero (`inf`: nothing known);
+    H (n, m, s); seen (n, m) bool: where y counts; restart (n,) bool: where the states begin anew, the first sample among them.
+    """
+
+    y: np.ndarray
+    X: np.ndarray
+    H: np.ndarray
+    seen: np.ndarray
+    restart: np.ndarray
+    time: np.ndarray
+    columns: tuple[str, ...]
+    prior: np.ndarray
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """beta (k,) with its covariance (k, k); deviance: -2 log of the restricted likelihood but for a constant; left (n, m): y less shapes
+    and smoothed states."""
+
+    beta: np.ndarray
+    covariance: np.ndarray
+    deviance: float
+    left: np.ndarray | None = None
+
+
+class BandedLikelihood:
+    """The restricted likelihood of one Series for any levels; everything that no level changes is computed once."""
+
+    def __init__(self, series: Series):
+        self.series = series
+        n, m, s = series.H.shape
+        self.shape = n, m, s
+        D = np.concatenate([series.y[:, :, None], series.X], axis=2) * series.seen[:, :, None]
+        H = series.H * series.seen[:, :, None]
+        self._data = D
+        # per series: D'D, H'D and the band of H'H
+        self._gram = np.einsum("nia,nib->iab", D, D)
+        self._cross = [np.asfortranarray(np.einsum("ns,na->nsa", H[:, i], D[:, i]).reshape(n * s, -1)) for i in range(m)]
+        self._bands = []
+        for i in range(m):
+            band = np.zeros((s + 1, n, s))
+            for a in range(s):
+                for b in range(a, s):
+                    band[b - a, :, a] = H[:, i, a] * H[:, i, b]
+            self._bands.append(np.asfortranarray(band.reshape(s + 1, n * s)))
+        self._count = series.seen.sum(0)
+        self._elapsed = np.where(series.restart, 1.0, np.diff(series.time, prepend=series.time[0] - 1.0))
+
+    def _prior(self, laws: Sequence[Law]) -> tuple[np.ndarray, float]:
+        """Band of the states' precision, and its log determinant."""
+        n, _, s = self.shape
+        restart, elapsed = self.series.restart, self._elapsed
+        band, log_determinant = np.zeros((s + 1, n, s)), 0.0
+        for law in laws:
+            begin = FAR**2 if law.walks else law.level**2
+            phi = np.ones(n) if law.walks else np.exp(-elapsed / law.memory)
+            variance = law.level**2 * (elapsed if law.walks else -np.expm1(-2 * elapsed / law.memory))
+            variance[restart], phi[restart] = begin, 0.0
+            # a step is seen by both of its ends
+            ahead, share = np.append(phi[1:], 0.0), np.append(1 / variance[1:], 0.0)
+            diagonal, beside = 1 / variance + ahead**2 * share, -ahead * share
+            for i in law.states:
+                band[0, :, i] = diagonal
+                band[s, :, i] = beside
+            log_determinant -= len(law.states) * np.log(variance).sum()
+        return np.asfortranarray(band.reshape(s + 1, n * s)), log_determinant
+
+    def at(self, white: np.ndarray, laws: Sequence[Law], smooth: bool = False) -> Estimate:
+        """The estimate where the white noise of the series is `white` (m,) and states follow `laws`. Raises NumericalFailure."""
+        n, m, s = self.shape
+        weights = 1.0 / np.asarray(white) ** 2
+        band, log_determinant = self._prior(laws)
+        for w, own in zip(weights, self._bands, strict=True):
+            band += w * own
+        cross = np.asfortranarray(sum(w * c for w, c in zip(weights, self._cross, strict=True)))
+        factor, info = dpbtrf(band, lower=1, overwrite_ab=1)
+        if info:
+            raise NumericalFailure("singular", "noise levels of the flight path cannot be told apart", do="Look at the log's channels.")
+        half, _ = dtbtrs(factor, cross, uplo="L")
+        G = np.einsum("i,iab->ab", weights, self._gram) - half.T @ half
+        A = G[1:, 1:] + np.diag(1.0 / self.series.prior**2)
+        try:
+            lower = cho_factor(A, lower=True)
+        except np.linalg.LinAlgError:
+            raise NumericalFailure("singular", "shapes of the flight path cannot be told apart", do="Look at the log's channels.") from None
+        beta = cho_solve(lower, G[1:, 0])
+        deviance = (
+            G[0, 0] - G[1:, 0] @ beta
+            + 2 * np.log(factor[0]).sum() - log_determinant - self._count @ np.log(weights) + 2 * np.log(np.diag(lower[0])).sum()
+        )  # fmt: skip
+        left = None
+        if smooth:
+            solved, _ = dpbtrs(factor, cross, lower=1)
+            states = (solved[:, 0] - solved[:, 1:] @ beta).reshape(n, s)
+            left = self.series.y - self.series.X @ beta - np.einsum("nms,ns->nm", self.series.H, states)
+        return Estimate(beta, cho_solve(lower, np.eye(len(beta))), float(deviance), left)
