@@ -2,14 +2,15 @@
 
 from pydantic import Field
 
+from awescli.stages.ahead import HandedOnConfig
 from awescli.stages.answers import ANSWER, number
-from awescli.stages.base import Need, Seconds, Stage, StageConfig
+from awescli.stages.base import Need, Seconds, Stage
 
 SHOWN = ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
 """Channels in the terminal's table; `mean` is that of the 12 states."""
 
 
-class EvaluateConfig(StageConfig):
+class EvaluateConfig(HandedOnConfig):
     """Settings of evaluate."""
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
@@ -28,14 +29,15 @@ class Evaluate(Stage):
 
     def needs(self, config):
         return (
-            Need("fit-controller", required=False), Need("identify", required=False),
+            Need("fit-controller", required=config.surfaces == "controller"), Need("identify", required=False),
             Need("trace-residual", required=False), Need("train-hybrid", required=False), Need("simulate", required=False),
         )  # fmt: skip
 
     def check(self, inputs, config):
         from awescli.stages.flight_parts import too_long
 
-        yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
+        if config.too_long == "refuse":
+            yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
 
     def figures(self, context, config):
         from awescli.artifacts import read_arrays, read_json
@@ -49,13 +51,17 @@ class Evaluate(Stage):
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json
         from awescli.stages.flight_parts import flight_parts
+        from awescli.stages.ahead import horizon_within
         from awescli.stages.ladder import ladder, score_ladder
         from awescli.stages.page import FIGURES, REPORT, gather, write_figures, write_report
 
         log, parts = flight_parts(context)
-        models = ladder(context, log)
+        config = config.model_copy(update={"horizon": horizon_within(context, config, config.horizon, [(log, parts)])})
+        closed = config.closes_the_loop(context)
+        models = ladder(context, log, closed)
         task = context.progress.task("scoring", total=len(models))
         metrics, arrays = score_ladder(models, context, log, parts, config, task)
+        metrics |= {"surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states}
         write_json(context.folder / "metrics.json", metrics)
         write_arrays(context.folder / "predictions.npz", arrays)
         if config.report or config.figures:
@@ -68,7 +74,7 @@ class Evaluate(Stage):
         errors["noise alone"] = {n: metrics["noise_floor"][n] for n in SHOWN if n in metrics["noise_floor"]}
         means = [f"{model} {number(metrics[model]['nrmse']['test']['mean'])}" for model in models]
         answer = [
-            f"error on unseen loops, {config.horizon:g} s ahead: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"
+            f"error on unseen loops, {config.horizon:g} s ahead{', loop closed' if closed else ''}: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"
         ]
         summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):

@@ -8,16 +8,17 @@ MADE_BY = {"identified": "identify", "with_effects": "trace-residual", "hybrid":
 """Model -> the stage that hands it on; `initial` is what the user declared."""
 
 
-def ladder(context: Context, log) -> dict:
-    """name -> Simulator of every model that exists, in the order in which they were made."""
+def ladder(context: Context, log, closed: bool = False) -> dict:
+    """name -> Simulator of every model that exists, in the order in which they were made; closed: the fitted law moves the surfaces."""
     from awescli.estimation.problem import simulator_of
     from awescli.learning.correction import hybrid_from_artifact
     from awescli.physics.declaration import read_kite
+    from awescli.stages.flight_parts import closed_loop
 
     models = {}
     for name, file in kite_files(context).items():
-        declaration = read_kite(file)
-        models[name] = hybrid_from_artifact(*network(file.parent), declaration, log) if name == "hybrid" else simulator_of(declaration, log)
+        kite, law = closed_loop(context, read_kite(file), log, closed)
+        models[name] = hybrid_from_artifact(*network(file.parent), kite, log, law) if name == "hybrid" else simulator_of(kite, log, law=law)
     return models
 
 
@@ -47,7 +48,7 @@ def score_ladder(models: dict, context: Context, log, parts, config, task) -> tu
     arrays: dict = {}
     for name, simulator in models.items():
         task.update(name)
-        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons)
+        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts)
         for part, prediction in predictions.items():
             block["nrmse"][part] |= surface_errors(context, log, prediction)
         metrics[name], test = block, predictions["test"]

@@ -45,6 +45,7 @@ class TraceResidual(Stage):
     def run(self, context, config):
         from awescli.artifacts import read_json, write_arrays, write_json, write_text
         from awescli.flightlog.loops import find_loops
+        from awescli.notation.quantities import MEASURED
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.stages.flight_parts import flight_parts, predicted, scores_of
         from awescli.stages.handed_on import traced_params, with_sources
@@ -63,7 +64,7 @@ class TraceResidual(Stage):
         # the prior is what the user declared; the search starts from what identify found
         handed_on = read_json(context.upstream("identify") / "metrics.json")
         began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon)}
-        settings = config.model_dump() | {"outputs": config.outputs or tuple(handed_on["outputs"])}
+        settings = config.model_dump() | {"outputs": config.outputs or tuple(n for n in handed_on["outputs"] if n in MEASURED)}
         finding = trace_flight(declared, log, parts, progress=progress, **began, **settings)
         progress("scoring on unseen loops")
         models = {"before": finding.before(), "after": finding.after()}
