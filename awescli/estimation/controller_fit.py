@@ -15,7 +15,7 @@ from awescli.estimation.controller_linear import fit_linear
 from awescli.estimation.controller_network import fit_network
 from awescli.estimation.controller_noise import NOISE, noise_through_law
 from awescli.estimation.controller_problem import blocks, pose
-from awescli.estimation.controller_samples import Samples, answered, gather, samples_at
+from awescli.estimation.controller_samples import Samples, answered, gather, in_blocks, samples_at
 from awescli.estimation.controller_steering import Steering, find_steering
 from awescli.notation.errors import BadInput, did_you_mean
 
@@ -28,6 +28,7 @@ class ControllerConfig:
     """Settings of a controller fit.
 
     kind: one of LAWS; features: a set of FEATURE_SETS, 'auto', or names; surfaces: None for all that move; folds: of whole loops;
+    few_loops: refuse fewer loops than folds, or take blocks of time;
     most_nonzeros, candidates, width_factors (times sqrt(number of features)), counts: its basis; condition_limit: of its regression;
     alphas: the convex step's tolerances in units of eps, the first that all but `outliers` of the samples meet; gamma_share: the error's
     Lipschitz bound, as a share of gamma; smooth_window_s: 0 fits to the states as measured; refit_with_validation: after
@@ -41,6 +42,7 @@ class ControllerConfig:
     additions: tuple[str, ...] = ("inverse_speed", "range", "wing_along_line", "nose_along_line", "v_d", "reel_out_speed")
     surfaces: tuple[str, ...] | None = None
     folds: int = 4
+    few_loops: str = "refuse"
     most_nonzeros: int = 79
     candidates: int = 200
     counts: tuple[int, ...] = (15, 30, 45, 60)
@@ -92,7 +94,9 @@ def fit_controller(
     config = config or ControllerConfig()
     samples = gather(log, train_ranges, validation_ranges, config.surfaces, config.smooth_window_s)
     loops = np.unique(samples.loop[samples.train]).size
-    if loops < config.folds:
+    if loops < config.folds and config.few_loops == "blocks":
+        samples = in_blocks(samples, config.folds)
+    elif loops < config.folds:
         few = f"{loops} loops in the training part, fewer than {config.folds} folds"
         raise BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
     limits = observed_limits(samples, config.limits, config.limit_margin)

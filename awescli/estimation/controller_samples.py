@@ -111,6 +111,14 @@ def gather(log, train_ranges, validation_ranges, surfaces=None, smooth_window_s:
     )  # fmt: skip
 
 
+def in_blocks(samples: Samples, blocks: int) -> Samples:
+    """The samples with blocks of time in the place of loops, so many of equal length in the train part: for a flight with fewer loops than
+    folds. Neighbouring blocks are not as independent as loops are."""
+    rows = np.flatnonzero(samples.train)
+    edges = rows[np.arange(1, blocks) * rows.size // blocks]
+    return replace(samples, loop=np.searchsorted(edges, np.arange(samples.loop.size), side="right"))
+
+
 def answered(samples: Samples, delay_steps: int, fastest: dict[str, float]) -> Samples:
     """The samples with each state beside the set-point that answers it, `delay_steps` later; without those where a set-point moved at its
     limit `fastest` (surface -> rad/s), which do not show what the law asked for. Test samples stay: they are scored, limiter included."""

@@ -71,7 +71,8 @@ def predict(
     """Predict `horizon` seconds ahead, again and again through the sample `ranges`, and compare.
 
     values: parameter name -> value where it differs from the simulator's kite; every: [s] between predictions, default one after the
-    other; known_starts: begin at the measured states, smoothed, instead of those that the warm-up says (Rositani eq. 11c). Divergence is counted, never raised. Raises BadInput where no range is long enough.
+    other; known_starts: begin at the measured states, smoothed, instead of those that the warm-up says (Rositani eq. 11c). Divergence is
+    counted, never raised. Raises BadInput where no range is long enough.
     """
     before, ahead = int(round(warm_up / log.dt)), int(round(horizon / log.dt))
     begin = prediction_starts(log, ranges, horizon, warm_up, every)

@@ -8,7 +8,6 @@ from awescli.notation.quantities import SURFACES
 from awescli.notation.scalars import asin, cos, sin, sqrt
 from awescli.physics.instant import Instant
 
-
 STILL = 1e-6
 """[m2/s2] added under the root of the wind's speed: the root has no slope at zero."""
 
@@ -46,9 +45,9 @@ NETWORK_INPUTS: dict[str, Callable[[Instant], object]] = {
     "stretch_rate": lambda at: dot(at.p_hat, at.v_ned) - at.inputs["reel_out_speed"],
     "tension": lambda at: at.tension,
 }
-"""What the network may see, each a function of the same instant that the physics fills: u_nn of Rositani eq. (12) (states, alpha, beta, V_a,
-surfaces, line length, wind) and the load. Angles that turn around had better enter as sine and cosine; surface rates tell what a lagging
-actuator still has before it."""
+"""What the network may see, each a function of the same instant that the physics fills: u_nn of Rositani eq. (12) (states, alpha, beta,
+V_a, surfaces, line length, wind) and the load. Angles that turn around had better enter as sine and cosine; surface rates tell what a
+lagging actuator still has before it."""
 
 DEFAULT_INPUTS = (
     "elevation", "north", "east", "u", "v", "w", "p", "q", "r", "sin_phi", "cos_phi", "sin_theta", "cos_theta", "sin_psi", "cos_psi",

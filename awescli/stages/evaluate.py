@@ -50,8 +50,8 @@ class Evaluate(Stage):
 
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json
-        from awescli.stages.flight_parts import flight_parts
         from awescli.stages.ahead import horizon_within
+        from awescli.stages.flight_parts import flight_parts
         from awescli.stages.ladder import ladder, score_ladder
         from awescli.stages.page import FIGURES, REPORT, gather, write_figures, write_report
 
@@ -73,9 +73,8 @@ class Evaluate(Stage):
         errors = {model: {n: e for n, e in metrics[model]["nrmse"]["test"].items() if n in SHOWN} for model in models}
         errors["noise alone"] = {n: metrics["noise_floor"][n] for n in SHOWN if n in metrics["noise_floor"]}
         means = [f"{model} {number(metrics[model]['nrmse']['test']['mean'])}" for model in models]
-        answer = [
-            f"error on unseen loops, {config.horizon:g} s ahead{', loop closed' if closed else ''}: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"
-        ]
+        ahead = f"{config.horizon:g} s ahead{', loop closed' if closed else ''}"
+        answer = [f"error on unseen loops, {ahead}: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"]
         summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
             summary["power"] = power

@@ -19,6 +19,9 @@ class FitControllerConfig(StageConfig):
         None, description="surfaces the law drives; default all that move in the log"
     )
     folds: int = Field(4, ge=2, le=20, description="folds of whole loops for cross-validation")
+    few_loops: Literal["refuse", "blocks"] = Field(
+        "refuse", description="fewer loops than folds in the training part: an error, or folds of blocks of time, and said"
+    )
     most_nonzeros: int = Field(79, ge=1, le=2000, description="most Gaussians the law may keep")
     prove: float = Field(60.0, gt=0, le=600, description="seconds that the law must fly the declared model in closed loop")
     compare: bool = Field(False, description="fit all three kinds and report them in one table")
@@ -53,7 +56,7 @@ class FitController(Stage):
         except BadInput as e:
             yield "surfaces", e
             return
-        if (loops := len(set(samples.loop[samples.train].tolist()))) < config.folds:
+        if config.few_loops == "refuse" and (loops := len(set(samples.loop[samples.train].tolist()))) < config.folds:
             few = f"{loops} loops in the training part, fewer than {config.folds} folds"
             yield "folds", BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
 

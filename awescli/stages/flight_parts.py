@@ -20,7 +20,7 @@ def flight_parts(context: Context, flight: Path | None = None):
 
 
 def unknown_channels(log, wanted, key: str = "outputs", closed: bool = False):
-    """(key, mistake) of every wanted channel that the flight does not measure; closed: set-points count, a law in the loop predicts them."""
+    """(key, mistake) of every wanted channel that the flight does not measure; closed: set-points count, a law predicts them."""
     for name in wanted or ():
         if name in SURFACES and name in log.inputs:
             if not closed:
@@ -50,7 +50,8 @@ def driven_upstream(context: Context, declaration, log):
     """(the kite as the fitted controller drives it, delay and rate limit of its set-points included; the controller as the law of a
     simulator of that kite). Raises BadInput where there is no controller."""
     if context.upstream("fit-controller") is None:
-        raise BadInput("there is no fitted controller to close the loop with", do="Run awes fit-controller first, or set surfaces: recorded.")
+        do = "Run awes fit-controller first, or set surfaces: recorded."
+        raise BadInput("there is no fitted controller to close the loop with", do=do)
     from awescli.physics.kite import Kite
     from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
     from awescli.stages.controller_artifact import read_controller, wind_direction
@@ -64,7 +65,8 @@ def predicted(simulator, log, parts, horizon: float, known_starts: bool = False)
     """Part -> the one prediction of a model on it, from which all its numbers and pictures are made."""
     from awescli.estimation.prediction import predict
 
-    return {part: predict(simulator, log, getattr(parts, part), horizon, known_starts=known_starts) for part in ("train", "validation", "test")}
+    how = {"known_starts": known_starts}
+    return {part: predict(simulator, log, getattr(parts, part), horizon, **how) for part in ("train", "validation", "test")}
 
 
 def scores_of(predictions, horizon: float) -> dict:

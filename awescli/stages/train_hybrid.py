@@ -136,7 +136,8 @@ class TrainHybrid(Stage):
         columns = [name for name in HISTORY if name != "seconds"]
         rows = [[v for name, v in zip(HISTORY, row, strict=True) if name in columns] for row in best.history]
         metrics = {
-            **timeless, "surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states, "before": before, **after, "outside_box_test": outside_share(log, kite, correction, parts.test),
+            **timeless, "surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states,
+            "before": before, **after, "outside_box_test": outside_share(log, kite, correction, parts.test),
             "share_of_acceleration": told.shares(log.valid), "history": {"columns": columns, "rows": rows},
             "distilled": [str(f) for f in distil(log, kite, correction, parts.train, parts.validation)],
         }  # fmt: skip
