@@ -205,7 +205,8 @@ def flown(context, config, declared) -> list:
         if config.surfaces == "controller":
             kite, law = driven_upstream(context, kite, log)
             told_apart(declared, kite)
-            driven = tuple(s for s in read_controller(context.upstream("fit-controller")).surfaces if s in log.inputs)
+            moved = getattr(read_controller(context.upstream("fit-controller")), "surfaces", ())
+            driven = tuple(s for s in moved if s in log.inputs)
         simulator = simulator_of(kite, log, law=law)
         how = {"by_range": config.weights == "range", "known_starts": config.known_starts}
         problem = build(simulator, log, parts, config.horizon, outputs_of(log, config, driven), **how)
