@@ -1,6 +1,6 @@
 """From a log and a kite to an estimation problem: compile the model, cut the segments, say which processes there may be."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,13 +82,16 @@ class EstimationProblem:
         return replace(cut.with_factors(self.factors), processes=self.processes, prior=self.prior, names=self.names)
 
 
-def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None) -> Simulator:
+def simulator_of(
+    declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None, closes: Callable[[Kite], Callable] | None = None
+) -> Simulator:
     """Compile the declared kite with `extra` effects at null, differentiable in its free parameters, in those of `extra`, and in all that
-    acts beside them."""
+    acts beside them. law: closes the loop, as in `Simulator`; closes: makes it for the kite with its extra effects."""
     kite = Kite(declaration, log.wind.height, extra)
     own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
     beside = {*both(DISTURBANCES), *kite.record}
-    return Simulator(kite, [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in beside], law)
+    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in beside]
+    return Simulator(kite, wrt, closes(kite) if closes else law)
 
 
 def without_record(kite: Kite, table: ParameterTable) -> ParameterTable:

@@ -49,16 +49,23 @@ def closed_loop(context: Context, declaration, log, closed: bool = True):
 def driven_upstream(context: Context, declaration, log):
     """(the kite as the fitted controller drives it, delay and rate limit of its set-points included; the controller as the law of a
     simulator of that kite). Raises BadInput where there is no controller."""
+    from awescli.physics.kite import Kite
+
+    driven, closes = closing_upstream(context, declaration, log)
+    return driven, closes(Kite(driven, log.wind.height))
+
+
+def closing_upstream(context: Context, declaration, log):
+    """`driven_upstream` for whoever adds effects to the kite: (kite, function of a Kite that makes the law of its simulator)."""
     if context.upstream("fit-controller") is None:
         do = "Run awes fit-controller first, or set surfaces: recorded."
         raise BadInput("there is no fitted controller to close the loop with", do=do)
-    from awescli.physics.kite import Kite
     from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
     from awescli.stages.controller_artifact import read_controller, wind_direction
 
     fitted = read_controller(context.upstream("fit-controller"))
-    driven = with_setpoint_dynamics(declaration, fitted)
-    return driven, loop(fitted, Kite(driven, log.wind.height), wind_direction(log))
+    direction = wind_direction(log)
+    return with_setpoint_dynamics(declaration, fitted), lambda kite: loop(fitted, kite, direction)
 
 
 def predicted(simulator, log, parts, horizon: float, known_starts: bool = False) -> dict:

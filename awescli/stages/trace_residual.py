@@ -4,6 +4,7 @@ from textwrap import shorten
 
 from pydantic import Field
 
+from awescli.stages.ahead import Surfaces, surfaces_of
 from awescli.stages.answers import ANSWER, change, fitting, named, number, sized
 from awescli.stages.base import FAILURE, KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 
@@ -16,6 +17,9 @@ class TraceResidualConfig(StageConfig):
     rounds: int = Field(3, ge=1, le=6, description="most effects that may be accepted one after the other")
     candidates: Names | None = Field(None, description="effects to try; default the whole library that the flight could show")
     outputs: Names | None = Field(None, description="measured channels that count; default those of identify")
+    surfaces: Surfaces | None = Field(
+        None, description="replay the recorded set-points, or close the loop with the fitted controller; default as identify did"
+    )
 
 
 class TraceResidual(Stage):
@@ -27,7 +31,7 @@ class TraceResidual(Stage):
     makes = ("effects.json", "params.json", KITE_FILE, "metrics.json", "residuals.npz")
 
     def needs(self, config):
-        return (Need("identify"),)
+        return (Need("fit-controller", required=config.surfaces == "controller"), Need("identify"))
 
     def check(self, inputs, config):
         from awescli.notation.errors import BadInput
@@ -47,7 +51,8 @@ class TraceResidual(Stage):
         from awescli.flightlog.loops import find_loops
         from awescli.notation.quantities import MEASURED
         from awescli.physics.declaration import kite_text, read_kite
-        from awescli.stages.flight_parts import flight_parts, predicted, scores_of
+        from awescli.simulation.closed_loop import with_what_was_found
+        from awescli.stages.flight_parts import closing_upstream, flight_parts, predicted, scores_of
         from awescli.stages.handed_on import traced_params, with_sources
         from awescli.tracing.account import account, residual_arrays
         from awescli.tracing.flight import trace_flight
@@ -63,9 +68,12 @@ class TraceResidual(Stage):
 
         # the prior is what the user declared; the search starts from what identify found
         handed_on = read_json(context.upstream("identify") / "metrics.json")
-        began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon)}
-        settings = config.model_dump() | {"outputs": config.outputs or tuple(n for n in handed_on["outputs"] if n in MEASURED)}
-        finding = trace_flight(declared, log, parts, progress=progress, **began, **settings)
+        surfaces = surfaces_of(context, config.surfaces)
+        began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon, surfaces)}
+        driven, closes = closing_upstream(context, declared, log) if surfaces == "controller" else (declared, None)
+        outputs = config.outputs or tuple(n for n in handed_on["outputs"] if n in MEASURED)
+        settings = config.model_dump(exclude={"surfaces"}) | {"closes": closes, "outputs": outputs}
+        finding = trace_flight(driven, log, parts, progress=progress, **began, **settings)
         progress("scoring on unseen loops")
         models = {"before": finding.before(), "after": finding.after()}
         predictions = {which: predicted(simulator, log, parts, config.horizon) for which, simulator in models.items()}
@@ -74,12 +82,14 @@ class TraceResidual(Stage):
         scores = {which: scores_of(p, config.horizon) for which, p in predictions.items()}
         params = traced_params(finding.model, effects)
         testable = finding.verdict != "not_testable"
-        kite = with_sources(finding.declaration(), params, log.name) if testable else identified
+        found = with_what_was_found(finding.declaration(), driven, declared)
+        kite = with_sources(found, params, log.name) if testable else identified
         write_json(context.folder / "effects.json", effects)
         write_json(context.folder / "params.json", params)
         write_text(context.folder / KITE_FILE, kite_text(kite))
         write_arrays(context.folder / "residuals.npz", arrays)
-        write_json(context.folder / "metrics.json", {"outcome": finding.verdict, "before": scores["before"], **scores["after"]})
+        said = {"outcome": finding.verdict, "surfaces": surfaces, "initial_states": "free"}
+        write_json(context.folder / "metrics.json", said | {"before": scores["before"], **scores["after"]})
         error = effects["error"]
         return {
             "verdict": effects["verdict"], "effect": ", ".join(named(e) for e in effects["effects"]) or "-",
@@ -89,15 +99,17 @@ class TraceResidual(Stage):
         }  # fmt: skip
 
 
-def begun(identified: dict, horizon: float) -> dict:
+def begun(identified: dict, horizon: float, surfaces: str) -> dict:
     """Where identify ended: levels of processes and noise, and the error that the declared model must reach again. identified: its
-    metrics.json; levels are missing where it weighed channels by their range, the error where it predicted another horizon."""
+    metrics.json; levels are missing where it weighed channels by their range or had other surfaces, the error where it predicted another
+    horizon, or from other states."""
     from awescli.tracing.models import Levels
 
     found, processes = {}, identified.get("processes")
-    if processes and identified["surfaces"] == "recorded" and identified["method"] == "filter error":
+    alike = identified["surfaces"] == surfaces
+    if processes and alike and identified["method"] == "filter error":
         found["levels"] = Levels({name: p["level"] for name, p in processes.items()}, identified["noise_factors"])
-    if identified["horizon_s"] == horizon:
+    if alike and identified["horizon_s"] == horizon and identified.get("initial_states", "free") == "free":
         found["identified_error"] = identified["nrmse"]["validation"]["mean"]
     return found
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from awescli.estimation.prediction import predict
 from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.kite import Kite
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.investigate import Finding, investigate, library_keys
 from awescli.tracing.models import Frame, Levels, TracedFlight, fit_null
@@ -25,16 +26,17 @@ def trace_flight(
     candidates: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     rounds: int = CRITERIA.effects,
+    closes: Callable[[Kite], Callable] | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Finding:
     """The finding on a flight cut into `parts` (train, validation, test; test is not touched).
 
     declared gives the prior; start: name -> value to start the fit from; levels: of processes and noise, as an identification left them:
     the fit begins where that one ended; identified_error: its mean NRMSE on validation loops, `horizon` ahead; candidates: keys of effects
-    (default: the whole library that the flight could show).
+    (default: the whole library that the flight could show); closes: as of TracedFlight.
     """
     keys = library_keys(declared, log, candidates)
-    frame = Frame((TracedFlight(log, parts, declared),), horizon, tuple(outputs or log.measured))
+    frame = Frame((TracedFlight(log, parts, declared, closes=closes),), horizon, tuple(outputs or log.measured))
     progress("fitting the model as it is declared")
     null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None else (levels,))
     error = predict(null.simulator, log, parts.validation, horizon).nrmse()["mean"]
