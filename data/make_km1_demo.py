@@ -1,8 +1,8 @@
 """Make the bundled flight: python data/make_km1_demo.py [FOLDER] [SECONDS]   (default: data/km1_demo, 150 s)
 
 KM1's published identified parameters, flown by our path-following law, with one effect that the declared kite file
-(data/kites/km1_initial.yaml) does not contain. Same command, same bytes. data/km1_demo/README.md says what was chosen and why. A longer flight pays out
-the same line more slowly; examples/thesis/README.md uses one of 36 minutes.
+(data/kites/km1_initial.yaml) does not contain. Same command, same bytes. data/km1_demo/README.md says what was chosen and why.
+A longer flight pays out the same line more slowly; examples/thesis/README.md uses one of 36 minutes.
 """
 
 import math

@@ -16,6 +16,7 @@ class EvaluateConfig(HandedOnConfig):
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
     horizons: tuple[Seconds, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
     report: bool = Field(True, description="write report.html, one self-contained page")
+    thesis: bool = Field(False, description="print the numbers that Rositani (2025) published beside these (another flight)")
     figures: bool = Field(False, description="write every figure of the page as PNG and SVG, and the data behind it as CSV")
 
 
@@ -50,6 +51,7 @@ class Evaluate(Stage):
 
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json
+        from awescli.report.published import beside_thesis
         from awescli.stages.ahead import horizon_within
         from awescli.stages.flight_parts import flight_parts
         from awescli.stages.ladder import ladder, score_ladder
@@ -62,6 +64,8 @@ class Evaluate(Stage):
         task = context.progress.task("scoring", total=len(models))
         metrics, arrays = score_ladder(models, context, log, parts, config, task)
         metrics |= {"surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states}
+        if config.thesis:
+            metrics["beside_thesis"] = beside_thesis(metrics, *(left_by(context, stage) for stage in ("fit-controller", "train-hybrid")))
         write_json(context.folder / "metrics.json", metrics)
         write_arrays(context.folder / "predictions.npz", arrays)
         if config.report or config.figures:
@@ -75,7 +79,9 @@ class Evaluate(Stage):
         means = [f"{model} {number(metrics[model]['nrmse']['test']['mean'])}" for model in models]
         ahead = f"{config.horizon:g} s ahead{', loop closed' if closed else ''}"
         answer = [f"error on unseen loops, {ahead}: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"]
-        summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
+        beside = {row.pop("channel"): row for row in map(dict, metrics.get("beside_thesis", []))}
+        published = {"beside the thesis (another flight)": beside} if beside else {}
+        summary = {"errors": errors, **published, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
             summary["power"] = power
             answer.append(f"mean power on test loops: {power}")
@@ -84,6 +90,14 @@ class Evaluate(Stage):
                 summary[key] = str(context.out / self.name / place)
                 answer.append(f"{key}: {summary[key]}")
         return summary
+
+
+def left_by(context, stage: str) -> dict | None:
+    """metrics.json of an upstream stage, where it has run."""
+    from awescli.artifacts import read_json
+
+    folder = context.upstream(stage)
+    return read_json(folder / "metrics.json") if folder else None
 
 
 def power_line(powers: dict[str, dict]) -> str:
