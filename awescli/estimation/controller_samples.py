@@ -20,6 +20,10 @@ BLOCK = 4.0
 """[s] a block of a flight without loops: longer than what one gust or manoeuvre correlates over."""
 
 
+LEAST = 50
+"""Valid training samples, as many as a network is trained on at least: five seconds at 10 Hz."""
+
+
 @dataclass(frozen=True)
 class Samples:
     """One flight as a regression problem.
@@ -96,7 +100,7 @@ def gather(log, train_ranges, validation_ranges, surfaces=None, smooth_window_s:
     train, validation = mask_of(train_ranges, log.valid, "training"), mask_of(validation_ranges, log.valid, "validation")
     if (train & validation).any():
         raise BadInput("training and validation ranges overlap", do="Give each sample to one of them.")
-    if train.sum() < 100:
+    if train.sum() < LEAST:
         raise BadInput(f"only {train.sum()} valid training samples", do="Give a longer training range.")
     moving, constants = moving_surfaces(log, train, surfaces, least_motion)
     measured = state_mapping(log)

@@ -79,7 +79,10 @@ class Evaluate(Stage):
         means = [f"{model} {number(metrics[model]['nrmse']['test']['mean'])}" for model in models]
         ahead = f"{config.horizon:g} s ahead{', loop closed' if closed else ''}"
         answer = [f"error on unseen loops, {ahead}: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"]
-        beside = {row.pop("channel"): row for row in map(dict, metrics.get("beside_thesis", []))}
+        beside = {
+            row["channel"]: {k.replace("_", ", "): "-" if v is None else v for k, v in row.items() if k != "channel"}
+            for row in metrics.get("beside_thesis", [])
+        }
         published = {"beside the thesis (another flight)": beside} if beside else {}
         summary = {"errors": errors, **published, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
