@@ -64,8 +64,10 @@ class Evaluate(Stage):
         task = context.progress.task("scoring", total=len(models))
         metrics, arrays = score_ladder(models, context, log, parts, config, task)
         metrics |= {"surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states}
+        left = {stage: left_by(context, stage) for stage in ("fit-controller", "identify", "trace-residual", "train-hybrid")}
+        metrics["outcomes"] = {stage: found["outcome"] for stage, found in left.items() if found and found.get("outcome")}
         if config.thesis:
-            metrics["beside_thesis"] = beside_thesis(metrics, *(left_by(context, stage) for stage in ("fit-controller", "train-hybrid")))
+            metrics["beside_thesis"] = beside_thesis(metrics, left["fit-controller"], left["train-hybrid"])
         write_json(context.folder / "metrics.json", metrics)
         write_arrays(context.folder / "predictions.npz", arrays)
         if config.report or config.figures:
@@ -85,6 +87,8 @@ class Evaluate(Stage):
         }
         published = {"beside the thesis (another flight)": beside} if beside else {}
         summary = {"errors": errors, **published, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
+        if (ended := metrics["outcomes"].get("identify", "converged")) != "converged":
+            answer.append(f"identify has not converged ({ended}): its parameters are no estimates")
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
             summary["power"] = power
             answer.append(f"mean power on test loops: {power}")
@@ -100,7 +104,8 @@ def left_by(context, stage: str) -> dict | None:
     from awescli.artifacts import read_json
 
     folder = context.upstream(stage)
-    return read_json(folder / "metrics.json") if folder else None
+    file = folder / "metrics.json" if folder else None
+    return read_json(file) if file and file.is_file() else None
 
 
 def power_line(powers: dict[str, dict]) -> str:

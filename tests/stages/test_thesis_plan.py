@@ -52,6 +52,8 @@ def test_the_recipe_runs_on_a_flight_of_half_a_minute(short):
     assert identified["horizon_asked_s"] == 18.0 and 1.0 < identified["horizon_s"] < 18.0
     assert identified["outputs"] == ["p_n", "p_e", "p_d", "phi", "theta", "psi", "tension", "rudder"]
     assert trained["outcome"] in ("trained", "budget_reached", "no_gain", "diverged") and trained["gate"] is False
+    ended = {"fit-controller": law, "identify": identified, "train-hybrid": trained}
+    assert scored["outcomes"] == {stage: metrics["outcome"] for stage, metrics in ended.items()}
     for said in (identified, trained, scored):
         assert (said["surfaces"], said["initial_states"]) == ("controller", "measured")
 
