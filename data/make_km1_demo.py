@@ -53,7 +53,7 @@ def flown(seed: int = SEED, effects=UNDECLARED, duration: float = DURATION) -> F
     )  # fmt: skip
 
 
-def main(folder: Path, duration: float) -> None:
+def main(folder: Path, duration: float = DURATION) -> None:
     log = flown(duration=duration)
     kite, weather = to_kitemill_csv(log)
     write_text(folder / "kite.csv", kite)

@@ -1,7 +1,8 @@
-"""Three classes of control law as a picture: python examples/compare_controllers.py [PICTURE.html] [FLIGHT KITE.yaml]
+"""Classes of control law as a picture: python examples/compare_controllers.py [PICTURE.html] [FLIGHT KITE.yaml]
 
-Fits a sparse Gaussian law, a small network and a linear law to the first 70 % of the loops of a flight (the bundled one, where none is
-named), prints a table, and draws what each commands on the last 30 %, its error there, and how long each flies the declared kite.
+Fits a sparse Gaussian law, one by linear programmes alone, a small network and a linear law to the first 70 % of the loops of a flight
+(the bundled one, where none is named), prints a table, and draws what each commands on the last 30 %, its error there, and how long each
+flies the declared kite.
 """
 
 import awescli  # noqa: F401, I001  (before numpy: one BLAS thread)
@@ -21,7 +22,7 @@ from awescli.simulation.survival import flies
 from awescli.stages.controller_artifact import wind_direction
 
 DATA = Path(__file__).parent.parent / "data"
-COLOURS = {"gaussian": "#1f6fb4", "network": "#d95f02", "linear": "#7a7a7a"}
+COLOURS = {"gaussian": "#1f6fb4", "network": "#d95f02", "linear": "#7a7a7a", "convex": "#1b9e77"}
 SECONDS = 60.0
 
 
