@@ -15,7 +15,6 @@ from pathlib import Path
 import yaml
 
 from awescli.artifacts import write_text
-from awescli.estimation.controller_bounds import small_gain
 from awescli.estimation.controller_fit import ControllerConfig, fit_controller
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.read import read_flight
@@ -46,7 +45,7 @@ def development(folder: Path):
 
 
 def rows_of(name: str, log, kite) -> tuple[list[tuple], str]:
-    """(a row of the table per kind, a line on features, steering and the small-gain condition)."""
+    """(a row of the table per kind, a line on features, steering and gains)."""
     parts, direction = split(find_loops(log), log=log), wind_direction(log)
     known = (*parts.train, *parts.validation)
 
@@ -64,14 +63,14 @@ def rows_of(name: str, log, kite) -> tuple[list[tuple], str]:
         rows.append((name, kind, f"{n:.4f}", f"{c:.4f}", f"{e:.4f}", line["nonzeros"], f"{condition:.0e}" if condition else "-",
                      f"{whole} of {len(flown)}", f"{min(flown):.0f}", "-" if path is None else f"{path:.1f}"))  # fmt: skip
     report = fitted.report
-    gain = small_gain(report["gain"]["rudder"]["gamma_error"], loop_gain(kite, fitted.law, log, direction)["rudder"])
+    gain = loop_gain(kite, fitted.law, log, direction)["rudder"]
     steering = report["steering"]
-    measured = "unknown" if gain["plant_gain"] is None else f"{gain['plant_gain']:.0f}"
+    measured = "unknown" if gain is None else f"{gain:.0f}"
     return rows, (
         f"- {name}: {', '.join(report['features']['chosen'])}; circle {steering['circle']}, "
         f"{steering['moved_deg']:.1f} deg beside the flown one, "
-        f"slopes {steering['slopes']['rudder']}; hold {report['hold']:g}; gamma of the error {gain['gamma_error']:.1e} rad, "
-        f"gain of the loop {measured} per rad, small-gain condition {gain['holds']}."
+        f"slopes {steering['slopes']['rudder']}; hold {report['hold']:g}; "
+        f"gamma of the error {report['gain']['rudder']['gamma_error']:.1e} rad, gain of the loop {measured} per rad."
     )
 
 

@@ -1,11 +1,13 @@
-"""Make the bundled flight: python data/make_km1_demo.py [FOLDER]   (default: data/km1_demo)
+"""Make the bundled flight: python data/make_km1_demo.py [FOLDER] [SECONDS]   (default: data/km1_demo, 150 s)
 
 KM1's published identified parameters, flown by our path-following law, with one effect that the declared kite file
 (data/kites/km1_initial.yaml) does not contain. Same command, same bytes. data/km1_demo/README.md says what was chosen and why.
+A longer flight pays out the same line more slowly; examples/thesis/README.md uses one of 36 minutes.
 """
 
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,18 +42,19 @@ LAW = PathFollowing(
 REEL_OUT = ReelOut(length=480.0, speed=0.5, swing=0.3, period=9.3)
 
 
-def flown(seed: int = SEED, effects=UNDECLARED) -> FlightLog:
-    """The flight, with noise and wind record drawn from the seed."""
+def flown(seed: int = SEED, effects=UNDECLARED, duration: float = DURATION) -> FlightLog:
+    """The flight, with noise and wind record drawn from the seed; duration: [s]."""
     truth = with_effects(read_kite(HERE / "kites" / "km1_identified.yaml"), effects)
-    wind = wind_record(HEIGHTS, WIND_SHARE * PUBLISHED_WIND, -54.5939 * DEG, DURATION, drift=0.01, turn=0.01, seed=seed)
+    wind = wind_record(HEIGHTS, WIND_SHARE * PUBLISHED_WIND, -54.5939 * DEG, duration, drift=0.01, turn=0.01, seed=seed)
     return fly(
-        truth, LAW.setpoints, wind, REEL_OUT, pattern=LAW.pattern, duration=DURATION, seed=seed,
+        truth, LAW.setpoints, wind, replace(REEL_OUT, speed=REEL_OUT.speed * DURATION / duration), pattern=LAW.pattern,
+        duration=duration, seed=seed,
         recorded_wind=as_measured(wind, seed + 1), name="km1_demo",
     )  # fmt: skip
 
 
-def main(folder: Path) -> None:
-    log = flown()
+def main(folder: Path, duration: float = DURATION) -> None:
+    log = flown(duration=duration)
     kite, weather = to_kitemill_csv(log)
     write_text(folder / "kite.csv", kite)
     write_text(folder / "wind.csv", weather)
@@ -59,4 +62,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "km1_demo")
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "km1_demo", float(sys.argv[2]) if len(sys.argv) > 2 else DURATION)

@@ -1,7 +1,8 @@
-"""Three classes of control law as a picture: python examples/compare_controllers.py [PICTURE.html] [FLIGHT KITE.yaml]
+"""Classes of control law as a picture: python examples/compare_controllers.py [PICTURE.html] [FLIGHT KITE.yaml]
 
-Fits a sparse Gaussian law, a small network and a linear law to the train and validation loops of a flight (the bundled one, where none is
-named), prints a table, and draws what each commands on test loops, its error there, and how long each flies the declared kite.
+Fits a sparse Gaussian law, one by linear programmes alone, a small network and a linear law to the train and validation loops of a flight
+(the bundled one, where none is named), prints a table, and draws what each commands on test loops, its error there, and how long each
+flies the declared kite.
 """
 
 import sys
@@ -13,7 +14,10 @@ from plotly.subplots import make_subplots
 from awescli import fit_controller, read_flight, read_kite
 
 DATA = Path(__file__).parent.parent / "data"
-COLOURS = {"gaussian": "#1f6fb4", "network": "#d95f02", "linear": "#7a7a7a"}
+LAWS = {
+    "gaussian": ("#1f6fb4", {"kind": "gaussian"}), "convex": ("#1b9e77", {"kind": "gaussian", "method": "convex"}),
+    "network": ("#d95f02", {"kind": "network"}), "linear": ("#7a7a7a", {"kind": "linear"}),
+}  # fmt: skip
 SECONDS = 60.0
 
 
@@ -28,8 +32,8 @@ def main(picture: Path, flight: Path = DATA / "km1_demo", kite_file: Path = DATA
     figure = make_subplots(3, 1, subplot_titles=titles, vertical_spacing=0.09, row_heights=[0.42, 0.3, 0.28])
     print("kind       test NRMSE  noise alone  terms  closed loop")
     errors, shown = {}, None
-    for kind, colour in COLOURS.items():
-        law = fit_controller(flown, kite, kind=kind, surfaces=["rudder"], prove=SECONDS)
+    for kind, (colour, how) in LAWS.items():
+        law = fit_controller(flown, kite, **how, surfaces=["rudder"], prove=SECONDS)
         if shown is None:  # 20 s of the longest test stretch
             first, last = max(law.parts.test, key=lambda stretch: stretch[1] - stretch[0])
             shown = slice(first, min(last, first + int(20 / log.dt)))

@@ -73,7 +73,7 @@ class Reader:
         real = {
             "LOG_FOLDER": self.folder / "flight", "KITE.yaml": self.folder / "kite.yaml", "OUT": self.folder / "OUT",
             "FLIGHT/nominal.yaml": DEV / "nominal.yaml", "FLIGHT": DEV, "RUN_A": self.folder / "out", "RUN_B": self.folder / "out",
-            "LOG.csv": self.folder / "unknown" / "LOG.csv",
+            "LOG.csv": self.folder / "unknown" / "LOG.csv", "LONG": self.folder / "flight",
             "DIR": self.folder / "figures", "RUN": self.folder / "out",
         }  # fmt: skip
         return [re.sub(r"(^|=)([A-Z_]+(?:/nominal\.yaml|\.yaml|\.csv)?)$", lambda m: m[1] + str(real.get(m[2], m[2])), w) for w in command]

@@ -89,7 +89,6 @@ class Steering(Checked):
 class Gain(Checked):
     gamma_error: Number | None = None
     plant_gain: Number | None = None
-    holds: bool | None = None
 
 
 class ControllerFit(Metrics):

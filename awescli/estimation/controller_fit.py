@@ -8,6 +8,7 @@ import numpy as np
 from awescli.control.law import Law, deflections_of_states
 from awescli.control.laws import LAWS
 from awescli.estimation.controller_centres import thin
+from awescli.estimation.controller_convex import fit_convex
 from awescli.estimation.controller_features import Choice, estimate_delay, feature_report, observed_limits, observed_rates, rank_features
 from awescli.estimation.controller_gaussian import fit_gaussian
 from awescli.estimation.controller_hold import steering_hold
@@ -15,19 +16,23 @@ from awescli.estimation.controller_linear import fit_linear
 from awescli.estimation.controller_network import fit_network
 from awescli.estimation.controller_noise import NOISE, noise_through_law
 from awescli.estimation.controller_problem import blocks, pose
-from awescli.estimation.controller_samples import Samples, answered, gather, samples_at
+from awescli.estimation.controller_samples import Samples, answered, gather, in_blocks, samples_at
 from awescli.estimation.controller_steering import Steering, find_steering
 from awescli.notation.errors import BadInput, did_you_mean
 
 FITS = {"gaussian": fit_gaussian, "network": fit_network, "linear": fit_linear}
 """kind -> (problem, config, holds) -> one (fields of the law, report) after the other."""
+CONVEX = "convex"
+"""A gaussian law by linear programmes alone, where it stands beside the kinds in a comparison."""
 
 
 @dataclass(frozen=True)
 class ControllerConfig:
     """Settings of a controller fit.
 
-    kind: one of LAWS; features: a set of FEATURE_SETS, 'auto', or names; surfaces: None for all that move; folds: of whole loops;
+    kind: one of LAWS; method: how the terms of a gaussian law are found: greedy, convex (linear programmes alone), or best: greedy, with
+    and without what a linear programme prefers, whichever predicts better; features: a set of FEATURE_SETS, 'auto', or names; surfaces:
+    None for all that move; folds: of whole loops; few_loops: refuse fewer loops than folds, or take blocks of time;
     most_nonzeros, candidates, width_factors (times sqrt(number of features)), counts: its basis; condition_limit: of its regression;
     alphas: the convex step's tolerances in units of eps, the first that all but `outliers` of the samples meet; gamma_share: the error's
     Lipschitz bound, as a share of gamma; smooth_window_s: 0 fits to the states as measured; refit_with_validation: after
@@ -37,10 +42,12 @@ class ControllerConfig:
     """
 
     kind: str = "gaussian"
+    method: str = "best"
     features: str | tuple[str, ...] = "auto"
     additions: tuple[str, ...] = ("inverse_speed", "range", "wing_along_line", "nose_along_line", "v_d", "reel_out_speed")
     surfaces: tuple[str, ...] | None = None
     folds: int = 4
+    few_loops: str = "refuse"
     most_nonzeros: int = 79
     candidates: int = 200
     counts: tuple[int, ...] = (15, 30, 45, 60)
@@ -92,7 +99,9 @@ def fit_controller(
     config = config or ControllerConfig()
     samples = gather(log, train_ranges, validation_ranges, config.surfaces, config.smooth_window_s)
     loops = np.unique(samples.loop[samples.train]).size
-    if loops < config.folds:
+    if loops < config.folds and config.few_loops == "blocks":
+        samples = in_blocks(samples, config.folds)
+    elif loops < config.folds:
         few = f"{loops} loops in the training part, fewer than {config.folds} folds"
         raise BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
     limits = observed_limits(samples, config.limits, config.limit_margin)
@@ -113,18 +122,22 @@ def fit_controller(
     }
     attempts = [a for choice in choices for a in _attempts(config.kind, choice, samples, steering, config, common, fly)]
     best = _best(attempts)
-    others = [k for k in FITS if k != config.kind] if config.compare else []
+    own = CONVEX if (config.kind, config.method) == ("gaussian", CONVEX) else config.kind
+    others = [k for k in (*FITS, CONVEX) if k != own] if config.compare else []
     # the other kinds see what the chosen law sees, and are held as firmly: what differs is the class
     alike = replace(config, hold=best.hold, hold_strengths=(best.hold,))
-    found = {config.kind: best} | {kind: _best(_attempts(kind, best.choice, samples, steering, alike, common, fly)) for kind in others}
+    how = {k: ("gaussian", replace(alike, method=CONVEX)) if k == CONVEX else (k, replace(alike, method="best")) for k in others}
+    found = {own: best} | {k: _best(_attempts(kind, best.choice, samples, steering, c, common, fly)) for k, (kind, c) in how.items()}
     reports = {kind: a.report | {"survival": a.survival} | _scores(a.law, samples, config) for kind, a in found.items()}
     report = {
         "kind": config.kind,
-        **reports[config.kind],
+        "method": config.method,
+        **reports[own],
         "gain": dict(zip(samples.surfaces, best.report.get("gain", []), strict=False)),
         "features": feature_report(samples, best.choice, config.folds) | sets,
         "surfaces": list(samples.surfaces),
         "constants": samples.constants,
+        "folds_of": "blocks" if loops < config.folds else "loops",
         "loops": int(samples.loop.max()) + 1,
         "delay": delay,
         "rates": rates,
@@ -176,7 +189,8 @@ def _attempts(kind: str, choice: Choice, samples: Samples, steering: Steering, c
     holds = [steering_hold(samples, problem, steering, strength) for strength in strengths]
     # where nothing is asked, there is nothing to ask more strongly
     holds = holds if holds[0].strength else holds[:1]
-    for hold, (fields, report) in zip(holds, FITS[kind](problem, config, holds), strict=True):
+    fit = fit_convex if (kind, config.method) == ("gaussian", CONVEX) else FITS[kind]
+    for hold, (fields, report) in zip(holds, fit(problem, config, holds), strict=True):
         law = LAWS[kind](**common, **seen, **fields)
         attempt = Attempt(law, report | {"hold": hold.strength}, choice, hold.strength, None if fly is None else float(fly(law)))
         worse = any(a.flies and a.score < attempt.score for a in attempts)

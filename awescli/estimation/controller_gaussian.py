@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from awescli.control.gaussian_law import design
-from awescli.estimation.controller_bounds import estimate_bounds, neighbour_pairs
+from awescli.estimation.controller_bounds import error_bounds, estimate_bounds, neighbour_pairs
 from awescli.estimation.controller_centres import farthest_points, thin
 from awescli.estimation.controller_greedy import greedy_order
 from awescli.estimation.controller_hold import Hold
@@ -71,7 +71,8 @@ def _fit_held(problem: Problem, bases: _Bases, final: _Bases, config, hold: Hold
     candidates = final.candidates
     trials = [trial for w in bases.widths for trial in _trials(problem, bases, w, False, config, hold)]
     width = min(trials, key=lambda t: t["score"].value)["width"]
-    trials += _trials(problem, bases, width, True, config, hold)
+    if config.method != "greedy":
+        trials += _trials(problem, bases, width, True, config, hold)
     chosen = min(trials, key=lambda t: (t["score"].value, t["order"].size))
     ridge, w = chosen["ridge"], chosen["width"]
     order, convex = final.order(w, chosen["relaxed"])[: chosen["order"].size], final.convex(w)
@@ -98,7 +99,7 @@ def _fit_held(problem: Problem, bases: _Bases, final: _Bases, config, hold: Hold
         "chosen_by": {"basis": _basis(chosen), **chosen["score"].row()},
         "convex": convex["report"],
         "trials": [_row(t) for t in trials],
-        "gain": _gains(problem, design(problem.X[convex["rows"]], centres, w) @ coefficients, convex),
+        "gain": error_bounds(problem.U[convex["rows"]] - design(problem.X[convex["rows"]], centres, w) @ coefficients, convex["pairs"]),
     }
     return fields, report
 
@@ -157,11 +158,3 @@ def _convex_step(problem: Problem, rows: np.ndarray, candidates, width: float, c
                        "samples": int(rows.size), "pairs": int(few.a.size), "worst_slack": answer.worst_slack,
                        "share_beyond_bound": answer.exceeding, "solver": answer.status})  # fmt: skip
     return {"support": np.flatnonzero(support), "report": report, "rows": rows, "pairs": pairs}
-
-
-def _gains(problem: Problem, fitted: np.ndarray, convex: dict) -> list[dict]:
-    """What the small-gain condition needs of the fit, per surface: noise bound and slope of its error between neighbours, estimated like
-    those of the law; fitted: (n, S) at convex['rows']."""
-    errors = problem.U[convex["rows"]] - fitted
-    bounds = [estimate_bounds(errors[:, s], convex["pairs"]) for s in range(errors.shape[1])]
-    return [{"eps_error": eps, "gamma_error": gamma} for eps, gamma in bounds]

@@ -14,6 +14,9 @@ from scipy.sparse import bmat, csr_matrix, identity
 
 from awescli.estimation.controller_bounds import Pairs
 
+PENALTY = 100.0
+"""Price of a slack, where a coefficient of the same size costs 1: errors come first."""
+
 
 @dataclass(frozen=True)
 class SparseSolution:
@@ -25,10 +28,16 @@ class SparseSolution:
     exceeding: float
     status: str
 
+    @property
+    def solved(self) -> bool:
+        """Whether there is a solution; without one the law is zero."""
+        return bool(np.isfinite(self.exceeding))
+
 
 def sparse_coefficients(phi: np.ndarray, affine: np.ndarray, u: np.ndarray, bound: float, pairs: Pairs, gamma_error: float, eps: float,
-                        penalty: float | None = None, time_limit: float = 4.0) -> SparseSolution:  # fmt: skip
-    """Solve the program with HiGHS. phi (N, M), affine (N, A), u (N,) [rad], bound = alpha eps [rad]; pairs index the same N rows."""
+                        penalty: np.ndarray | float = PENALTY, time_limit: float = 4.0) -> SparseSolution:  # fmt: skip
+    """Solve the program with HiGHS. phi (N, M), affine (N, A), u (N,) [rad], bound = alpha eps [rad]; pairs index the same N rows; penalty:
+    price of the slack of each row (N,)."""
     n, m, k = u.size, phi.shape[1], pairs.a.size
     scale = max(float(np.std(u)), 1e-12)
     rows, columns, values = np.repeat(np.arange(k), 2), np.stack([pairs.a, pairs.b], axis=1).ravel(), np.tile([1.0, -1.0], k)
@@ -40,7 +49,7 @@ def sparse_coefficients(phi: np.ndarray, affine: np.ndarray, u: np.ndarray, boun
         room = np.concatenate([room, (gamma_error * pairs.distance + 2 * eps) / scale])
     B, E = csr_matrix(np.concatenate([G[:, :m], -G[:, :m], G[:, m:]], axis=1)), identity(V.size, format="csr")
     inequality = bmat([[-B, -E], [B, -E]], format="csr")
-    price = np.concatenate([np.ones(2 * m), np.zeros(affine.shape[1]), np.full(V.size, 100.0 if penalty is None else penalty)])
+    price = np.concatenate([np.ones(2 * m), np.zeros(affine.shape[1]), np.broadcast_to(penalty, n), np.full(k, PENALTY)])
     limits = [(0, None)] * (2 * m) + [(None, None)] * affine.shape[1] + [(0, None)] * V.size
     # the simplex ends at a vertex: as few coefficients as the program needs, where an interior point would leave many small ones
     answer = linprog(

@@ -108,7 +108,7 @@ def score_linear(
         missed = [measured[f] @ solve_ridge(R, n_u, ridge)[0] - u[f] for f, R in zip(folds, left_out, strict=True)]
         asked = ((whole, problem.unseen), (early, problem.late))
         beyond = [(ahead @ solve_ridge(R, n_u, ridge)[0] - v)[rows] if rows.any() else None for R, rows in asked]
-        result[ridge] = Score(*(None if e is None else _nrmse(e, problem.span) for e in (np.concatenate(missed), *beyond)))
+        result[ridge] = Score(*(None if e is None else span_error(e, problem.span) for e in (np.concatenate(missed), *beyond)))
     return result
 
 
@@ -117,7 +117,7 @@ def _joined(triangles: list[np.ndarray]) -> np.ndarray:
     return np.linalg.qr(np.concatenate(triangles), mode="r")
 
 
-def _nrmse(error: np.ndarray, span: np.ndarray) -> float:
+def span_error(error: np.ndarray, span: np.ndarray) -> float:
     """Mean over surfaces of the RMS of error (n, S) over span (S,)."""
     return float(np.mean(np.sqrt((error**2).mean(axis=0)) / span))
 

@@ -20,6 +20,10 @@ BLOCK = 4.0
 """[s] a block of a flight without loops: longer than what one gust or manoeuvre correlates over."""
 
 
+LEAST = 50
+"""Valid training samples, as many as a network is trained on at least: five seconds at 10 Hz."""
+
+
 @dataclass(frozen=True)
 class Samples:
     """One flight as a regression problem.
@@ -96,7 +100,7 @@ def gather(log, train_ranges, validation_ranges, surfaces=None, smooth_window_s:
     train, validation = mask_of(train_ranges, log.valid, "training"), mask_of(validation_ranges, log.valid, "validation")
     if (train & validation).any():
         raise BadInput("training and validation ranges overlap", do="Give each sample to one of them.")
-    if train.sum() < 100:
+    if train.sum() < LEAST:
         raise BadInput(f"only {train.sum()} valid training samples", do="Give a longer training range.")
     moving, constants = moving_surfaces(log, train, surfaces, least_motion)
     measured = state_mapping(log)
@@ -109,6 +113,14 @@ def gather(log, train_ranges, validation_ranges, surfaces=None, smooth_window_s:
         loops if looping else (np.arange(loops.size) * log.dt // BLOCK).astype(int),
         train, validation, log.valid & ~train & ~validation, log.dt, pattern, looping,
     )  # fmt: skip
+
+
+def in_blocks(samples: Samples, blocks: int) -> Samples:
+    """The samples with blocks of time in the place of loops, so many of equal length in the train part: for a flight with fewer loops than
+    folds. Neighbouring blocks are not as independent as loops are."""
+    rows = np.flatnonzero(samples.train)
+    edges = rows[np.arange(1, blocks) * rows.size // blocks]
+    return replace(samples, loop=np.searchsorted(edges, np.arange(samples.loop.size), side="right"))
 
 
 def answered(samples: Samples, delay_steps: int, fastest: dict[str, float]) -> Samples:

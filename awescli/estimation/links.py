@@ -44,6 +44,14 @@ class Links:
     def __len__(self) -> int:
         return len(self.J)
 
+    def from_known_starts(self) -> "Links":
+        """The same where segments begin without an error: nothing depends on the kite's states there any more. They stay as columns whose
+        change is zero by a prior of its own (standard deviation one, which leaves no determinant). J and ends are overwritten."""
+        self.J[:, : self.bounds[1] if len(self.nodes) > 1 else None, :, : self.unknown] = 0.0
+        self.ends[:, :1, :, : self.unknown] = 0.0
+        offsets = np.hstack([np.zeros((len(self), self.unknown)), self.offsets])
+        return replace(self, offsets=offsets, spread=np.r_[np.ones(self.unknown), self.spread], unknown=0)
+
     def pick(self, which) -> "Links":
         """Some of the segments, by index or mask."""
         offsets = None if self.offsets is None else self.offsets[which]

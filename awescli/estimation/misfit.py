@@ -37,12 +37,14 @@ class Own:
 
 @dataclass(frozen=True)
 class Misfit:
-    """One flight's segments, what is simulated of them, and the processes that are integrated out. names: of the globals."""
+    """One flight's segments, what is simulated of them, and the processes that are integrated out. names: of the globals; known_starts:
+    segments begin where they are said to, as if that were known without error (Rositani eq. 11c)."""
 
     simulator: Simulator
     observed: Observed
     names: tuple[str, ...]
     processes: tuple[Process, ...] = ()
+    known_starts: bool = False
     axes: Axes = field(init=False)
     nodes: np.ndarray = field(init=False)
 
@@ -123,7 +125,8 @@ class Misfit:
         weight = np.where(self.reached(trajectories)[:, :, None], 1 / self.observed.sigma, 0.0)
         drifts = tuple(outputs.index(n) for n in self.drifts)
         r, offsets = self.residual(trajectories, own), own.starts[:, len(STATES) :]
-        return Links(J, ends, r, weight, self.nodes[:-1], drifts, offsets, self.spread), trajectories
+        links = Links(J, ends, r, weight, self.nodes[:-1], drifts, offsets, self.spread)
+        return (links.from_known_starts() if self.known_starts else links), trajectories
 
     def eliminated(self, gram: Gram, own: Own, which: np.ndarray | None = None, processes: Sequence[Process] | None = None) -> Information:
         """What the segments `which` say of the globals, their nuisances integrated out; processes: with which levels (default: own), of
@@ -180,7 +183,7 @@ class Misfit:
 
     def with_processes(self, processes: Sequence[Process]) -> "Misfit":
         """The same with other processes."""
-        return Misfit(self.simulator, self.observed, self.names, tuple(processes))
+        return Misfit(self.simulator, self.observed, self.names, tuple(processes), self.known_starts)
 
     def carried(self, own: Own, before: "Misfit") -> Own:
         """Nuisances of the same segments under other processes, with other effects: paths of axes that both have, read off at these

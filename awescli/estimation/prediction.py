@@ -65,18 +65,23 @@ class Prediction:
 
 
 def predict(
-    simulator: Simulator, log, ranges, horizon: float, values=None, warm_up: float = WARM_UP, every: float | None = None
-) -> Prediction:
+    simulator: Simulator, log, ranges, horizon: float, values=None, warm_up: float = WARM_UP, every: float | None = None,
+    known_starts: bool = False,
+) -> Prediction:  # fmt: skip
     """Predict `horizon` seconds ahead, again and again through the sample `ranges`, and compare.
 
     values: parameter name -> value where it differs from the simulator's kite; every: [s] between predictions, default one after the
-    other. Divergence is counted, never raised. Raises BadInput where no range is long enough.
+    other; known_starts: begin at the measured states, smoothed, instead of those that the warm-up says (Rositani eq. 11c). Divergence is
+    counted, never raised. Raises BadInput where no range is long enough.
     """
     before, ahead = int(round(warm_up / log.dt)), int(round(horizon / log.dt))
     begin = prediction_starts(log, ranges, horizon, warm_up, every)
     if not begin.size:
         what = f"no prediction of {horizon:g} s fits into the loops of flight '{log.name}' that it is to be scored on"
         raise BadInput(what, do="Use a shorter horizon, or a longer flight; `awes check` lists what was left out and why.")
+    if known_starts:
+        observed = observe(log, simulator.kite, begin + before, ahead, MEASURED)
+        return compare(log, simulator.rollout(observed.segments, values), begin + before, 0, ranges, simulator.kite.declaration.noise)
     observed = observe(log, simulator.kite, begin, before + ahead, MEASURED)
     trajectories = simulator.rollout(warmed_up(simulator, observed, before, values), values)
     return compare(log, trajectories, begin + before, before, ranges, simulator.kite.declaration.noise)

@@ -15,13 +15,14 @@ ONE_STEP_EVERY = 0.25
 
 
 def scored(
-    simulator, log, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float]
+    simulator, log, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float], known_starts: bool = False
 ) -> tuple[dict, dict[str, Prediction]]:
     """(scores of one model, part -> its prediction).
 
-    loops: (K, 2) half-open sample ranges; horizon: seconds predicted ahead in all scores but by_horizon, one_step.
+    loops: (K, 2) half-open sample ranges; horizon: seconds predicted ahead in all scores but by_horizon, one_step;
+    known_starts: as in `predict`.
     """
-    predictions = {part: predict(simulator, log, getattr(parts, part), horizon) for part in PARTS}
+    predictions = {part: predict(simulator, log, getattr(parts, part), horizon, known_starts=known_starts) for part in PARTS}
     test = predictions["test"]
     block = {
         "horizon_s": horizon,
@@ -31,8 +32,8 @@ def scored(
         "diverged_predictions": {part: p.diverged for part, p in predictions.items()},
         "divergence_rate": {part: p.diverged / len(p.first) for part, p in predictions.items()},
         **{name: of_channels(test, name) for name in RELATIVES},
-        "by_horizon": {f"{h:g}": at for h in horizons if (at := ahead(simulator, log, parts.test, h))},
-        "one_step": ahead(simulator, log, parts.test, log.dt, every=ONE_STEP_EVERY),
+        "by_horizon": {f"{h:g}": at for h in horizons if (at := ahead(simulator, log, parts.test, h, known_starts=known_starts))},
+        "one_step": ahead(simulator, log, parts.test, log.dt, every=ONE_STEP_EVERY, known_starts=known_starts),
         "by_loop": [row for part, p in predictions.items() for row in by_loop(p, log, loops, part)],
     }
     if power := power_of(simulator.kite, test, log, loops):
@@ -61,11 +62,11 @@ def of_channels(prediction: Prediction, name: str) -> dict[str, float]:
     return {n: RELATIVES[name](prediction.errors(n), prediction.measured[n]) for n in prediction.simulated}
 
 
-def ahead(simulator, log, ranges, horizon: float, every: float | None = None) -> dict | None:
+def ahead(simulator, log, ranges, horizon: float, every: float | None = None, known_starts: bool = False) -> dict | None:
     """NRMSE, RMSE and divergence of predictions `horizon` seconds ahead; None where no range is long enough."""
     if not len(prediction_starts(log, ranges, horizon, every=every)):
         return None
-    p = predict(simulator, log, ranges, horizon, every=every)
+    p = predict(simulator, log, ranges, horizon, every=every, known_starts=known_starts)
     counts = {"horizon_s": horizon, "predictions": len(p.first), "diverged_predictions": p.diverged}
     return counts | {"nrmse": p.nrmse(), "rmse": of_channels(p, "rmse")}
 

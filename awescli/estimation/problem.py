@@ -1,6 +1,6 @@
 """From a log and a kite to an estimation problem: compile the model, cut the segments, say which processes there may be."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +30,8 @@ class EstimationProblem:
 
     simulator: of the kite, with all parameters; horizon: [s] of a segment; outputs: compared channels; fitted, validation: segments to fit
     to and to choose on; processes: with their levels; names: of the fitted parameters; prior: their table as declared; factors: channel ->
-    factor on the declared noise; by_range: channels are weighted by their range instead of their noise.
+    factor on the declared noise; by_range: channels are weighted by their range instead of their noise; known_starts: segments begin at the
+    measured states (Rositani eq. 11c).
     """
 
     simulator: Simulator
@@ -45,6 +46,7 @@ class EstimationProblem:
     prior: ParameterTable
     factors: Mapping[str, float]
     by_range: bool = False
+    known_starts: bool = False
 
     @property
     def kite(self) -> Kite:
@@ -52,7 +54,8 @@ class EstimationProblem:
 
     def misfit(self, simulator: Simulator | None = None, names: Sequence[str] | None = None) -> Misfit:
         """Of the fitted segments."""
-        return Misfit(simulator or self.simulator, self.fitted, self.names if names is None else tuple(names), self.processes)
+        names = self.names if names is None else tuple(names)
+        return Misfit(simulator or self.simulator, self.fitted, names, self.processes, self.known_starts)
 
     def with_processes(self, processes: Sequence[Process]) -> "EstimationProblem":
         return replace(self, processes=tuple(processes))
@@ -74,17 +77,21 @@ class EstimationProblem:
 
     def shorter(self, horizon: float, simulator: Simulator | None = None) -> "EstimationProblem":
         """The same flight cut into other segments; processes and noise as they are."""
-        cut = build(simulator or self.simulator, self.log, self.split, horizon, self.outputs, by_range=self.by_range)
+        how = {"by_range": self.by_range, "known_starts": self.known_starts}
+        cut = build(simulator or self.simulator, self.log, self.split, horizon, self.outputs, **how)
         return replace(cut.with_factors(self.factors), processes=self.processes, prior=self.prior, names=self.names)
 
 
-def simulator_of(declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None) -> Simulator:
+def simulator_of(
+    declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None, closes: Callable[[Kite], Callable] | None = None
+) -> Simulator:
     """Compile the declared kite with `extra` effects at null, differentiable in its free parameters, in those of `extra`, and in all that
-    acts beside them."""
+    acts beside them. law: closes the loop, as in `Simulator`; closes: makes it for the kite with its extra effects."""
     kite = Kite(declaration, log.wind.height, extra)
     own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
     beside = {*both(DISTURBANCES), *kite.record}
-    return Simulator(kite, [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in beside], law)
+    wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in beside]
+    return Simulator(kite, wrt, closes(kite) if closes else law)
 
 
 def without_record(kite: Kite, table: ParameterTable) -> ParameterTable:
@@ -93,8 +100,9 @@ def without_record(kite: Kite, table: ParameterTable) -> ParameterTable:
 
 
 def build(
-    simulator: Simulator, log: FlightLog, split: Split, horizon: float, outputs: Sequence[str], *, by_range: bool = False
-) -> EstimationProblem:
+    simulator: Simulator, log: FlightLog, split: Split, horizon: float, outputs: Sequence[str], *, by_range: bool = False,
+    known_starts: bool = False,
+) -> EstimationProblem:  # fmt: skip
     """Cut the log into segments of `horizon` seconds for fitting and for choosing. Processes that are always there have their level, others
     are at zero. Raises BadInput where a part is too short for a segment."""
     kite, steps = simulator.kite, int(round(horizon / log.dt))
@@ -115,7 +123,7 @@ def build(
     processes = () if by_range else tuple(p.of(kite.declaration, log) for p in PROCESSES.values())
     names = (*kite.parameters.free, *kite.record)
     return EstimationProblem(
-        simulator, log, split, horizon, observed[0].outputs, *observed, processes, names, kite.parameters, {}, by_range
+        simulator, log, split, horizon, observed[0].outputs, *observed, processes, names, kite.parameters, {}, by_range, known_starts
     )  # fmt: skip
 
 

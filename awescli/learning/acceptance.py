@@ -9,6 +9,7 @@ OUTCOMES = {
     "budget_reached": "the time budget ended the training; the best weights so far are kept",
     "nothing_to_learn": "physics explains validation nearly to the noise; no correction is better for certain, the network stays null",
     "too_short": "physics leaves something, but this flight is too short to prove a correction of it; the network stays null",
+    "no_gain": "no weights lowered the error on validation; the network stays null",
     "diverged": "rollouts diverged with every correction that was tried; the network stays null",
 }
 TESTS = {"prediction": "the squared error", "chi2": "the squared error with the wind's own error fitted too"}
@@ -60,3 +61,10 @@ def verdict(
         if training is not None:
             sentence += f", while on training segments it falls by {1 - training:.0%}"
     return outcome, sentence
+
+
+def ungated(outcome: str, sentence: str, accepted: bool, proved: bool) -> tuple[str, str]:
+    """`verdict` where the lowest validation error was enough (no gate), and what the gate would have said."""
+    if accepted:
+        return outcome, f"{OUTCOMES[outcome]} (no gate; it would have said {'yes' if proved else 'no'})"
+    return (outcome, sentence) if outcome == "diverged" else ("no_gain", OUTCOMES["no_gain"])

@@ -209,9 +209,18 @@ class HybridKite:
         return self.kite.declare(keys, free, own)
 
 
-def hybrid_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log) -> Simulator:
-    """The simulator of what train-hybrid left (network.json, network.safetensors) on the kite file beside them."""
-    return Simulator(kite_from_artifact(description, arrays, declaration, log.wind.height), tuple(map(even, GUSTS)))
+def hybrid_from_artifact(
+    description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log, law: Callable | None = None
+) -> Simulator:
+    """The simulator of what train-hybrid left (network.json, network.safetensors) on the kite file beside them; law: as of the physics."""
+    kite = kite_from_artifact(description, arrays, declaration, log.wind.height)
+    return Simulator(kite, tuple(map(even, GUSTS)), law and of_physics(law, kite))
+
+
+def of_physics(law: Callable, kite: "Kite | HybridKite") -> Callable:
+    """A law for a simulator of `kite`: it is a function of the physical parameters, which stand before the weights."""
+    own = len(kite.kite.parameter_names if isinstance(kite, HybridKite) else kite.parameter_names)
+    return lambda x, u, c: law(x, u, c[:own])
 
 
 def kite_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, heights) -> Kite | HybridKite:

@@ -5,8 +5,11 @@ from collections.abc import Callable, Sequence
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.notation.frames import dot, rotate_back
 from awescli.notation.quantities import SURFACES
-from awescli.notation.scalars import asin, cos, sin
+from awescli.notation.scalars import asin, cos, sin, sqrt
 from awescli.physics.instant import Instant
+
+STILL = 1e-6
+"""[m2/s2] added under the root of the wind's speed: the root has no slope at zero."""
 
 
 def _input(name: str) -> Callable[[Instant], object]:
@@ -28,6 +31,9 @@ NETWORK_INPUTS: dict[str, Callable[[Instant], object]] = {
     "cos_theta": lambda at: cos(at.z.theta),
     "sin_psi": lambda at: sin(at.z.psi),
     "cos_psi": lambda at: cos(at.z.psi),
+    **{n: _state(n) for n in ("phi", "theta", "psi")},
+    **{f"wind_{a}": lambda at, a=a: getattr(at.wind, a) for a in "ned"},
+    "wind_speed": lambda at: sqrt(at.wind.n * at.wind.n + at.wind.e * at.wind.e + STILL),
     **{f"line_{a}": lambda at, i=i: rotate_back(at.R, at.p_hat)[i] for i, a in enumerate("xyz")},
     "alpha": lambda at: at.alpha,
     "beta": lambda at: at.beta,
@@ -39,9 +45,9 @@ NETWORK_INPUTS: dict[str, Callable[[Instant], object]] = {
     "stretch_rate": lambda at: dot(at.p_hat, at.v_ned) - at.inputs["reel_out_speed"],
     "tension": lambda at: at.tension,
 }
-"""What the network may see, each a function of the same instant that the physics fills: u_nn of the seed (states, alpha, beta, V_a,
-surfaces, line length and load). Angles that turn around enter as sine and cosine; surface rates tell what a lagging actuator still has
-before it."""
+"""What the network may see, each a function of the same instant that the physics fills: u_nn of Rositani eq. (12) (states, alpha, beta,
+V_a, surfaces, line length, wind) and the load. Angles that turn around had better enter as sine and cosine; surface rates tell what a
+lagging actuator still has before it."""
 
 DEFAULT_INPUTS = (
     "elevation", "north", "east", "u", "v", "w", "p", "q", "r", "sin_phi", "cos_phi", "sin_theta", "cos_theta", "sin_psi", "cos_psi",

@@ -22,6 +22,8 @@ TIME = 0.9
 """An input whose rank correlation with time is larger tells the time."""
 SLOW = 0.5
 """[s] the residual acceleration is averaged over this before its size is taken: what is faster is mostly differentiated noise."""
+EVERYWHERE = 1e9
+"""Width of the edge of a box that has none: within ten ranges of it exp(-e^2) is 1 to the last bit."""
 SMALLEST = (1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)
 """[m/s2, rad/s2] least scale of an output: a model without any residual must not divide by it."""
 
@@ -85,10 +87,14 @@ def _order_in_time(signals: np.ndarray) -> np.ndarray:
     return np.where(np.ptp(signals, axis=0) > 0, time @ rank / (time @ time), 0.0)
 
 
-def untrained(log, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[int], seed: int, validation=()) -> Correction:
+def untrained(
+    log, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[int], seed: int, validation=(), scaling: str = "standard",
+    fade: bool = True,
+) -> Correction:  # fmt: skip
     """A null correction normalised on the training ranges; inputs that never change there are left out.
 
-    validation: ranges on which the correction will be proved: the box in which it may act spans them too.
+    validation: ranges on which the correction will be proved: the box in which it may act spans them too. scaling: standard: inputs by
+    their mean and standard deviation; minmax: from -1 to 1 over the training ranges. fade: without it the correction acts everywhere.
     """
     check_inputs(names)
     use = samples_of(ranges, log.valid)
@@ -101,13 +107,15 @@ def untrained(log, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[in
         raise BadInput("no network input changes on the training samples", do="Choose other inputs.")
     names = tuple(n for n, m in zip(names, moving, strict=True) if m)
     signals, mean, deviation = signals[:, moving], mean[moving], deviation[moving]
+    if scaling == "minmax":
+        mean, deviation = (signals.max(0) + signals.min(0)) / 2, np.ptp(signals, axis=0) / 2
     known = (input_signals(log, kite, names)[samples_of((*ranges, *validation), log.valid)] - mean) / deviation
     middle, half = (known.max(0) + known.min(0)) / 2, (known.max(0) - known.min(0)) / 2 * (1 + 2 * MARGIN)
     slow = uniform_filter1d(residual_acceleration(log, kite), max(1, int(round(SLOW / log.dt))), axis=0)
     scale = np.maximum(np.sqrt((slow[use] ** 2).mean(0)), SMALLEST)
     hidden = tuple(int(h) for h in hidden)
     weights = initial_weights((len(names), *hidden, len(ROWS)), seed)
-    return Correction(names, hidden, weights, mean, deviation, middle, half, scale)
+    return Correction(names, hidden, weights, mean, deviation, middle, half, scale, **({} if fade else {"width": EVERYWHERE}))
 
 
 def outside_share(log, kite: Kite, correction: Correction, ranges) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from awescli.learning.correction import ROWS, Correction, HybridKite
+from awescli.learning.correction import ROWS, Correction, HybridKite, of_physics
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
 from awescli.learning.orthogonality import Parametric
 from awescli.learning.starts import Own, estimated_starts, own_unknowns
@@ -50,8 +50,12 @@ class Problem:
 
     def __init__(
         self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, step: float | None = None, decay: float = 0.0,
-        solver: str = "rk4", parametric: Parametric | None = None, orthogonality: float = 0.0,
+        solver: str = "rk4", parametric: Parametric | None = None, orthogonality: float = 0.0, known_starts: bool = False,
+        by_range: bool = False,
     ):  # fmt: skip
+        """known_starts: predictions begin at the measured states, without a warm-up; by_range: errors count by the range of their channel
+        (Rositani's Q) instead of by what the physics leaves of them."""
+        self.known_starts, self.by_range = known_starts, by_range
         self.parametric, self.orthogonality = parametric, orthogonality
         self.kite, self.log, self.correction, self.decay = kite, log, correction, decay
         if missing := [n for n in MEASURED_STATE if n not in log]:
@@ -59,7 +63,7 @@ class Problem:
         self.outputs = COMPARED
         self.measured = np.stack([log[name] for name in COMPARED], axis=1)
         self.noise = state_noise(kite, log)
-        self.warmup = max(2, int(round(warmup / log.dt)))
+        self.warmup = 2 if known_starts else max(2, int(round(warmup / log.dt)))
         if solver == "rk4":
             inputs = network_inputs(kite, correction.inputs)
             self.corrected = CorrectedSimulator(kite, inputs, correction.sizes, ROWS, self.outputs, law, step)
@@ -69,9 +73,7 @@ class Problem:
             inputs = inputs_of_instant(correction.inputs)
             self.corrected = SlowSimulator(kite, inputs, correction.sizes, ROWS, self.outputs, law, solver=solver)
         self.hybrid = HybridKite(kite, correction)
-        # the law is a function of the physical parameters, which stand first
-        own = len(kite.parameter_names)
-        self.simulator = Simulator(self.hybrid, tuple(map(even, GUSTS)), (lambda x, u, c: law(x, u, c[:own])) if law else None, step)
+        self.simulator = Simulator(self.hybrid, tuple(map(even, GUSTS)), law and of_physics(law, self.hybrid), step)
         self.constants = correction.constants
 
     def observed(self, first: np.ndarray, horizon: int) -> Observed:
@@ -82,10 +84,11 @@ class Problem:
         """Segments with starts estimated by the model with these weights.
 
         sigma None: the unit of error of each channel is the model's own root mean square error, or the sensor noise where that is
-        larger. So every channel counts by what can be gained on it, and a model at the noise level has cost 1 and little to gain.
+        larger. So every channel counts by what can be gained on it, and a model at the noise level has cost 1 and little to gain. by_range:
+        units are the ranges of the channels, all times the factor that gives the model cost 1.
         """
-        starts = estimated_starts(self.simulator, observed, self.warmup, self.values(weights))
-        observed = observed.starting_at(starts)
+        if not self.known_starts:
+            observed = observed.starting_at(estimated_starts(self.simulator, observed, self.warmup, self.values(weights)))
         prepared = self.corrected.prepare(observed.segments)
         counts = np.isfinite(observed.sigma)
         counts[:, : self.warmup + 1] = False
@@ -96,6 +99,10 @@ class Problem:
             use = counts & reached[:, :, None]
             rms = np.sqrt((np.where(use, error, 0) ** 2).sum((0, 1)) / np.maximum(use.sum((0, 1)), 1))
             sigma = np.maximum(self.noise, rms)
+            if self.by_range:
+                spans = np.ptp(self.measured[self.log.valid], axis=0)
+                # one factor for all, so that physics still has cost 1
+                sigma = spans * max(float(np.sqrt(((rms / np.maximum(spans, 1e-12)) ** 2).mean())), 1e-6)
         return Data(observed, target, self.warmup, sigma, counts / sigma, prepared)
 
     def smoothed(self, observed: Observed, weights: np.ndarray, sigma: np.ndarray) -> Own:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from awescli.learning.acceptance import gate, verdict
+from awescli.learning.acceptance import gate, ungated, verdict
 from awescli.learning.comparison import adam_alone
 from awescli.learning.correction import Correction, HybridKite
 from awescli.learning.network_inputs import inputs_for
@@ -30,7 +30,9 @@ class TrainingConfig:
     clip: greatest norm of a gradient; decay: weight decay; orthogonality: weight of the penalty on what the free parameters could do;
     adam_iterations, lbfgs_iterations: per round; rounds: most rounds per horizon and of L-BFGS; patience: rounds without progress that
     make a plateau; material: least relative gain on validation; budget: seconds; solver: rk4 (compiled, exact adjoint) or a name of
-    `hybrid_torch.solver_names()` (torchdiffeq and autograd: slow); compare: also let Adam go on alone for as long as L-BFGS took."""
+    `hybrid_torch.solver_names()` (torchdiffeq and autograd: slow); compare: also let Adam go on alone for as long as L-BFGS took;
+    scaling, fade: as of `untrained`; gate: a correction must be proved on validation, else the lowest error there is enough; keep_drifting:
+    use inputs too that leave their training range or tell the time; known_starts, by_range: as of `Problem`."""
 
     hidden: tuple[int, ...] = (16, 16)
     inputs: tuple[str, ...] | None = None
@@ -50,6 +52,12 @@ class TrainingConfig:
     solver: str = "rk4"
     seed: int = 0
     compare: bool = False
+    scaling: str = "standard"
+    gate: bool = True
+    fade: bool = True
+    keep_drifting: bool = False
+    known_starts: bool = False
+    by_range: bool = False
 
 
 @dataclass(frozen=True)
@@ -149,12 +157,16 @@ def train(
 
     law: closes the loop as in `Simulator` (None: recorded set-points); state: go on from there; checkpoint(state) after every round.
     """
-    names, dropped = usable_inputs(kite, log, train_ranges, validation_ranges, inputs_for(kite, config.inputs))
-    correction = untrained(log, kite, train_ranges, names, config.hidden, config.seed, validation_ranges)
+    names, dropped = inputs_for(kite, config.inputs), {}
+    if not config.keep_drifting:
+        names, dropped = usable_inputs(kite, log, train_ranges, validation_ranges, names)
+    box = {"scaling": config.scaling, "fade": config.fade}
+    correction = untrained(log, kite, train_ranges, names, config.hidden, config.seed, validation_ranges, **box)
     dropped |= {n: "never changes in training" for n in names if n not in correction.inputs}
     problem = Problem(
         kite, log, correction, config.warmup, law=law, decay=config.decay, solver=config.solver,
         parametric=parametric(log, kite, correction, train_ranges), orthogonality=config.orthogonality,
+        known_starts=config.known_starts, by_range=config.by_range,
     )  # fmt: skip
     horizons = _usable(config.horizons, log, train_ranges, validation_ranges, config)
     sets = [_Horizon(problem, h, train_ranges, validation_ranges, correction.weights) for h in horizons]
@@ -186,12 +198,22 @@ def usable_inputs(kite, log, train_ranges, validation_ranges, names) -> tuple[tu
 
 def _usable(horizons, log, train_ranges, validation_ranges, config) -> list[float]:
     """Horizons that fit into the ranges, ascending; at least one."""
+
+    def fits(h: float) -> bool:
+        steps = max(2, int(round(h / log.dt)))
+        both = (train_ranges, validation_ranges)
+        return all(len(predictions(ranges, steps, warmup, max(1, steps // 2), log.valid)) for ranges in both)
+
     shorter = min(max((b - a for a, b in ranges), default=0) for ranges in (train_ranges, validation_ranges))
-    longest = (shorter - 2) * log.dt - config.warmup
-    fit = [h for h in sorted(horizons) if h <= longest]
-    if not fit and longest <= 0.2:
+    warmup = 2 if config.known_starts else max(2, int(round(config.warmup / log.dt)))
+    longest = (shorter - 2 - warmup) * log.dt
+    fit = [h for h in sorted(horizons) if h <= longest and fits(h)]
+    # gaps in the flight may leave less
+    while not fit and longest > 0.2:
+        fit, longest = ([float(longest)] if fits(longest) else []), 0.8 * longest
+    if not fit:
         raise BadInput("training and validation ranges are too short to predict anything", do="Use a longer flight or a shorter warmup.")
-    return fit or [float(longest)]
+    return fit
 
 
 class _Horizon:
@@ -297,17 +319,20 @@ def _concluded(problem, sets, state, config, correction, dropped, out_of_time, r
     costs = last.validation_costs(state.best)
     null = _nulled(correction)
     chi2 = [problem.smoothed(last.validation_observed, w, last.sigma).chi2 for w in (null, state.best)]
-    accepted, evidence = gate((last.baseline.mean(1), costs.mean(1)), chi2, config.material)
+    proved, evidence = gate((last.baseline.mean(1), costs.mean(1)), chi2, config.material)
+    accepted = proved if config.gate else bool(costs.mean() < last.baseline.mean())
     trained = correction.with_weights(state.best if accepted else null)
     rows = [dict(zip(HISTORY, row, strict=True)) for row in state.history]
     diverging = bool(rows) and min(row["validation_last_horizon"] for row in rows) > 10
     fitted = min((row["train"] for row in rows if row["horizon"] == last.seconds), default=None)
     outcome, sentence = verdict(accepted, evidence, len(costs), fitted, diverging=diverging, out_of_time=out_of_time)
+    if not config.gate:
+        outcome, sentence = ungated(outcome, sentence, accepted, proved)
     if not np.isfinite(trained.weights).all():
         raise NumericalFailure("not_finite", "training gave weights that are no numbers", do="Lower train-hybrid.rate.")
     ratio = np.sqrt(costs.mean(0) / last.baseline.mean(0))
     metrics = {
-        "outcome": outcome, "sentence": sentence, "validation": evidence, "training": fitted,
+        "outcome": outcome, "sentence": sentence, "gate": config.gate, "proved": proved, "validation": evidence, "training": fitted,
         "validation_rmse_ratio": {n: float(r) for n, r in zip(problem.outputs, ratio, strict=True)},
         "horizons": [s.seconds for s in sets], "train_segments": len(last.train_observed.segments.first),
         "validation_segments": len(last.validation_observed.segments.first), "weights": int(correction.weights.size),

@@ -111,7 +111,7 @@ def survival(evidence: Evidence) -> Body:
 
 
 def steering(evidence: Evidence) -> str:
-    """What the law steers for, and whether the small-gain condition holds."""
+    """What the law steers for, and what the loop makes of its errors."""
     report = evidence.controller
     found, gains = report.get("steering") or {}, report.get("gain") or {}
     said = []
@@ -123,11 +123,11 @@ def steering(evidence: Evidence) -> str:
             f"with {number(report.get('hold', 0.0))} of the weight of the log."
         )
     for surface, gain in gains.items():
-        if gain.get("holds") is not None:
-            verb = "holds" if gain["holds"] else "does not hold"
+        if gain.get("plant_gain") is not None:
             said.append(
-                f"The small-gain condition {verb} for the {esc(surface)}: slope of the law's error {number(gain['gamma_error'])} rad, "
-                f"gain of the closed loop at least {number(gain['plant_gain'])} per rad."
+                f"A disturbance of the {esc(surface)} moves what the law sees by up to {number(gain['plant_gain'])} standard deviations "
+                "per rad (measured in closed loop); from one state to the next the law's own error changes by "
+                f"{number(gain['gamma_error'])} rad per standard deviation."
             )
     return paragraph(" ".join(said)) if said else ""
 

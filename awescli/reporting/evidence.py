@@ -19,7 +19,7 @@ LADDER = ("initial", "identified", "with_effects", "hybrid")
 """Models in the order in which they are made."""
 
 
-EMPTY = ("nothing_to_learn", "too_short", "diverged")
+EMPTY = ("nothing_to_learn", "too_short", "no_gain", "diverged")
 """Outcomes of a training that leaves the network at zero."""
 
 

@@ -20,6 +20,7 @@ LEADS = {
 UNUSED = {
     "nothing_to_learn": "found nothing to learn: physics explains validation nearly to the noise",
     "too_short": "was not used: physics leaves more than noise, but this flight is too short to prove a correction of it",
+    "no_gain": "was not used: no weights lowered the error on the validation loops",
     "diverged": "was not used: with every one that was tried the simulation diverged",
 }
 """Why a trained network is no model of the ladder: outcome (`learning.acceptance.OUTCOMES`) -> what the first screen says."""

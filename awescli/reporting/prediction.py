@@ -8,21 +8,25 @@ from awescli.notation.quantities import ANGLES
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.marks import Body, Cell, Section, esc, folded, keys, paragraph, table
 from awescli.reporting.plots import LINE, Figure, Shared, axis, dots, grid, line, log_axis, scene, stride, strip, swatch, with_gaps
-from awescli.reporting.words import COLOURS, GROUPS, channel, number, percent, scale_of
+from awescli.reporting.published import published
+from awescli.reporting.words import COLOURS, GROUPS, channel, listed, number, percent, scale_of
 
 SPATIAL = ("p_n", "p_e", "p_d")
 
 
 def prediction(evidence: Evidence) -> Section:
     count = len(evidence.predictions["first"])
-    known = "set-points, winch and wind" if evidence.log.on_line else "set-points and wind"
+    closed = evidence.scores.get("surfaces") == "controller"
+    known = (*(() if closed else ("set-points",)), *(("winch",) if evidence.log.on_line else ()), "wind")
+    start = "the measured state" if evidence.scores.get("initial_states") == "measured" else "a start fitted to the second before it"
     text = (
-        f"{count} predictions of {evidence.horizon:g} s on the test {esc(evidence.parts.of)}: each sets out from a start that is fitted to "
-        f"the second before it, and sees nothing of the flight after that but {known}. "
+        f"{count} predictions of {evidence.horizon:g} s on the test {esc(evidence.parts.of)}: each sets out from {start}, "
+        f"{'is flown by the fitted controller (closed loop), ' if closed else ''}and sees nothing of the flight after that but "
+        f"{listed(list(known))}. "
         "Where a line breaks, the next prediction begins."
     )
     told = over_horizon(evidence), horizons(evidence), over_loops(evidence)
-    body = paragraph(text), paths(evidence), told, channels(evidence), scores(evidence)
+    body = paragraph(text), paths(evidence), told, channels(evidence), scores(evidence), published(evidence)
     return Section("prediction", "Measured against simulated", body)
 
 

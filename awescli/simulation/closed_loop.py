@@ -63,7 +63,14 @@ def without_setpoint_dynamics(driven: KiteDeclaration, declared: KiteDeclaration
     What belongs to the way of the law's set-points is no part of the kite: a log's set-points hold it already, and whoever flies the law
     adds it again.
     """
-    added = tuple(f"{key}." for key in driven.effects if key not in declared.effects)
+    return with_what_was_found(driven, driven, declared)
+
+
+def with_what_was_found(found: KiteDeclaration, driven: KiteDeclaration, declared: KiteDeclaration) -> KiteDeclaration:
+    """`without_setpoint_dynamics` of `driven` with fitted values and further effects."""
+    of_law = [key for key in driven.effects if key not in declared.effects]
+    added = tuple(f"{key}." for key in of_law)
     held = {row.name: row for row in declared.table().rows if not row.free}
-    rows = [held.get(row.name, row) for row in driven.table().rows if not row.name.startswith(added)]
-    return driven.with_parameters(ParameterTable(rows)).model_copy(update={"effects": declared.effects})
+    rows = [held.get(row.name, row) for row in found.table().rows if not row.name.startswith(added)]
+    effects = tuple(key for key in found.effects if key not in of_law)
+    return found.with_parameters(ParameterTable(rows)).model_copy(update={"effects": effects})

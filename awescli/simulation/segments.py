@@ -7,11 +7,14 @@ import numpy as np
 
 from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.angles import wrap
-from awescli.notation.quantities import ANGLES, OUTPUTS, STATES
+from awescli.notation.quantities import ANGLES, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import Noise
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Segments, inputs_of, setpoints_of
 
+COMMAND_SHARE = 0.01
+"""Share of a set-point's range that stands for its noise where a law in the loop predicts it: about what the best fitted law leaves
+(Rositani reports 0.0181)."""
 SMOOTHING = 0.3
 """[s] window of the local quadratic that gives the first guess of a segment's start."""
 
@@ -66,7 +69,10 @@ class Observed:
 
 
 def noise_std(noise: Noise, name: str, signal: np.ndarray) -> np.ndarray:
-    """Standard deviation of the measurement noise of one channel, per sample [SI]."""
+    """Standard deviation of the measurement noise of one channel, per sample [SI]; of a set-point, which no sensor measures, COMMAND_SHARE
+    of its range."""
+    if name in SURFACES:
+        return np.full(len(signal), COMMAND_SHARE * (np.ptp(signal) or 1.0))
     std, share = noise.channels()[name]
     size = share * np.abs(signal)
     # noise that is a share of the signal does not vanish where the signal does

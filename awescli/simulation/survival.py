@@ -1,10 +1,12 @@
 """Does a control law fly? Closed loop on a declared kite, from several states of a log, until it departs or the time is over."""
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 
-from awescli.control.law import Law, standardised_features
+from awescli.control.law import Law, clamp, standardised_features
 from awescli.control.pattern import arc
 from awescli.flightlog.split import Range
 from awescli.notation.quantities import STATES, SURFACES
@@ -21,6 +23,8 @@ STALLED = 6.0
 """[m/s] an airspeed below this is no flight any more."""
 STARTS = 8
 """From so many states, spread over the log."""
+MARGINS = {"lower": (0.8, 0.65, 0.5, 0.35), "upper": (1.25, 1.6, 2.0, 3.0)}
+"""Factors on a law's gain that are tried, nearest to 1 first."""
 STEP, HELD = np.radians(0.25), 1.0
 """[rad] size and [s] length of the random steps that measure the loop's gain: small enough that the kite keeps flying."""
 
@@ -111,6 +115,36 @@ def loop_gain(declaration: KiteDeclaration, law: Law, log, wind_direction: float
         apart = [np.linalg.norm(seen(moved, k) - seen(calm, k), axis=1).max() / STEP for k in both]
         gains[surface] = float(max(apart)) if apart else None
     return gains
+
+
+@dataclass(frozen=True)
+class Amplified:
+    """A law whose answer is `factor` times as strong about a trim, surface -> [rad]: what a loop with another gain would command."""
+
+    law: Law
+    factor: float
+    trim: Mapping[str, float]
+
+    def __getattr__(self, name: str):
+        return getattr(self.law, name)
+
+    def deflections(self, z: Mapping) -> dict:
+        driven = self.law.deflections(z)
+        return driven | {s: clamp(t + self.factor * (driven[s] - t), *self.law.limits[s]) for s, t in self.trim.items()}
+
+
+def gain_margin(declaration: KiteDeclaration, law: Law, log, wind_direction: float, seconds: float = 20.0) -> dict:
+    """{"lower", "upper"}: the least and the greatest of the tried factors on the law's gain, each with all between it and 1, with which it
+    flies `seconds` from every start; None where it does not even fly as it is. The answer about the mean flown set-point is amplified."""
+    trim = {s: float(log.inputs[s][log.valid].mean()) for s in law.surfaces}
+
+    def stays(factor: float) -> bool:
+        return flies(declaration, Amplified(law, factor, trim), log, wind_direction, seconds)["outcome"] == "flies"
+
+    if not stays(1.0):
+        return {"lower": None, "upper": None}
+    reached = {which: max(takewhile(stays, factors), key=lambda f: abs(np.log(f)), default=1.0) for which, factors in MARGINS.items()}
+    return {which: float(f) for which, f in reached.items()}
 
 
 def _others(setpoints: np.ndarray, law: Law, disturbances: dict) -> np.ndarray:

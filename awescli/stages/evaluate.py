@@ -2,19 +2,21 @@
 
 from pydantic import Field
 
+from awescli.stages.ahead import HandedOnConfig
 from awescli.stages.answers import ANSWER, number
-from awescli.stages.base import Need, Seconds, Stage, StageConfig
+from awescli.stages.base import Need, Seconds, Stage
 
 SHOWN = ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
 """Channels in the terminal's table; `mean` is that of the 12 states."""
 
 
-class EvaluateConfig(StageConfig):
+class EvaluateConfig(HandedOnConfig):
     """Settings of evaluate."""
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
     horizons: tuple[Seconds, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
     report: bool = Field(True, description="write report.html, one self-contained page")
+    thesis: bool = Field(False, description="print the numbers that Rositani (2025) published beside these (another flight)")
     figures: bool = Field(False, description="write every figure of the page as PNG and SVG, and the data behind it as CSV")
 
 
@@ -28,14 +30,15 @@ class Evaluate(Stage):
 
     def needs(self, config):
         return (
-            Need("fit-controller", required=False), Need("identify", required=False),
+            Need("fit-controller", required=config.surfaces == "controller"), Need("identify", required=False),
             Need("trace-residual", required=False), Need("train-hybrid", required=False), Need("simulate", required=False),
         )  # fmt: skip
 
     def check(self, inputs, config):
         from awescli.stages.flight_parts import too_long
 
-        yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
+        if config.too_long == "refuse":
+            yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
 
     def figures(self, context, config):
         from awescli.artifacts import read_arrays, read_json
@@ -48,14 +51,23 @@ class Evaluate(Stage):
 
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json
+        from awescli.reporting.published import beside_thesis
+        from awescli.stages.ahead import horizon_within
         from awescli.stages.flight_parts import flight_parts
         from awescli.stages.ladder import ladder, score_ladder
         from awescli.stages.page import FIGURES, REPORT, gather, write_figures, write_report
 
         log, parts = flight_parts(context)
-        models = ladder(context, log)
+        config = config.model_copy(update={"horizon": horizon_within(context, config, config.horizon, [(log, parts)])})
+        closed = config.closes_the_loop(context)
+        models = ladder(context, log, closed)
         task = context.progress.task("scoring", total=len(models))
         metrics, arrays = score_ladder(models, context, log, parts, config, task)
+        metrics |= {"surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states}
+        left = {stage: left_by(context, stage) for stage in ("fit-controller", "identify", "trace-residual", "train-hybrid")}
+        metrics["outcomes"] = {stage: found["outcome"] for stage, found in left.items() if found and found.get("outcome")}
+        if config.thesis:
+            metrics["beside_thesis"] = beside_thesis(metrics, left["fit-controller"], left["train-hybrid"])
         write_json(context.folder / "metrics.json", metrics)
         write_arrays(context.folder / "predictions.npz", arrays)
         if config.report or config.figures:
@@ -67,10 +79,16 @@ class Evaluate(Stage):
         errors = {model: {n: e for n, e in metrics[model]["nrmse"]["test"].items() if n in SHOWN} for model in models}
         errors["noise alone"] = {n: metrics["noise_floor"][n] for n in SHOWN if n in metrics["noise_floor"]}
         means = [f"{model} {number(metrics[model]['nrmse']['test']['mean'])}" for model in models]
-        answer = [
-            f"error on unseen loops, {config.horizon:g} s ahead: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"
-        ]
-        summary = {"errors": errors, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
+        ahead = f"{config.horizon:g} s ahead{', loop closed' if closed else ''}"
+        answer = [f"error on unseen loops, {ahead}: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"]
+        beside = {
+            row["channel"]: {k.replace("_", ", "): "-" if v is None else v for k, v in row.items() if k != "channel"}
+            for row in metrics.get("beside_thesis", [])
+        }
+        published = {"beside the thesis (another flight)": beside} if beside else {}
+        summary = {"errors": errors, **published, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
+        if (ended := metrics["outcomes"].get("identify", "converged")) != "converged":
+            answer.append(f"identify has not converged ({ended}): its parameters are no estimates")
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
             summary["power"] = power
             answer.append(f"mean power on test loops: {power}")
@@ -79,6 +97,15 @@ class Evaluate(Stage):
                 summary[key] = str(context.out / self.name / place)
                 answer.append(f"{key}: {summary[key]}")
         return summary
+
+
+def left_by(context, stage: str) -> dict | None:
+    """metrics.json of an upstream stage, where it has run."""
+    from awescli.artifacts import read_json
+
+    folder = context.upstream(stage)
+    file = folder / "metrics.json" if folder else None
+    return read_json(file) if file and file.is_file() else None
 
 
 def power_line(powers: dict[str, dict]) -> str:

@@ -12,6 +12,9 @@ class FitControllerConfig(StageConfig):
     """Settings of fit-controller."""
 
     kind: Literal["gaussian", "network", "linear"] = Field("gaussian", description="class of approximator")
+    method: Literal["best", "greedy", "convex"] = Field(
+        "best", description="terms of a gaussian law: greedy, by linear programmes alone (sparse, bounded), or the better of greedy ones"
+    )
     features: str | Names = Field(
         "auto", description="what the law sees: a named set (state, state_ned, invariant, curvature, heading), names of features, or auto"
     )
@@ -19,9 +22,12 @@ class FitControllerConfig(StageConfig):
         None, description="surfaces the law drives; default all that move in the log"
     )
     folds: int = Field(4, ge=2, le=20, description="folds of whole loops for cross-validation")
+    few_loops: Literal["refuse", "blocks"] = Field(
+        "refuse", description="fewer loops than folds in the training part: an error, or folds of blocks of time, and said"
+    )
     most_nonzeros: int = Field(79, ge=1, le=2000, description="most Gaussians the law may keep")
     prove: float = Field(60.0, gt=0, le=600, description="seconds that the law must fly the declared model in closed loop")
-    compare: bool = Field(False, description="fit all three kinds and report them in one table")
+    compare: bool = Field(False, description="fit all kinds, and the convex law, and report them in one table")
 
 
 class FitController(Stage):
@@ -53,16 +59,15 @@ class FitController(Stage):
         except BadInput as e:
             yield "surfaces", e
             return
-        if (loops := len(set(samples.loop[samples.train].tolist()))) < config.folds:
+        if config.few_loops == "refuse" and (loops := len(set(samples.loop[samples.train].tolist()))) < config.folds:
             few = f"{loops} loops in the training part, fewer than {config.folds} folds"
             yield "folds", BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
 
     def run(self, context, config):
         from awescli.artifacts import write_json
-        from awescli.estimation.controller_bounds import small_gain
         from awescli.estimation.controller_fit import ControllerConfig, fit_controller
         from awescli.physics.declaration import read_kite
-        from awescli.simulation.survival import flies, loop_gain
+        from awescli.simulation.survival import flies, gain_margin, loop_gain
         from awescli.stages.controller_artifact import wind_direction, write_controller
         from awescli.stages.flight_parts import flight_parts
 
@@ -83,16 +88,34 @@ class FitController(Stage):
         proof = flies(kite, fitted.law, log, direction, config.prove)
         task.advance()
         gains = loop_gain(kite, fitted.law, log, direction)
-        gain = {s: g | small_gain(g["gamma_error"], gains[s]) for s, g in fitted.report.get("gain", {}).items()}
+        gain = {s: g | {"plant_gain": gains[s]} for s, g in fitted.report.get("gain", {}).items()}
         task.advance()
+        rows = {}
+        if config.compare:
+            for name, law in fitted.laws.items():
+                task.update(f"{name}: how much gain may be missing")
+                fitted.report["comparison"][name]["gain_margin"] = gain_margin(kite, law, log, direction)
+            rows = {name: row_of(line) for name, line in fitted.report["comparison"].items()}
         write_controller(context.folder, fitted.law)
         write_json(context.folder / "metrics.json", fitted.report | {"outcome": "converged", "closed_loop": proof, "gain": gain})
+        if config.few_loops == "blocks" and fitted.report["folds_of"] == "blocks":
+            context.progress.note("fewer loops than folds: the law was chosen on blocks of time")
         for kind, line in fitted.report["comparison"].items():
             if not line["nonzeros"]:
                 context.progress.note(f"the {kind} law is zero everywhere")
         test = fitted.report["nrmse"].get("test", {})
         summary = {f"test NRMSE {surface}": value for surface, value in test.items()}
+        summary |= {"laws": rows} if rows else {}
         return summary | {"non-zeros": fitted.report["nonzeros"], "closed loop": proof["outcome"], ANSWER: told(fitted.report, proof)}
+
+
+def row_of(line: dict) -> dict:
+    """One law in the terminal's table. gain: factors on its gain with which it still flies."""
+    margin = line["gain_margin"]
+    return {
+        "terms": line["nonzeros"], "condition": line["condition"], **{f"NRMSE {s}": e for s, e in line["nrmse"].get("test", {}).items()},
+        "flown": line["survival"], "gain": "-" if margin["lower"] is None else f"{margin['lower']:g} to {margin['upper']:g}",
+    }  # fmt: skip
 
 
 def told(report: dict, proof: dict) -> list[str]:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from awescli.notation.errors import BadInput
 from awescli.notation.names import nearest_quantity
+from awescli.notation.quantities import SURFACES
 from awescli.stages.base import Context, Inputs
 
 
@@ -18,10 +19,14 @@ def flight_parts(context: Context, flight: Path | None = None):
     return log, inputs.parts_of(log, flight)
 
 
-def unknown_channels(log, wanted, key: str = "outputs"):
-    """(key, mistake) of every wanted channel that the flight does not measure."""
+def unknown_channels(log, wanted, key: str = "outputs", closed: bool = False):
+    """(key, mistake) of every wanted channel that the flight does not measure; closed: set-points count, a law predicts them."""
     for name in wanted or ():
-        if name not in log.measured:
+        if name in SURFACES and name in log.inputs:
+            if not closed:
+                what = f"'{name}' is a set-point that is replayed: no model predicts it"
+                yield key, BadInput(what, do="Close the loop (surfaces: controller), or leave it out.")
+        elif name not in log.measured:
             yield key, BadInput(f"the flight has no measured channel '{name}'", do=nearest_quantity(name, log.measured))
 
 
@@ -36,23 +41,39 @@ def too_long(inputs: Inputs, horizon: float, parts: tuple[str, ...], key: str = 
             yield key, BadInput(what, do="Use a shorter one, or a longer flight; `awes check` lists what was left out and why.")
 
 
+def closed_loop(context: Context, declaration, log, closed: bool = True):
+    """(kite, law) to simulate with: as `driven_upstream` where the loop is closed, else the kite as it is and no law."""
+    return driven_upstream(context, declaration, log) if closed else (declaration, None)
+
+
 def driven_upstream(context: Context, declaration, log):
     """(the kite as the fitted controller drives it, delay and rate limit of its set-points included; the controller as the law of a
     simulator of that kite). Raises BadInput where there is no controller."""
     from awescli.physics.kite import Kite
+
+    driven, closes = closing_upstream(context, declaration, log)
+    return driven, closes(Kite(driven, log.wind.height))
+
+
+def closing_upstream(context: Context, declaration, log):
+    """`driven_upstream` for whoever adds effects to the kite: (kite, function of a Kite that makes the law of its simulator)."""
+    if context.upstream("fit-controller") is None:
+        do = "Run awes fit-controller first, or set surfaces: recorded."
+        raise BadInput("there is no fitted controller to close the loop with", do=do)
     from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
     from awescli.stages.controller_artifact import read_controller, wind_direction
 
     fitted = read_controller(context.upstream("fit-controller"))
-    driven = with_setpoint_dynamics(declaration, fitted)
-    return driven, loop(fitted, Kite(driven, log.wind.height), wind_direction(log))
+    direction = wind_direction(log)
+    return with_setpoint_dynamics(declaration, fitted), lambda kite: loop(fitted, kite, direction)
 
 
-def predicted(simulator, log, parts, horizon: float) -> dict:
+def predicted(simulator, log, parts, horizon: float, known_starts: bool = False) -> dict:
     """Part -> the one prediction of a model on it, from which all its numbers and pictures are made."""
     from awescli.estimation.prediction import predict
 
-    return {part: predict(simulator, log, getattr(parts, part), horizon) for part in ("train", "validation", "test")}
+    how = {"known_starts": known_starts}
+    return {part: predict(simulator, log, getattr(parts, part), horizon, **how) for part in ("train", "validation", "test")}
 
 
 def scores_of(predictions, horizon: float) -> dict:
@@ -63,6 +84,6 @@ def scores_of(predictions, horizon: float) -> dict:
     }  # fmt: skip
 
 
-def score_parts(simulator, log, parts, horizon: float) -> dict:
+def score_parts(simulator, log, parts, horizon: float, known_starts: bool = False) -> dict:
     """`scores_of` a model's predictions."""
-    return scores_of(predicted(simulator, log, parts, horizon), horizon)
+    return scores_of(predicted(simulator, log, parts, horizon, known_starts), horizon)

@@ -18,8 +18,8 @@ class FurtherFlight(StageConfig):
     )
 
 
-def refused_flights(inputs, also: Sequence[FurtherFlight], outputs) -> Iterator[tuple[str, BadInput]]:
-    """(key, mistake) of `also`."""
+def refused_flights(inputs, also: Sequence[FurtherFlight], outputs, closed: bool = False) -> Iterator[tuple[str, BadInput]]:
+    """(key, mistake) of `also`; closed: surfaces that the fitted controller moves are channels too."""
     from awescli.flightlog.read import read_flight
     from awescli.stages.flight_parts import unknown_channels
 
@@ -30,7 +30,7 @@ def refused_flights(inputs, also: Sequence[FurtherFlight], outputs) -> Iterator[
         except BadInput as e:
             yield f"also.{i}.flight", BadInput(str(e))
         else:
-            yield from unknown_channels(further, outputs, f"also.{i}.flight")
+            yield from unknown_channels(further, outputs, f"also.{i}.flight", closed)
         if other.kite is not None:
             try:
                 same_kite(inputs.declared, other.kite)

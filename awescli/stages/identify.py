@@ -1,35 +1,29 @@
-"""identify: estimate the free parameters of the kite from the flight (seed eq. 11)."""
+"""identify: estimate the free parameters of the kite from the flight (Rositani eq. 11)."""
 
-from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
+from awescli.stages.ahead import AheadConfig, Surfaces
 from awescli.stages.answers import ANSWER, change, number, plural, sized
-from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage, StageConfig
+from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage
+from awescli.stages.further_flights import FurtherFlight, flights_of, refused_flights, unknown_own
 
 
-class FurtherFlight(StageConfig):
-    """A flight that is fitted together with the plan's."""
-
-    flight: Path = Field(description="folder of the flight log")
-    kite: Path | None = Field(
-        None, description="its own kite file, where wind record, noise or fixed values differ; free parameters are declared by the plan's"
-    )
-
-
-class IdentifyConfig(StageConfig):
+class IdentifyConfig(AheadConfig):
     """Settings of identify."""
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds between re-initialisations [s]")
     curriculum: tuple[Seconds, ...] = Field((1.0, 2.5), description="shorter horizons that are fitted first, one after the other [s]")
-    surfaces: Literal["recorded", "controller"] = Field(
-        "recorded", description="replay the recorded set-points, or close the loop with the fitted controller (seed eq. 11d)"
+    surfaces: Surfaces = Field(
+        "recorded", description="replay the recorded set-points, or close the loop with the fitted controller (Rositani eq. 11d)"
     )
-    weights: Literal["noise", "seed"] = Field(
-        "noise", description="noise: every measured channel by its noise; seed: position, attitude and tension by their range"
+    weights: Annotated[Literal["noise", "range"], BeforeValidator(lambda w: "range" if w == "seed" else w)] = Field(
+        "noise", description="what an error of a channel is counted in: its noise, or its range (Rositani eq. 11a)"
     )
-    outputs: Names | None = Field(None, description="measured channels that count; default all of the log")
+    outputs: Names | None = Field(
+        None, description="channels that count, in closed loop also surfaces; default all of the log, by range those of Rositani eq. 11a"
+    )
     prior: bool = Field(True, description="weigh deviations from the declared values by their prior standard deviations")
     also: tuple[FurtherFlight, ...] = Field((), description="further flights of the same kite, fitted together with the plan's")
     per_flight: tuple[str, ...] = Field(
@@ -53,26 +47,14 @@ class Identify(Stage):
         return tuple(f.flight for f in config.also)
 
     def check(self, inputs, config):
-        from awescli.flightlog.read import read_flight
-        from awescli.notation.errors import BadInput
         from awescli.stages.flight_parts import too_long, unknown_channels
 
-        yield from unknown_channels(inputs.log, config.outputs)
-        yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
+        closed = config.surfaces == "controller"
+        yield from unknown_channels(inputs.log, config.outputs, closed=closed)
+        if config.too_long == "refuse":
+            yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
         yield from unknown_own(inputs.declared, config)
-        for i, other in enumerate(config.also):
-            try:
-                further = read_flight(other.flight)
-                inputs.parts_of(further, other.flight)
-            except BadInput as e:
-                yield f"also.{i}.flight", BadInput(str(e))
-            else:
-                yield from unknown_channels(further, config.outputs, f"also.{i}.flight")
-            if other.kite is not None:
-                try:
-                    same_kite(inputs.declared, other.kite)
-                except BadInput as e:
-                    yield f"also.{i}.kite", BadInput(str(e))
+        yield from refused_flights(inputs, config.also, config.outputs, closed)
 
     def run(self, context, config):
         from awescli.artifacts import write_json, write_text
@@ -83,6 +65,7 @@ class Identify(Stage):
         from awescli.stages.handed_on import with_sources
 
         declared = read_kite(context.kite)
+        asked, config = config.horizon, within(context, config)
         flights = flown(context, config, declared)
         task = context.progress.task("Gauss-Newton")
         words = ""
@@ -97,7 +80,8 @@ class Identify(Stage):
             on_iteration=lambda h, i, cost: (task.advance(), task.update(f"{words}{h:g} s, iteration {i}: cost {cost:.6g}")),
         )  # fmt: skip
         method = "filter error" if problems[0].processes else "output error"
-        if problems[0].processes and not (fitted.ended and better_than_declared(problems[0], fitted.flights[0], config.horizon)):
+        good = fitted.ended and better_than_declared(problems[0], fitted.flights[0], config.horizon, config.known_starts)
+        if problems[0].processes and not good:
             method = "output error"
             context.progress.note(
                 "model error leaves the parameters little to say on this flight; they are fitted without it (output error)"
@@ -108,12 +92,13 @@ class Identify(Stage):
             )  # fmt: skip
         flight_of, record = owners(flights, config.per_flight)
         answer = describe(fitted, record, flight_of)
-        scored = [scores(*each, config.horizon) for each in zip(problems, fitted.flights, strict=True)]
+        scored = [scores(*each, config.horizon, config.known_starts) for each in zip(problems, fitted.flights, strict=True)]
         chi2 = unaided(problems[0], fitted.flights[0])
         metrics = {
             "outcome": fitted.solution.outcome, "method": method, "chi2": chi2, "chi2_with_processes": fitted.chi2,
             "outputs": list(problems[0].outputs), "kkt_residual": fitted.solution.kkt,
-            "cost_history": list(fitted.solution.history), "surfaces": config.surfaces, **scored[0],
+            "cost_history": list(fitted.solution.history), "surfaces": config.surfaces,
+            "initial_states": config.initial_states, "weights": config.weights, "horizon_asked_s": asked, **scored[0],
         }  # fmt: skip
         if len(flights) > 1:
             metrics["flights"] = {f.label or f.problem.log.name: s for f, s in zip(flights, scored, strict=True)}
@@ -131,20 +116,6 @@ class Identify(Stage):
             "noise floor": metrics["noise_floor"]["mean"], "parameters": {name: shown(row) for name, row in answer["parameters"].items()},
             ANSWER: told(answer, metrics, context.out / self.name / KITE_FILE),
         }  # fmt: skip
-
-
-def unknown_own(declared, config):
-    """(key, mistake) of `per_flight`: patterns of no free parameter, or nothing to tell apart."""
-    from fnmatch import fnmatchcase
-
-    from awescli.notation.errors import BadInput, did_you_mean
-
-    free = [name for name, row in declared.parameters.items() if row.free]
-    for pattern in config.per_flight:
-        if not any(fnmatchcase(name, pattern) for name in free):
-            yield "per_flight", BadInput(f"no free parameter is called '{pattern}'", do=did_you_mean(pattern, free))
-    if config.per_flight and not config.also:
-        yield "per_flight", BadInput("there is only one flight", do="Name further flights under identify.also, or drop this key.")
 
 
 def names_of(flights) -> str:
@@ -178,39 +149,35 @@ def told(answer: dict, metrics: dict, kite_file) -> list[str]:
     return [*lines, f"kite file: {kite_file}; next: awes trace-residual"]
 
 
+def within(context, config):
+    """The settings with the horizon that all flights of the fit can be predicted ahead."""
+    from awescli.stages.ahead import horizon_within
+    from awescli.stages.flight_parts import flight_parts
+
+    flights = [flight_parts(context, folder) for folder in (context.flight, *(f.flight for f in config.also))]
+    return config.model_copy(update={"horizon": horizon_within(context, config, config.horizon, flights)})
+
+
 def flown(context, config, declared) -> list:
     """The flights of the fit: the plan's, then those of `also`, each with its own simulator (wind record, control law)."""
     from awescli.estimation.problem import build, simulator_of
     from awescli.estimation.staged_fit import Flight
-    from awescli.stages.flight_parts import driven_upstream, flight_parts
+    from awescli.stages.controller_artifact import read_controller
+    from awescli.stages.flight_parts import driven_upstream
 
-    flights, labels = [], []
-    for i, (folder, file) in enumerate([(context.flight, None), *((f.flight, f.kite) for f in config.also)]):
-        log, parts = flight_parts(context, folder)
-        kite, law = same_kite(declared, file) if file else declared, None
+    flights = []
+    for log, parts, kite, label in flights_of(context, config.also, declared):
+        law, driven = None, ()
         if config.surfaces == "controller":
             kite, law = driven_upstream(context, kite, log)
             told_apart(declared, kite)
+            moved = getattr(read_controller(context.upstream("fit-controller")), "surfaces", ())
+            driven = tuple(s for s in moved if s in log.inputs)
         simulator = simulator_of(kite, log, law=law)
-        problem = build(simulator, log, parts, config.horizon, outputs_of(log, config), by_range=config.weights == "seed")
-        label = f"{log.name}-{labels.count(log.name) + 1}" if log.name in labels else log.name
-        labels.append(log.name)
-        flights.append(Flight(problem, label if i else ""))
+        how = {"by_range": config.weights == "range", "known_starts": config.known_starts}
+        problem = build(simulator, log, parts, config.horizon, outputs_of(log, config, driven), **how)
+        flights.append(Flight(problem, label))
     return flights
-
-
-def same_kite(declared, file: Path):
-    """The kite of `file` with the free parameters of `declared`. Raises BadInput where it is another kite."""
-    from awescli.notation.errors import BadInput
-    from awescli.physics.declaration import read_kite
-
-    other = read_kite(file)
-    for what in ("aerodynamics", "effects", "tether"):
-        if getattr(other, what) != getattr(declared, what):
-            raise BadInput(f"its {what} differ from the plan's kite", str(file), "Flights that are fitted together are of one kite.")
-    free = {name: row for name, row in declared.parameters.items() if row.free}
-    fixed = {name: row.model_copy(update={"free": False}) for name, row in other.parameters.items()}
-    return other.model_copy(update={"parameters": {**fixed, **free}, "constraints": declared.constraints})
 
 
 def told_apart(declared, driven) -> None:
@@ -225,12 +192,13 @@ def told_apart(declared, driven) -> None:
             raise BadInput(what, "identify.surfaces", do)
 
 
-def better_than_declared(problem, fit, horizon: float) -> bool:
+def better_than_declared(problem, fit, horizon: float, known_starts: bool) -> bool:
     """Does a fit predict the validation loops better than what was declared?"""
     from awescli.estimation.prediction import predict
 
     after, before = (
-        predict(s, problem.log, problem.split.validation, horizon).nrmse()["mean"] for s in (held(problem, fit), problem.simulator)
+        predict(s, problem.log, problem.split.validation, horizon, known_starts=known_starts).nrmse()["mean"]
+        for s in (held(problem, fit), problem.simulator)
     )
     return after < before
 
@@ -256,13 +224,14 @@ def held(problem, fit):
     return problem.simulator.holding(without_record(problem.kite, fit.parameters))
 
 
-def scores(problem, fit, horizon: float) -> dict:
+def scores(problem, fit, horizon: float, known_starts: bool = False) -> dict:
     """Errors of one flight before and after, and what it says of processes and noise."""
     from awescli.estimation.problem import levels_found
     from awescli.stages.flight_parts import score_parts
 
-    before = score_parts(problem.simulator, problem.log, problem.split, horizon)
-    after = score_parts(held(problem, fit), problem.log, problem.split, horizon)
+    before, after = (
+        score_parts(s, problem.log, problem.split, horizon, known_starts) for s in (problem.simulator, held(problem, fit))
+    )
     return {"processes": levels_found(problem), "noise_factors": dict(problem.factors), "initial": before, **after}
 
 
@@ -279,12 +248,13 @@ def tell(progress, answer: dict, metrics: dict) -> None:
         progress.note(f"{starts['same_optimum']} of {starts['starts']} starts led to the best optimum, {others} to others that are worse")
 
 
-def outputs_of(log, config) -> tuple[str, ...]:
-    """The channels that count: those asked for, else all measured ones (weights: seed leaves velocities and rates out)."""
+def outputs_of(log, config, driven: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """The channels that count: those asked for, else all measured ones; weighed by their range those of Rositani eq. (11a): position,
+    attitude, tension, and the surfaces `driven` by the law in the loop, without velocities and rates."""
     from awescli.notation.quantities import MEASURED
 
-    wanted = config.outputs
-    if wanted is None:
-        left_out = {"v_n", "v_e", "v_d", "p", "q", "r", "a_x", "a_y", "a_z", "V_a", "alpha", "beta"} if config.weights == "seed" else set()
-        return tuple(n for n in MEASURED if n in log and n not in left_out)
-    return wanted
+    if config.outputs is not None:
+        return config.outputs
+    if config.weights == "range":
+        return (*(n for n in ("p_n", "p_e", "p_d", "phi", "theta", "psi", "tension") if n in log.measured), *driven)
+    return tuple(n for n in MEASURED if n in log)

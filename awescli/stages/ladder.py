@@ -8,19 +8,21 @@ MADE_BY = {"identified": "identify", "with_effects": "trace-residual", "hybrid":
 """Model -> the stage that hands it on; `initial` is what the user declared."""
 
 
-def ladder(context: Context, log) -> dict:
-    """name -> Simulator of every model that exists, in the order in which they were made."""
-    return {name: model_of(name, file, log) for name, file in kite_files(context).items()}
+def ladder(context: Context, log, closed: bool = False) -> dict:
+    """name -> Simulator of every model that exists, in the order in which they were made; closed: the fitted law moves the surfaces."""
+    return {name: model_of(name, file, log, context if closed else None) for name, file in kite_files(context).items()}
 
 
-def model_of(name: str, file: Path, log):
-    """The Simulator of one model in the wind of a flight: of its kite file, and of the network beside it."""
+def model_of(name: str, file: Path, log, context: Context | None = None):
+    """The Simulator of one model in the wind of a flight: of its kite file, and of the network beside it; context: of the run whose fitted
+    law moves the surfaces."""
     from awescli.estimation.problem import simulator_of
     from awescli.learning.correction import hybrid_from_artifact
     from awescli.physics.declaration import read_kite
+    from awescli.stages.flight_parts import closed_loop
 
-    declaration = read_kite(file)
-    return hybrid_from_artifact(*network(file.parent), declaration, log) if name == "hybrid" else simulator_of(declaration, log)
+    kite, law = closed_loop(context, read_kite(file), log) if context is not None else (read_kite(file), None)
+    return hybrid_from_artifact(*network(file.parent), kite, log, law) if name == "hybrid" else simulator_of(kite, log, law=law)
 
 
 def kite_files(context: Context) -> dict[str, Path]:
@@ -49,7 +51,7 @@ def score_ladder(models: dict, context: Context, log, parts, config, task) -> tu
     arrays: dict = {}
     for name, simulator in models.items():
         task.update(name)
-        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons)
+        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts)
         for part, prediction in predictions.items():
             block["nrmse"][part] |= surface_errors(context, log, prediction)
         metrics[name], test = block, predictions["test"]

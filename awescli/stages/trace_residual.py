@@ -4,6 +4,7 @@ from textwrap import shorten
 
 from pydantic import Field
 
+from awescli.stages.ahead import Surfaces, surfaces_of
 from awescli.stages.answers import ANSWER, WIDTH, change, fitting, named, number, sized
 from awescli.stages.base import FAILURE, KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 from awescli.stages.further_flights import FurtherFlight, flights_of, refused_flights, unknown_own
@@ -21,6 +22,9 @@ class TraceResidualConfig(StageConfig):
     per_flight: tuple[str, ...] = Field(
         (), description="parameters that each flight has for itself, names or patterns: trims, offsets ([dl, C?0]); all others are shared"
     )
+    surfaces: Surfaces | None = Field(
+        None, description="replay the recorded set-points, or close the loop with the fitted controller; default as identify did"
+    )
 
 
 class TraceResidual(Stage):
@@ -32,7 +36,7 @@ class TraceResidual(Stage):
     makes = ("effects.json", "params.json", KITE_FILE, "metrics.json", "residuals.npz")
 
     def needs(self, config):
-        return (Need("identify"),)
+        return (Need("fit-controller", required=config.surfaces == "controller"), Need("identify"))
 
     def flights(self, config):
         return tuple(f.flight for f in config.also)
@@ -55,15 +59,15 @@ class TraceResidual(Stage):
     def run(self, context, config):
         from awescli.artifacts import read_json, write_arrays, write_json, write_text
         from awescli.flightlog.loops import find_loops
+        from awescli.notation.quantities import MEASURED
         from awescli.physics.declaration import kite_text, read_kite
+        from awescli.simulation.closed_loop import with_what_was_found
         from awescli.stages.flight_parts import predicted, scores_of
         from awescli.stages.handed_on import traced_params, with_sources
         from awescli.tracing.account import account, residual_arrays
         from awescli.tracing.flight import trace_flight
-        from awescli.tracing.models import TracedFlight
 
         declared = read_kite(context.kite)
-        (log, parts, *_), *others = flights_of(context, config.also, declared)
         identified = read_kite(context.upstream("identify") / KITE_FILE)
         task = context.progress.task("tracing the residual")
 
@@ -73,10 +77,16 @@ class TraceResidual(Stage):
 
         # the prior is what the user declared; the search starts from what identify found
         handed_on = read_json(context.upstream("identify") / "metrics.json")
-        began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon)}
-        also = tuple(TracedFlight(*other) for other in others)
-        settings = config.model_dump() | {"outputs": config.outputs or tuple(handed_on["outputs"]), "also": also}
-        finding = trace_flight(declared, log, parts, progress=progress, **began, **settings)
+        surfaces = surfaces_of(context, config.surfaces)
+        began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon, surfaces)}
+        closed = surfaces == "controller"
+        flown = [traced(context, closed, *flight) for flight in flights_of(context, config.also, declared)]
+        log, parts, driven = flown[0].log, flown[0].split, flown[0].declared
+        finding = trace_flight(
+            driven, log, parts, horizon=config.horizon, curriculum=config.curriculum, rounds=config.rounds, candidates=config.candidates,
+            outputs=config.outputs or tuple(n for n in handed_on["outputs"] if n in MEASURED), also=flown[1:], closes=flown[0].closes,
+            per_flight=config.per_flight, progress=progress, **began,
+        )  # fmt: skip
         progress("scoring on unseen loops")
         models = {"before": finding.before(), "after": finding.after()}
         predictions = {which: predicted(simulator, log, parts, config.horizon) for which, simulator in models.items()}
@@ -88,12 +98,14 @@ class TraceResidual(Stage):
         scores = {which: scores_of(p, config.horizon) for which, p in predictions.items()}
         params = traced_params(finding.model, effects)
         testable = finding.verdict != "not_testable"
-        kite = with_sources(finding.declaration(), params, log.name) if testable else identified
+        found = with_what_was_found(finding.declaration(), driven, declared)
+        kite = with_sources(found, params, log.name) if testable else identified
         write_json(context.folder / "effects.json", effects)
         write_json(context.folder / "params.json", params)
         write_text(context.folder / KITE_FILE, kite_text(kite))
         write_arrays(context.folder / "residuals.npz", arrays)
-        write_json(context.folder / "metrics.json", {"outcome": finding.verdict, "before": scores["before"], **scores["after"]})
+        said = {"outcome": finding.verdict, "surfaces": surfaces, "initial_states": "free"}
+        write_json(context.folder / "metrics.json", said | {"before": scores["before"], **scores["after"]})
         error = effects["error"]
         return {
             "verdict": effects["verdict"], "effect": ", ".join(named(e) for e in effects["effects"]) or "-",
@@ -101,6 +113,15 @@ class TraceResidual(Stage):
             error["noise_floor"]["mean"], **detectable(effects), **seen_alone(effects),
             ANSWER: told(effects, context.out / self.name / KITE_FILE), **failure(finding),
         }  # fmt: skip
+
+
+def traced(context, closed: bool, log, parts, declared, label: str):
+    """A flight as tracing takes it; closed: the fitted controller moves its surfaces."""
+    from awescli.stages.flight_parts import closing_upstream
+    from awescli.tracing.models import TracedFlight
+
+    driven, closes = closing_upstream(context, declared, log) if closed else (declared, None)
+    return TracedFlight(log, parts, driven, label, closes)
 
 
 def kinematics(log) -> list[dict]:
@@ -124,15 +145,17 @@ def seen_alone(effects: dict) -> dict:
     return {"kinematics alone": "; ".join(e["sentence"] for e in effects["kinematics"])} if effects.get("kinematics") else {}
 
 
-def begun(identified: dict, horizon: float) -> dict:
+def begun(identified: dict, horizon: float, surfaces: str) -> dict:
     """Where identify ended: levels of processes and noise, and the error that the declared model must reach again. identified: its
-    metrics.json; levels are missing where it weighed channels by their range, the error where it predicted another horizon."""
+    metrics.json; levels are missing where it weighed channels by their range or had other surfaces, the error where it predicted another
+    horizon, or from other states."""
     from awescli.tracing.models import Levels
 
     found, processes = {}, identified.get("processes")
-    if processes and identified["surfaces"] == "recorded" and identified["method"] == "filter error":
+    alike = identified["surfaces"] == surfaces
+    if processes and alike and identified["method"] == "filter error":
         found["levels"] = Levels({name: p["level"] for name, p in processes.items()}, identified["noise_factors"])
-    if identified["horizon_s"] == horizon:
+    if alike and identified["horizon_s"] == horizon and identified.get("initial_states", "free") == "free":
         found["identified_error"] = identified["nrmse"]["validation"]["mean"]
     return found
 

@@ -1,11 +1,12 @@
-"""train-hybrid: let a small network learn what the physics leaves, through the rollout (seed section 5)."""
+"""train-hybrid: let a small network learn what the physics leaves, through the rollout (Rositani section 5)."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field
 
+from awescli.stages.ahead import HandedOnConfig
 from awescli.stages.answers import ANSWER, change
-from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage, StageConfig
+from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage
 
 CHECKPOINT = "training-{}.npz"
 """In the stage's scratch, one for each network; `State.to_arrays`."""
@@ -15,18 +16,28 @@ TORCHDIFFEQ = ("rk4_classical", "euler", "midpoint", "heun2", "heun3", "dopri8",
 """Solvers of `hybrid_torch.solver_names()`, which only torch could tell; rk4_classical has the tableau of rk4."""
 
 
-class TrainHybridConfig(StageConfig):
+class TrainHybridConfig(HandedOnConfig):
     """Settings of train-hybrid."""
 
     hidden: tuple[Annotated[int, Field(ge=1, le=512)], ...] = Field(
-        (16, 16), min_length=1, max_length=4, description="widths of the tanh layers (the seed: 8, 8)"
+        (16, 16), min_length=1, max_length=4, description="widths of the tanh layers (Rositani: 8, 8)"
     )
     inputs: Names | None = Field(None, description="what the network sees; default states, flow angles, surfaces, line")
     horizons: tuple[Seconds, ...] = Field(
         (1.0, 2.5, 5.0), min_length=1, description="predicted seconds, growing; the last one is what counts [s]"
     )
     warmup: float = Field(1.0, gt=0.1, le=5, description="seconds before a prediction that its start is estimated from [s]")
-    surfaces: Literal["recorded", "controller"] = Field("recorded", description="replay the recorded set-points, or close the loop")
+    scaling: Literal["standard", "minmax"] = Field(
+        "standard", description="network inputs by mean and standard deviation, or by minimum and maximum to -1..1 (Rositani)"
+    )
+    drifting: Literal["leave_out", "keep"] = Field(
+        "leave_out", description="inputs that leave their training range on validation, or tell the time"
+    )
+    weights: Literal["error", "range"] = Field(
+        "error", description="what an error of a state is counted in: what physics leaves of it, or its range (Rositani)"
+    )
+    gate: bool = Field(True, description="keep a correction only where validation proves it, else where validation falls at all (Rositani)")
+    fade: bool = Field(True, description="the correction fades outside the states it was trained on; else it acts everywhere (Rositani)")
     solver: Literal["rk4", *TORCHDIFFEQ] = Field(
         "rk4", description="rk4: compiled, exact adjoint; the others: torchdiffeq and autograd, slow"
     )
@@ -40,7 +51,7 @@ class TrainHybridConfig(StageConfig):
     material: float = Field(0.03, ge=0, lt=1, description="least relative gain on validation for a correction to be kept")
     budget: float = Field(120.0, gt=0, description="seconds of training, all networks together [s]")
     members: int = Field(1, ge=1, le=20, description="networks from different seeds; their spread is the model's uncertainty")
-    compare: bool = Field(False, description="also let Adam go on alone for as many gradients, and seconds, as L-BFGS (seed figure 3)")
+    compare: bool = Field(False, description="also let Adam go on alone for as many gradients, and seconds, as L-BFGS (Rositani figure 3)")
 
 
 class TrainHybrid(Stage):
@@ -67,8 +78,7 @@ class TrainHybrid(Stage):
             except BadInput as e:
                 yield "inputs", e
         if config.surfaces == "controller" and config.solver != "rk4":
-            do = "Use solver: rk4, or surfaces: recorded."
-            yield "solver", BadInput(f"solver '{config.solver}' replays recorded set-points only", do=do)
+            yield "solver", replays_only(config.solver)
 
     def run(self, context, config):
         import numpy as np
@@ -82,13 +92,18 @@ class TrainHybrid(Stage):
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.physics.kite import Kite
         from awescli.simulation.rollout import Simulator
-        from awescli.stages.flight_parts import driven_upstream, flight_parts, score_parts
+        from awescli.stages.flight_parts import closed_loop, flight_parts, score_parts
 
         log, parts = flight_parts(context)
         declaration = read_kite(context.model_kite())
-        kite = Kite(declaration, log.wind.height)
-        driven, law = driven_upstream(context, declaration, log) if config.surfaces == "controller" else (declaration, None)
+        closed = config.closes_the_loop(context)
+        if closed and config.solver != "rk4":
+            raise replays_only(config.solver)
+        driven, law = closed_loop(context, declaration, log, closed)
+        kite, in_loop = (Kite(d, log.wind.height) for d in (declaration, driven))
         chosen = {k: v for k, v in config.model_dump().items() if k != "inputs" and k in TrainingConfig.__annotations__}
+        chosen |= {"horizons": horizons_within(context, config, log, parts), "known_starts": config.known_starts}
+        chosen |= {"keep_drifting": config.drifting == "keep", "by_range": config.weights == "range"}
         settings = TrainingConfig(**chosen, seed=context.seed, **({"inputs": config.inputs} if config.inputs else {}))
 
         def saved(member):
@@ -100,7 +115,7 @@ class TrainHybrid(Stage):
 
         task = context.progress.task("training")
         ensemble = train_ensemble(
-            Kite(driven, log.wind.height), log, parts.train, parts.validation, settings, config.members,
+            in_loop, log, parts.train, parts.validation, settings, config.members,
             lambda text, cost: (task.advance(), task.update(f"{text}, training {cost:.4g}")), law=law, resume=resume,
             checkpoint=lambda member, state: write_arrays(saved(member), state.to_arrays()),
         )  # fmt: skip
@@ -108,21 +123,26 @@ class TrainHybrid(Stage):
         correction, description = best.correction, best.correction.description()
         task.update("scoring on unseen loops")
         horizon = best.metrics["horizons"][-1]
-        before = score_parts(Simulator(kite, ()), log, parts, horizon)
-        after = score_parts(hybrid_from_artifact(description, correction.to_arrays(), declaration, log), log, parts, horizon)
+        before = score_parts(Simulator(in_loop, (), law), log, parts, horizon, config.known_starts)
+
+        def scored(network) -> dict:
+            model = hybrid_from_artifact(network.description(), network.to_arrays(), driven, log, law)
+            return score_parts(model, log, parts, horizon, config.known_starts)
+
+        after = scored(correction)
         told = along(log, kite, correction)
         # times stand in the provenance, so that equal runs leave equal artifacts
         timeless = {k: v for k, v in best.metrics.items() if k != "seconds"}
         columns = [name for name in HISTORY if name != "seconds"]
         rows = [[v for name, v in zip(HISTORY, row, strict=True) if name in columns] for row in best.history]
         metrics = {
-            **timeless, "before": before, **after, "outside_box_test": outside_share(log, kite, correction, parts.test),
+            **timeless, "surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states,
+            "before": before, **after, "outside_box_test": outside_share(log, kite, correction, parts.test),
             "share_of_acceleration": told.shares(log.valid), "history": {"columns": columns, "rows": rows},
             "distilled": [str(f) for f in distil(log, kite, correction, parts.train, parts.validation)],
         }  # fmt: skip
         for name, other in (best.compared or {}).items():
-            model = hybrid_from_artifact(other.description(), other.to_arrays(), declaration, log)
-            metrics["comparison"].setdefault("test", {})[name] = score_parts(model, log, parts, horizon)["nrmse"]["test"]
+            metrics["comparison"].setdefault("test", {})[name] = scored(other)["nrmse"]["test"]
         if config.members > 1:
             learned = [c for c in ensemble.corrections if not c.is_zero]
             metrics["ensemble"] = {"members": config.members, "learned": len(learned), "outcomes": [m.outcome for m in ensemble.members]}
@@ -147,6 +167,23 @@ class TrainHybrid(Stage):
                 change(*(m["nrmse"]["test"]["mean"] for m in (before, after)), after["noise_floor"]["mean"], horizon),
             ],
         }  # fmt: skip
+
+
+def replays_only(solver: str):
+    """The mistake of a solver that cannot close the loop."""
+    from awescli.notation.errors import BadInput
+
+    return BadInput(f"solver '{solver}' replays recorded set-points only", do="Use solver: rk4, or surfaces: recorded.")
+
+
+def horizons_within(context, config, log, parts) -> tuple[float, ...]:
+    """The horizons that fit into every part of the flight, at least one, where they may be shortened; else all."""
+    from awescli.stages.ahead import horizon_within
+
+    if config.too_long == "refuse":
+        return config.horizons
+    longest = horizon_within(context, config, max(config.horizons), [(log, parts)])
+    return (*(h for h in config.horizons if h < longest), longest)
 
 
 def spread_over_test(kite, corrections, log, ranges, horizon: float, spread) -> dict[str, float]:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from awescli.estimation.prediction import predict
 from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.kite import Kite
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.investigate import Finding, investigate, library_keys
 from awescli.tracing.models import Frame, Levels, TracedFlight, fit_null
@@ -27,6 +28,7 @@ def trace_flight(
     rounds: int = CRITERIA.effects,
     also: Sequence[TracedFlight] = (),
     per_flight: Sequence[str] = (),
+    closes: Callable[[Kite], Callable] | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Finding:
     """The finding on a flight cut into `parts` (train, validation, test; test is not touched).
@@ -34,10 +36,10 @@ def trace_flight(
     declared gives the prior; start: name -> value to start the fit from; levels: of processes and noise, as an identification left them:
     the fit begins where that one ended; identified_error: its mean NRMSE on validation loops, `horizon` ahead; candidates: keys of effects
     (default: the whole library that the flight could show); also: further flights of the same kite, with labels: parameters and effects are
-    shared, but for those that patterns in per_flight name; nuisances are every flight's own.
+    shared, but for those that patterns in per_flight name; nuisances are every flight's own; closes: as of TracedFlight.
     """
     keys = library_keys(declared, log, candidates)
-    flights = (TracedFlight(log, parts, declared), *also)
+    flights = (TracedFlight(log, parts, declared, closes=closes), *also)
     frame = Frame(flights, horizon, tuple(outputs or log.measured), tuple(per_flight))
     progress("fitting the model as it is declared")
     null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None or also else (levels,))

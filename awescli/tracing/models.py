@@ -15,7 +15,7 @@ from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Split
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import make_effect
+from awescli.physics.kite import Kite, make_effect
 from awescli.simulation.rollout import Simulator
 
 QUICK = (2, 2.0)
@@ -35,12 +35,18 @@ BEYOND = 10.0
 
 @dataclass(frozen=True)
 class TracedFlight:
-    """A flight of a trace. declared: the kite as declared for it (its wind record and noise are the flight's)."""
+    """A flight of a trace. declared: the kite as declared for it (its wind record and noise are the flight's); closes: a kite -> the law
+    that moves its surfaces; None: the recorded set-points do."""
 
     log: FlightLog
     split: Split
     declared: KiteDeclaration
     label: str = ""
+    closes: Callable[[Kite], Callable] | None = None
+
+    def simulator(self, keys: Sequence[str]) -> Simulator:
+        """Of the declared kite with the effects `keys` at null."""
+        return simulator_of(self.declared, self.log, keys, closes=self.closes)
 
 
 @dataclass(frozen=True)
@@ -72,7 +78,7 @@ class Frame:
 
     def problems(self, keys: Sequence[str]) -> list[EstimationProblem]:
         """The flights cut up for the declared kite with the effects `keys` at null."""
-        return [build(simulator_of(f.declared, f.log, keys), f.log, f.split, self.horizon, self.outputs) for f in self.flights]
+        return [build(f.simulator(keys), f.log, f.split, self.horizon, self.outputs) for f in self.flights]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from scipy import stats
 
 from awescli.estimation.fit import relaxed
 from awescli.estimation.misfit import Misfit, Own
-from awescli.estimation.problem import EstimationProblem, build, simulator_of
+from awescli.estimation.problem import EstimationProblem, build
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import OUTPUTS
 from awescli.physics.kite import make_effect
@@ -132,7 +132,7 @@ def _says(
     flight, problem: EstimationProblem, table, added, keys, columns: "CandidateColumns", horizon: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """(H, b) of the model's parameters and all candidates' columns, from one flight in segments of `horizon` seconds."""
-    simulator = simulator_of(flight.declared, flight.log, (*added, *keys))
+    simulator = flight.simulator((*added, *keys))
     rows = simulator.kite.parameters
     simulator = simulator.holding(rows.with_values({n: table[n].value for n in rows if n in table}))
     short = build(simulator, problem.log, problem.split, min(horizon, problem.horizon), problem.outputs, by_range=problem.by_range)

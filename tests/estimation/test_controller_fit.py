@@ -11,7 +11,7 @@ from awescli.control.features import FEATURE_SETS, evaluate
 from awescli.control.law import deflections_of_log, deflections_of_states, state_mapping
 from awescli.control.laws import LAWS, from_artifact, to_artifact
 from awescli.control.pattern import Pattern
-from awescli.estimation.controller_bounds import Pairs, estimate_bounds, neighbour_pairs, small_gain
+from awescli.estimation.controller_bounds import Pairs, estimate_bounds, neighbour_pairs
 from awescli.estimation.controller_centres import farthest_points
 from awescli.estimation.controller_fit import ControllerConfig, fit_controller
 from awescli.estimation.controller_greedy import greedy_order
@@ -20,7 +20,7 @@ from awescli.estimation.controller_lp import sparse_coefficients
 from awescli.estimation.controller_noise import NOISE
 from awescli.estimation.controller_pattern import fit_pattern
 from awescli.estimation.controller_ridge import solve_ridge, triangle, well_conditioned
-from awescli.estimation.controller_samples import answered, gather
+from awescli.estimation.controller_samples import answered, gather, in_blocks
 from awescli.estimation.controller_steering import TERMS, find_steering
 from awescli.flightlog.log import FlightLog
 from awescli.notation.errors import BadInput
@@ -186,7 +186,6 @@ def test_noise_bound_and_slope_from_neighbours():
     pairs = neighbour_pairs(X, r.integers(0, 10, 3000))
     eps, gamma = estimate_bounds(u, pairs)
     assert 0.01 < eps < 0.025 and gamma < 0.5
-    assert small_gain(0.1, 5.0)["holds"] is True and small_gain(0.1, 20.0)["holds"] is False
 
 
 def test_neighbours_come_from_other_loops():
@@ -330,3 +329,44 @@ def test_slowest_surface_keeps_its_own_rate_limit():
     limited = replace(log, inputs=dict(log.inputs) | {"rudder": log["rudder"][0] + np.cumsum(steps)})
     law = fit_controller(limited, *PARTS, ControllerConfig(kind="linear", features=FIXED, smooth_window_s=0.0)).law
     assert set(law.rate_limits) == {"rudder"} and law.rate_limits["rudder"] == pytest.approx(0.05)
+
+
+def test_the_convex_law_is_the_programmes_own():
+    """Guards `method: convex`: the law's coefficients are a solution of the linear programme (its error stays within the bound but for few
+    samples, and a sum of |a| that no other weights undercut was paid for it), sparse, and as good as the greedy one."""
+    log, settings = circling(), {"features": FIXED, "hold": 0.0, "smooth_window_s": 0.0}
+    convex, greedy = (fit_controller(log, *PARTS, ControllerConfig(method=m, **settings)) for m in ("convex", "greedy"))
+    report = convex.report
+    assert report["method"] == "convex" and report["chosen_by"]["basis"] == "convex" and 0 < report["nonzeros"] < 60
+    (said,) = report["convex"]
+    assert said["l1_norm"] == pytest.approx(np.abs(convex.law.coefficients).sum(), rel=1e-3) and said["solver"].startswith("Optimization")
+    errors = np.abs(deflections_of_log(convex.law, log)["rudder"] - log["rudder"])[:4200]
+    assert np.quantile(errors, 0.9) < said["alpha"] * said["eps"] + said["worst_slack"]
+    assert report["nrmse"]["test"]["rudder"] < 1.5 * greedy.report["nrmse"]["test"]["rudder"]
+    np.testing.assert_array_equal(from_artifact(*to_artifact(convex.law)).coefficients, convex.law.coefficients)
+
+
+def test_all_laws_stand_in_one_table():
+    fit = fit_controller(circling(), *PARTS, ControllerConfig(kind="linear", features=FIXED, smooth_window_s=0.0, hold=0.0, compare=True))
+    assert set(fit.report["comparison"]) == set(fit.laws) == {"linear", "gaussian", "network", "convex"}
+    errors = {kind: line["nrmse"]["test"]["rudder"] for kind, line in fit.report["comparison"].items()}
+    assert errors["convex"] < 0.004 and errors["convex"] < errors["linear"]
+
+
+def test_a_slack_has_the_price_of_its_row():
+    """Guards the prices of samples that were never flown: two samples contradict, and the dearer one is met."""
+    none = Pairs(np.array([], int), np.array([], int), np.array([]))
+    phi, affine, u = np.zeros((2, 0)), np.ones((2, 1)), np.array([0.1, 0.3])
+    for price, expected in (([100.0, 1.0], 0.1), ([1.0, 100.0], 0.3)):
+        assert sparse_coefficients(phi, affine, u, 0.0, none, 0.0, 0.0, np.array(price)).affine[0] == pytest.approx(expected)
+
+
+def test_few_loops_are_cut_into_blocks_of_time():
+    """Guards short flights: three loops cannot be six folds; where that is allowed, six blocks of equal length are, and it is said."""
+    log, parts, settings = circling(), ([(0, 1200)], [(1200, 1700)]), {"kind": "linear", "features": FIXED, "folds": 6}
+    with pytest.raises(BadInput, match="3 loops in the training part, fewer than 6 folds"):
+        fit_controller(log, *parts, ControllerConfig(**settings))
+    fit = fit_controller(log, *parts, ControllerConfig(**settings, few_loops="blocks"))
+    assert fit.report["folds_of"] == "blocks" and np.isfinite(fit.report["nrmse"]["test"]["rudder"])
+    cut = in_blocks(gather(log, *parts), 6)
+    assert np.bincount(cut.loop[cut.train]).tolist() == [200] * 6 and (np.diff(cut.loop) >= 0).all()

@@ -182,3 +182,16 @@ def test_a_state_that_nothing_sees_is_harmless():
     found = eliminate(replace(links, J=J, ends=ends).gram(), axes, path, begins, DT)
     assert np.isfinite(found.H).all() and np.isfinite(found.cost).all() and np.isfinite(found.nuisances().path).all()
     assert np.linalg.eigvalsh(found.H)[0] > 0
+
+
+def test_known_starts_are_a_very_firm_prior():
+    """Guards `from_known_starts` over several links: what is left of starts that are known, and of all that depends on them, is nothing."""
+    links, axes, path, begins = system(3)
+    firm = system(3)[0].gram()
+    firm.x[:, 0, np.arange(links.unknown), np.arange(links.unknown)] += 1e12
+    expected = eliminate(firm, axes, path, begins, DT)
+    found = eliminate(links.from_known_starts().gram(), axes, path, begins, DT)
+    assert found.H == pytest.approx(expected.H, rel=1e-6, abs=1e-8) and found.b == pytest.approx(expected.b, rel=1e-6, abs=1e-8)
+    assert found.cost == pytest.approx(expected.cost, rel=1e-6)
+    back = found.nuisances(np.array([0.3, -0.2, 0.5])).starts(N_START)
+    assert not back[:, : links.unknown].any() and back[:, links.unknown :].any()

@@ -7,14 +7,17 @@ import pytest
 from learning.small_flight import declaration, small_flight, small_kite, small_segments
 
 from awescli.learning.acceptance import OUTCOMES, gate, verdict
-from awescli.learning.correction import Correction
+from awescli.learning.correction import Correction, evaluate
 from awescli.learning.ensemble import spread, train_ensemble
 from awescli.learning.explain import along, distil
+from awescli.learning.normalisation import input_signals, samples_of, untrained
+from awescli.learning.problem import Problem
 from awescli.learning.training import HISTORY, State, TrainingConfig, train
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
-from awescli.notation.quantities import OUTPUTS
+from awescli.notation.quantities import OUTPUTS, STATES
 from awescli.physics.kite import Kite
+from awescli.simulation.segments import smooth_states
 
 CONFIG = TrainingConfig(hidden=(8,), horizons=(0.8, 2.5), warmup=0.6, rounds=3, adam_iterations=25, lbfgs_iterations=15)
 
@@ -167,3 +170,43 @@ def test_checkpoint_of_another_network_is_refused(learned):
         State.from_arrays(arrays, 7)
     with pytest.raises(BadInput, match="not a training checkpoint"):
         State.from_arrays({}, 7)
+
+
+def test_without_a_gate_the_lowest_validation_error_is_enough(draggy):
+    """Guards `gate: false`: a gain that the gate would not call proved is kept, and the sentence says so; no gain is no_gain."""
+    log, ranges = draggy
+    strict = replace(CONFIG, material=0.99, rounds=1)
+    kept, refused = (train(small_kite(), log, ranges[:6], ranges[6:], replace(strict, gate=g)) for g in (False, True))
+    assert refused.correction.is_zero and not kept.correction.is_zero
+    assert kept.outcome == "trained" and "would have said no" in kept.metrics["sentence"] and kept.metrics["proved"] is False
+    still = train(small_kite(), log, ranges[:6], ranges[6:], replace(strict, gate=False, rate=1e-12, adam_iterations=1, lbfgs_iterations=0))
+    assert (still.outcome == "no_gain") == still.correction.is_zero
+
+
+def test_from_measured_states_there_is_no_warm_up(draggy):
+    """Guards `known_starts`: predictions begin at the smoothed measured states, whatever the weights say; and errors counted by range, with
+    which physics still has cost 1."""
+    log, ranges = draggy
+    kite = small_kite()
+    correction = untrained(log, kite, ranges, ("u", "w", "V_a"), (4,), 0)
+    problem = Problem(kite, log, correction, 0.6, known_starts=True, by_range=True)
+    observed = problem.observed(np.array([60, 400]), 100)
+    data = problem.data(observed, correction.weights)
+    assert problem.warmup == 2 and data.observed is observed
+    np.testing.assert_array_equal(observed.segments.starts, smooth_states(log)[[58, 398]])
+    spans = np.ptp(np.stack([log[n] for n in STATES], axis=1)[log.valid], axis=0)
+    np.testing.assert_allclose(data.sigma / spans, data.sigma[0] / spans[0])
+    assert problem.costs(data, correction.weights).mean() == pytest.approx(1.0, rel=0.02)
+
+
+def test_min_max_scaling_and_no_fade(draggy):
+    """Guards the scaling by range: every input runs from -1 to 1 over the training flight; without a fade it acts far beyond."""
+    log, ranges = draggy
+    names, kite = ("u", "phi", "wind_speed", "V_a"), small_kite()
+    plain = untrained(log, kite, ranges, names, (4,), 0)
+    scaled = untrained(log, kite, ranges, names, (4,), 0, scaling="minmax", fade=False)
+    z = ((input_signals(log, kite, scaled.inputs) - scaled.mean) / scaled.deviation)[samples_of(ranges, log.valid)]
+    np.testing.assert_allclose([z.min(axis=0), z.max(axis=0)], [[-1.0] * z.shape[1], [1.0] * z.shape[1]], atol=1e-9)
+    assert "phi" in scaled.inputs and "wind_speed" not in scaled.inputs  # this wind never changes
+    far = [m + 8 * d for m, d in zip(plain.mean, plain.deviation, strict=True)]
+    assert evaluate(far, plain)[1] < 0.01 and evaluate(far, scaled)[1] == 1.0
