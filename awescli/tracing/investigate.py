@@ -111,6 +111,10 @@ def investigate(
         return _finding(frame, evidence, criteria)
     library = search(frame, null, keys, rounds=rounds, criteria=criteria, progress=progress)
     progress("looking at what is left")
+    if library.null is not null:
+        null = library.null
+        bare, rest = rest_of(frame, null)
+        evidence = replace(evidence, bare=bare, model=bare, rest=rest)
     evidence = replace(evidence, search=library, **_settled(frame, library, bare, rest, criteria))
     evidence = replace(evidence, gusts=_gusts(evidence.model))
     if evidence.model.keys:

@@ -36,6 +36,10 @@ class Tried:
         return self.score.key
 
 
+CROWD = 2
+"""So many candidates beside the best may gain half as much as it: rivals do."""
+
+
 @dataclass(frozen=True)
 class Round:
     """base: the model that was there; tried: all candidates, best screened first; accepted: whose turn it was, "" for nobody; untestable:
@@ -80,6 +84,9 @@ def search(
         detectable = detectable or _detectable(screening)
         tried = _race(frame, model, screening, criteria, progress)
         best, tried = _best(frame, model, tried, criteria, progress)
+        if best is not None and crowded(tried):
+            model, best, tried = _base_revisited(frame, model, best, tried, criteria, progress)
+            null = null if record else model
         record.append(Round(model.light(), tried, best.keys[-1] if best else "", screening.untestable))
         if best is None:
             break
@@ -187,6 +194,26 @@ def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> 
                 best = trial
         model = best
     return model
+
+
+def crowded(tried: Sequence[Tried]) -> bool:
+    """Do many candidates gain about as much as the best? What they have in common is then not what they are."""
+    gains = sorted((t.gain for t in tried if t.model is not None), reverse=True)
+    return len(gains) > CROWD and gains[CROWD] > gains[0] / 2
+
+
+def _base_revisited(
+    frame: Frame, base: FittedModel, best: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress
+) -> tuple[FittedModel, FittedModel | None, tuple[Tried, ...]]:
+    """(base, best, tried), the base fitted anew from where the best candidate led, without it: a fit that had stopped short of its optimum
+    would make every candidate look good that happens to carry it on."""
+    progress("fitting without it from there")
+    again = fit_without(frame, best, best.keys[-1:])
+    nearer = base.deviance - again.deviance
+    if nearer <= 0:
+        return base, best, tried
+    tried = tuple(t if t.model is None else replace(t, gain=t.gain - nearer) for t in tried)
+    return again, best if admissible(again, best, criteria) else None, tried
 
 
 def _revisited(frame: Frame, final: FittedModel, record: list[Round], criteria: Criteria, progress) -> tuple[FittedModel, list[Round]]:

@@ -35,13 +35,13 @@ def problem(log):
 
 def test_memories_are_those_of_made_gusts(log):
     """Guards the processes against the generator: over its memory a horizontal or rolling gust falls to 1/e of what it was; the vertical
-    one, of another form, to half of that."""
+    one, of another form, to (1 - 1/4) exp(-1/2)."""
     airspeed, b = mean_airspeed(log), DEVELOPMENT.parameters["b"].value
     memory = {g.name: g.memory for process in (Gusts, RollGusts) for g in process.of(DEVELOPMENT, log).groups}
     made = dryden(100_000, 0.1, airspeed, seed=3)
     rolling = roll_gust(100_000, 0.02, airspeed, b, seed=4)
     for name, series, dt, expected in (
-        ("horizontal gusts", made[:, 0], 0.1, np.exp(-1)), ("vertical gusts", made[:, 2], 0.1, np.exp(-1) / 2),
+        ("horizontal gusts", made[:, 0], 0.1, np.exp(-1)), ("vertical gusts", made[:, 2], 0.1, 0.75 * np.exp(-0.5)),
         ("roll gusts", rolling, 0.02, np.exp(-1)),
     ):  # fmt: skip
         lag = int(round(memory[name] / dt))
