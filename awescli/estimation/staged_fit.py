@@ -36,6 +36,8 @@ LOOSE, TIGHT = 2.0, 0.1
 """What a fit need not gain any more (chi-square) while levels still change, and in the end."""
 FEW, MANY = 2, 8
 """Probes of a look at the log determinant of the nuisances, while levels still change and in the end."""
+LOST = 2
+"""Fits in a row that do not come to their minimum, after which levels are not asked any more: they are those of a model that is nowhere."""
 UNCHANGED = 2.0
 """Deviance that new levels must gain to be worth another fit."""
 OFF = 0.03
@@ -107,7 +109,7 @@ def fit_flights(
     problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
     owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
     result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
-    for kinds in OPEN:
+    for kinds in OPEN if result.ended else ():
         if kinds is not OPEN[0] and not any(g.level > 0 for p in problems for q in p.processes if q.name == GUSTY for g in q.groups):
             break
         looked = [_looked_for(p, f, kinds) for p, f in zip(problems, result.flights, strict=True)]
@@ -219,13 +221,17 @@ def fit_levels(
     owns: Sequence[Own | None] | None = None,
     noise: bool = True,
 ) -> tuple[JointFit, list[EstimationProblem]]:
-    """Fit parameters and levels in turn until neither moves, at most `rounds` times; the last fit has the levels that are returned.
+    """Fit parameters and levels in turn until neither moves, at most `rounds` times; the last fit has the levels that are returned. Ends
+    where fits do not come to their minimum (`JointFit.ended`).
 
     tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; others as `fit_flights`.
     """
     owns = owns or [None] * len(problems)
-    result = _fitted(problems, labels, tables, owns, per_flight, prior, max(tolerance, LOOSE), on_iteration)
+    result, lost = _fitted(problems, labels, tables, owns, per_flight, prior, max(tolerance, LOOSE), on_iteration), 0
     for _ in range(rounds - 1):
+        lost = 0 if result.ended else lost + 1
+        if lost == LOST:
+            return result, list(problems)
         moved = [_relevelled(p, f, noise) for p, f in zip(problems, result.flights, strict=True)]
         if all(gain < UNCHANGED for _, _, gain in moved):
             break
