@@ -16,6 +16,11 @@ PROBE = 0.5
 """Size of the probes, in standard deviations: small enough not to lose a segment."""
 
 
+LARGEST = 0.1
+"""Share of the cost by which a step along the slope alone may change it: beyond, the model is far from the flight, and this is no
+correction."""
+
+
 def tilt(
     misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, which: np.ndarray, precision: np.ndarray, probes: int
 ) -> np.ndarray | None:
@@ -27,7 +32,11 @@ def tilt(
     """
     info = misfit.eliminated(gram, own, which)
     found = estimates(misfit, x, own, links, gram, which, info.samples(probes, seed=0))
-    return None if found is None else shrunk(found, info.H + np.diag(precision))
+    if found is None:
+        return None
+    H = info.H + np.diag(precision)
+    mean = shrunk(found, H)
+    return mean if mean @ np.linalg.solve(H, mean) < LARGEST * float(info.cost[which].sum()) else 0.0 * mean
 
 
 def estimates(misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:

@@ -106,6 +106,9 @@ def fit_flights(
         tables = [f.parameters for f in result.flights]
         problems = [replace(p.at_noise(s.factors), processes=s.processes) for p, s in zip(problems, short, strict=True)]
         owns = [recut(f, p.misfit(p.simulator.holding(f.parameters))) for f, p in zip(result.flights, problems, strict=True)]
+    if not horizons:
+        wide = [p.with_processes(opened(p.processes, (MODEL_ERROR,), WIDE)) for p in problems]
+        problems, owns = levels_first(wide, labels, tables, per_flight, on_iteration)
     problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
     owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
     result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)

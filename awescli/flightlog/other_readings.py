@@ -194,7 +194,7 @@ def _clock(log: FlightLog, where: np.ndarray) -> Iterator[Check]:
     sentence = f"Positions change by so much faster (+) or slower (-) than the velocity says (+-{200 * std:.2g}), a lag taken out."
     if abs(percent) > CLOCK:
         sentence += f" A clock that runs {abs(percent):.1f} % {'long' if percent < 0 else 'short'} does that, or a scale of one of them."
-    yield most("clock rate", percent, "%", max(CLOCK, 200 * std), NO_CLOCK, sentence, "Check the unit and the rate of the time column.")
+    yield most("clock rate", percent, "%", max(CLOCK, 300 * std), NO_CLOCK, sentence, "Check the unit and the rate of the time column.")
 
 
 # --- air ------------------------------------------------------------------------------------------------------------------

@@ -96,8 +96,8 @@ class TraceResidual(Stage):
             context.progress.note(f"Kinematics alone: {seen['sentence']}.")
         effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), models, predictions, config.horizon)
         scores = {which: scores_of(p, config.horizon) for which, p in predictions.items()}
-        params = traced_params(finding.model, effects)
         testable = finding.verdict != "not_testable"
+        params = traced_params(finding.model, effects) if testable else read_json(context.upstream("identify") / "params.json")
         found = with_what_was_found(finding.declaration(), driven, declared)
         kite = with_sources(found, params, log.name) if testable else identified
         write_json(context.folder / "effects.json", effects)

@@ -30,7 +30,8 @@ def verdict(table: Sequence[Criterion]) -> str:
     """The verdict that a table of criteria stands for.
 
     A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient and
-    alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats.
+    alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats. That nothing is missing is
+    said in calm air, and where all that could be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
@@ -44,9 +45,11 @@ def verdict(table: Sequence[Criterion]) -> str:
         if not passed["no_better_empirical_term"]:
             return "unexplained"
         return "found" if passed["no_rival"] else "cannot_tell"
-    if not passed["all_candidates_fitted"] or not passed["no_parameter_hides_it"]:
+    if not passed["no_parameter_hides_it"]:
         return "cannot_tell"
-    return "none" if passed["calm_air"] else "not_deterministic"
+    if not passed["calm_air"]:
+        return "not_deterministic"
+    return "none" if passed["all_candidates_fitted"] else "cannot_tell"
 
 
 def table(evidence: Evidence, criteria: Criteria = CRITERIA) -> tuple[Criterion, ...]:
