@@ -258,10 +258,13 @@ def _slip(finding: Finding) -> str:
 
 
 def _began(finding: Finding) -> str:
-    """That an effect set in during a flight."""
+    """That an effect set in during a flight; where nothing was found, when what came nearest would have."""
     name = finding.frame.flights[0].log.name
     begun = [(" and ".join(f.keys), f.label or name, *f.onset) for f in finding.flights if f.onset is not None]
-    told = "{} began between {:.0f} s and {:.0f} s of {}: trace what was flown later alone."
+    if finding.verdict in ("found", "cannot_tell"):
+        told = "{} began between {:.0f} s and {:.0f} s of {}."
+    else:
+        told = "What came nearest, {}, gains only from between {:.0f} s and {:.0f} s of {} on: trace what was flown later by itself."
     return " ".join(told.format(what, a, b, where) for what, where, a, b in begun)
 
 

@@ -13,7 +13,7 @@ from awescli.tracing.classes import Rival
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.evidence import Evidence, Suspect
 from awescli.tracing.rest import Repetition, Rest
-from awescli.tracing.search import Search
+from awescli.tracing.search import Search, crowded
 from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, table, verdict
 
 ANSWER = ("effect_likelier", "effect_on_unseen_loops")
@@ -220,3 +220,14 @@ def test_what_is_unexplained_has_most_likely_no_name():
     cause with one half."""
     found = probabilities(evidence(model(500.0, ("pitch_curvature",), 100.0)), "unexplained")
     assert found["something_else"] > 0.9
+
+
+def test_a_race_is_crowded_where_many_gain_alike():
+    """Guards the look back at the declared model: three that gain about the same have in common what they gain by; one or two that lead do
+    not, nor do candidates that were never fitted."""
+
+    def tried(*gains):
+        return [SimpleNamespace(gain=g, model=object()) for g in gains] + [SimpleNamespace(gain=0.0, model=None)] * 3
+
+    assert crowded(tried(490.0, 488.0, 470.0, 3.0)) and crowded(tried(470.0, 300.0, 490.0))
+    assert not crowded(tried(490.0, 480.0, 20.0)) and not crowded(tried(490.0)) and not crowded(tried())
