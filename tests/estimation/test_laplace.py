@@ -100,7 +100,7 @@ def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
     def size(b):
         return float((((vectors.T @ (scale * b))[known]) ** 2 / values[known]).sum()) / known.sum()
 
-    assert size(info.b) > 8 and size(info.b + tilt(misfit, x, own, links, gram, every, 1 / scale**2, 2)) < size(info.b) / 4
+    assert size(info.b) > 8 and size(info.b + tilt(misfit, x, own, links, gram, info, every, 1 / scale**2, 2)) < size(info.b) / 4
 
 
 def test_estimates_that_contradict_each_other_say_nothing():
