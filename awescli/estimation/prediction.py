@@ -103,16 +103,19 @@ def warmed_up(simulator: Simulator, observed: Observed, before: int, values=None
 
 def compare(log, trajectories: Trajectories, first: np.ndarray, skip: int, ranges, noise: Noise) -> Prediction:
     """A Prediction from simulated segments whose sample `skip` stands at sample `first` of the log."""
-    count = trajectories.states.shape[1] - skip
+    simulated = {n: trajectories[n][:, skip:] for n in SCORED if n in STATES or n in log}
+    return beside(log, simulated, trajectories.alive - skip, first, ranges, noise)
+
+
+def beside(log, simulated: dict[str, np.ndarray], alive: np.ndarray, first: np.ndarray, ranges, noise: Noise) -> Prediction:
+    """A Prediction from simulated channels (K, N+1) that begin at the samples `first` of the log, beside what it measured; alive: (K,)
+    samples before divergence."""
+    count = simulated["p_n"].shape[1]
     rows = first[:, None] + np.arange(count)[None]
-    names = [n for n in SCORED if n in STATES or n in log]
-    measured = {n: log[n][rows] for n in names}
-    simulated = {n: trajectories[n][:, skip:] for n in names}
+    measured = {n: log[n][rows] for n in simulated}
     part = np.concatenate([np.arange(a, b) for a, b in ranges])
-    spans = {n: scores.span(log[n][part], n) for n in names}
-    return Prediction(
-        np.arange(count) * log.dt, first, measured, simulated, trajectories.alive - skip, spans, noise_floor(log, spans, part, noise)
-    )
+    spans = {n: scores.span(log[n][part], n) for n in simulated}
+    return Prediction(np.arange(count) * log.dt, first, measured, simulated, alive, spans, noise_floor(log, spans, part, noise))
 
 
 def noise_floor(log, spans: dict[str, float], part: np.ndarray, noise: Noise) -> dict[str, float]:
