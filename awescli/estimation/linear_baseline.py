@@ -73,8 +73,11 @@ class LinearBaseline:
         first = prediction_starts(log, ranges, horizon, every=every) + before
         if not first.size:
             raise BadInput(f"no prediction of {horizon:g} s fits into the ranges of flight '{log.name}'")
-        y = np.concatenate([_ahead(self.model, self.signals, first, 1), _ahead(self.model, self.signals, first + 1, ahead)], axis=1)
-        return _beside(log, self.signals, y, self.bounds, first, ranges, noise)
+        return _beside(log, self.signals, self.forecast(first, ahead), self.bounds, first, ranges, noise)
+
+    def forecast(self, first: np.ndarray, ahead: int) -> np.ndarray:
+        """(K, ahead + 1, n_y) from the samples `first` on; it may run away."""
+        return np.concatenate([_ahead(self.model, self.signals, first, 1), _ahead(self.model, self.signals, first + 1, ahead)], axis=1)
 
 
 def linear_baseline(log, parts: Split, kite: Kite, horizon: float, closed: bool = False) -> LinearBaseline | None:

@@ -79,12 +79,16 @@ def predict(
     if not begin.size:
         what = f"no prediction of {horizon:g} s fits into the loops of flight '{log.name}' that it is to be scored on"
         raise BadInput(what, do="Use a shorter horizon, or a longer flight; `awes check` lists what was left out and why.")
-    if known_starts:
-        observed = observe(log, simulator.kite, begin + before, ahead, MEASURED)
-        return compare(log, simulator.rollout(observed.segments, values), begin + before, 0, ranges, simulator.kite.declaration.noise)
-    observed = observe(log, simulator.kite, begin, before + ahead, MEASURED)
-    trajectories = simulator.rollout(warmed_up(simulator, observed, before, values), values)
-    return compare(log, trajectories, begin + before, before, ranges, simulator.kite.declaration.noise)
+    trajectories, skip = forecast(simulator, log, begin + before, ahead, 0 if known_starts else before, values)
+    return compare(log, trajectories, begin + before, skip, ranges, simulator.kite.declaration.noise)
+
+
+def forecast(simulator: Simulator, log, first: np.ndarray, ahead: int, before: int, values=None) -> tuple[Trajectories, int]:
+    """(trajectories, which of their samples stands at `first`): `ahead` samples from each of the samples `first` (K,) of the log; before:
+    samples of the warm-up that a start is fitted to, or 0: it is the measured state, smoothed."""
+    observed = observe(log, simulator.kite, first - before, before + ahead, MEASURED)
+    segments = warmed_up(simulator, observed, before, values) if before else observed.segments
+    return simulator.rollout(segments, values), before
 
 
 def prediction_starts(log, ranges, horizon: float, warm_up: float = WARM_UP, every: float | None = None) -> np.ndarray:
