@@ -1,7 +1,7 @@
 """Truth put into a measured flight: the record, or its kite file, as it would be had an effect been there. No simulator.
 
 A real flight answered to what its surfaces did and its sensors felt. Commands logged earlier by tau are those of the same flight with
-actuators that are late by tau; a channel times 0.95 is what a bad sensor would have reported of it. So the effect to be found is known, with
+actuators that are late by tau; a channel times 0.95 is what a bad sensor would have reported. So the effect to be found is known, with
 its size, in real air, with real noise and all that the declared model lacks besides. The library's own effect at the injected size undoes
 each kind, which is how the table is tested (tests/test_injection.py).
 

@@ -102,8 +102,8 @@ def answered(log, kite, parts, settings) -> dict[str, Any]:
 def beyond(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> Answer:
     """What an answer names that the answer to the untouched flight does not: other effects, and the same ones with sizes that lie outside
     of each other's joint 95 % interval. Where nothing is left of what was named, the answer says nothing new."""
-    if result["verdict"] == "failed":
-        return Answer("failed")
+    if result["verdict"] in ("failed", "not_testable"):
+        return Answer(result["verdict"])
     known = {(e["name"], e["acts_on"]): e["parameters"] for e in untouched.get("effects", ())}
     new = [e for e in result.get("effects", ()) if not _same_size(e["parameters"], known.get((e["name"], e["acts_on"])))]
     if new:

@@ -34,6 +34,7 @@ OWN = said("found", BIAS, set="untouched", case="thor-untouched")
         (said("failed", **PUT_IN), "failed"),
         (said("found", effect("actuator_lag", "elevator", tau=0.1), **PUT_IN), "wrong"),
         (said("found", BIAS, set="copy", copy="first 70 %"), "right"),
+        (said("not_testable", set="copy", copy="first 70 %"), "silent"),
         (said("found", LAG, set="copy", copy="first 70 %"), "wrong"),
         (said("unexplained", set="copy", copy="first 70 %"), "false alarm"),
     ],
