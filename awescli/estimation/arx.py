@@ -13,6 +13,8 @@ import numpy as np
 
 Seen = Callable[[np.ndarray], np.ndarray]
 """Outputs (..., n_y) -> what of them the regression sees (..., n_f)."""
+ENOUGH = 20_000
+"""Rows of a regression: of a longer record evenly many, 100 a regressor, so that hours ask for no more memory than minutes."""
 SINGULAR = 1e-12
 """Eigenvalues of the regressors' correlation matrix below this share of the largest are not there: such combinations get no weight."""
 
@@ -70,13 +72,13 @@ def fitted(
     out. None where fewer rows than regressors are left. Columns that do not move get no weight.
     """
     rows = _whole(usable, order * step)
-    F = seen(y)
-    forced = _forcing(u[None], order, step)[0]
+    rows = rows[:: max(1, -(-len(rows) // ENOUGH))]
+    F, sums = seen(y), np.concatenate([np.zeros((1, u.shape[1])), np.cumsum(u, axis=0)])
     lagged = [F[rows - (i + 1) * step] for i in range(order)]
-    X, Y = np.concatenate([*lagged, forced[rows]], axis=1), y[rows] - y[rows - step]
-    if len(rows) < X.shape[1]:
+    held = [(sums[rows - i * step] - sums[rows - (i + 1) * step]) / step for i in range(order)]
+    X, Y, still = np.concatenate([*lagged, *held], axis=1), y[rows] - y[rows - step], 1e-9
+    if len(rows) <= X.shape[1]:
         return None
-    X, still = X[:, :-1], 1e-9  # the last column is the constant
     (mx, sx), (my, sy) = ((a.mean(axis=0), a.std(axis=0)) for a in (X, Y))
     sx, sy = np.where(sx > still * (1 + np.abs(mx)), sx, np.inf), np.where(sy > 0, sy, 1.0)
     Z, T = (X - mx) / sx, (Y - my) / sy
@@ -94,8 +96,8 @@ def each(models: Arx) -> Iterator[Arx]:
 
 
 def _forcing(u: np.ndarray, order: int, step: int) -> np.ndarray:
-    """(K, N, order * n_u + 1): at each sample the means of u over the last `order` steps before it, newest first, and 1. What lies before
-    the first sample counts as the first."""
+    """(K, N, order * n_u + 1): at each sample the means of u (K, N, n_u) over the last `order` steps before it, newest first, and 1. What
+    lies before the first sample counts as the first."""
     sums = np.cumsum(np.concatenate([np.repeat(u[:, :1], order * step, axis=1), u], axis=1), axis=1)
     sums = np.concatenate([np.zeros_like(sums[:, :1]), sums], axis=1)
     N, first = u.shape[1], order * step

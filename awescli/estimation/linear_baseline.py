@@ -6,7 +6,7 @@ between lags, penalty, and whether the place counts, are those with the smallest
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -100,6 +100,8 @@ def linear_baseline(log, parts: Split, kite: Kite, horizon: float, closed: bool 
     bounds[:, [n in ATTITUDE for n in signals.outputs]] = [[-np.inf], [np.inf]]
     steps = sorted({max(1, round(seconds / log.dt)) for seconds in STEPS})
     best, least = None, (True, np.inf)
+    # measured channels and their spans once, for some hundred choices
+    judge = _beside(log, signals, signals.y[first[:, None] + np.arange(ahead + 1)[None]], bounds, first, parts.validation, noise)
     for place in (False, True):
         seen = signals.seen(place)
         for step, order in ((s, n) for s in steps for n in ORDERS if s * n <= before):
@@ -107,7 +109,8 @@ def linear_baseline(log, parts: Split, kite: Kite, horizon: float, closed: bool 
             if models is None:
                 continue
             for ridge, model, y in zip(RIDGES, each(models), _ahead(models, signals, first, ahead + 1), strict=True):
-                p = _beside(log, signals, y, bounds, first, parts.validation, noise)
+                y, alive = _held(y, bounds)
+                p = replace(judge, simulated=_scored(signals, y), alive=alive)
                 reached = (p.diverged > 0, p.nrmse()["mean"])
                 if reached < least:
                     least, outcome = reached, "unstable" if reached[0] else "fitted"
@@ -148,7 +151,12 @@ def _ahead(model: Arx, signals: Signals, first: np.ndarray, count: int) -> np.nd
 
 def _beside(log, signals: Signals, y: np.ndarray, bounds: np.ndarray, first: np.ndarray, ranges, noise) -> Prediction:
     y, alive = _held(y, bounds)
-    return beside(log, {n: y[..., i] for i, n in enumerate(signals.outputs) if n in SCORED}, alive, first, ranges, noise)
+    return beside(log, _scored(signals, y), alive, first, ranges, noise)
+
+
+def _scored(signals: Signals, y: np.ndarray) -> dict[str, np.ndarray]:
+    """Channel -> (K, N+1) of what is scored."""
+    return {n: y[..., i] for i, n in enumerate(signals.outputs) if n in SCORED}
 
 
 def _held(y: np.ndarray, bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
