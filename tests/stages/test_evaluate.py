@@ -54,6 +54,21 @@ def test_a_linear_model_stands_beside_the_others(tmp_path):
     assert "a linear model of the same inputs (ARX" in said and ", linear 0." in said and "linear" in summary["errors"]
 
 
+def test_the_linear_model_of_a_gappy_log_and_of_a_closed_loop(tmp_path):
+    """Guards the baseline where the log has holes, and where the fitted law moves the surfaces: then it is not told them either."""
+    plan = make_small_run(tmp_path)
+    rows = (tmp_path / "flight" / "kite.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "flight" / "kite.csv").write_text("".join(rows[:200] + rows[240:900] + rows[1000:]))
+    run_plan(read_plan(plan, STAGES, {"evaluate.report": "false"}), STAGES, only=["fit-controller", "evaluate"])
+    told = read_json(tmp_path / "out" / "evaluate" / "metrics.json")
+    assert told["baseline"]["outcome"] == "fitted" and told["linear"]["predictions"] == told["initial"]["predictions"]
+    closed = {"evaluate.report": "false", "evaluate.surfaces": "controller"}
+    run_plan(read_plan(plan, STAGES, closed), STAGES, only=["evaluate"])
+    blind = read_json(tmp_path / "out" / "evaluate" / "metrics.json")
+    assert "rudder" in blind["baseline"]["outputs"] and "rudder" not in blind["baseline"]["inputs"]
+    assert "rudder" in told["baseline"]["inputs"] and blind["linear"]["nrmse"]["test"].keys() == blind["initial"]["nrmse"]["test"].keys()
+
+
 def test_power_is_in_the_artifact_and_is_that_of_the_predictions(tmp_path):
     """Guards the contract's `power` block: tension times reel-out speed of the very predictions that predictions.npz holds."""
     evaluated(tmp_path)
