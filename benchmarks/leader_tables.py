@@ -2,7 +2,8 @@
 
 FOLDER is what a user downloaded (leader_layouts.py says which two layouts are read); nothing of it is shipped here. Every group is fitted
 to its fit part, chosen on its development part, and predicted from the published starts over the published windows, scored as published.
-Rows of others are read from the download itself. `awes` is the identified kite; `awes, linear` the ARX of `awes evaluate`.
+Rows of others are read from the download itself. Their aeroplane is benchmarks/sport_cub.yaml. `awes` is the identified kite;
+`awes, linear` the ARX of `awes evaluate`.
 """
 
 import argparse
