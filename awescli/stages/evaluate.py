@@ -51,7 +51,7 @@ class Evaluate(Stage):
 
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json
-        from awescli.reporting.linear import beside_linear
+        from awescli.reporting.linear import briefly
         from awescli.reporting.published import beside_thesis
         from awescli.stages.ahead import horizon_within
         from awescli.stages.baseline import score_baseline
@@ -85,7 +85,7 @@ class Evaluate(Stage):
         means = [f"{model} {number(metrics[model]['nrmse']['test']['mean'])}" for model in scored]
         ahead = f"{config.horizon:g} s ahead{', loop closed' if closed else ''}"
         answer = [f"error on unseen loops, {ahead}: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"]
-        answer.append(beside_linear(metrics, models))
+        answer.append(briefly(metrics, models))
         beside = {
             row["channel"]: {k.replace("_", ", "): "-" if v is None else v for k, v in row.items() if k != "channel"}
             for row in metrics.get("beside_thesis", [])

@@ -4,7 +4,10 @@ import pytest
 from reporting.small_evidence import evidence
 
 from awescli.reporting.html import page
-from awescli.reporting.linear import beside_linear
+from awescli.reporting.linear import beside_linear, briefly
+
+
+MODELS = ("initial", "identified", "with_effects", "hybrid")
 
 
 def scored(mean: float) -> dict:
@@ -44,6 +47,20 @@ def scores(outcome: str = "fitted", **not_beaten) -> dict:
 def test_who_does_not_beat_it_is_said_in_plain_words(not_beaten, said):
     """Guards the sentence: which models, at which horizons, with both numbers; the declared one counts only where it stands alone."""
     assert beside_linear(scores(**not_beaten), tuple(not_beaten)) == said
+
+
+def test_a_line_for_the_terminal_says_who_does_not_beat_it():
+    """Guards evaluate's closing line: in 80 columns, for the numbers stand above it."""
+    two = scores(initial=["3"], identified=["1", "3"], with_effects=["1", "3"], hybrid=["1"])
+    assert briefly(two, ["identified"]) == "identified does not beat a linear model (ARX) 1 and 3 s ahead"
+    assert briefly(two, MODELS) == (
+        "identified and with_effects do not beat a linear model (ARX) 1 and 3 s ahead; hybrid does not beat a linear model (ARX) 1 s ahead"
+    )
+    none = scores(initial=["3"], identified=[], with_effects=[], hybrid=[])
+    assert briefly(none, MODELS) == "identified, with_effects and hybrid beat a linear model (ARX) at every horizon"
+    assert briefly(none, ["identified"]) == "identified beats a linear model (ARX) at every horizon"
+    assert max(map(len, (briefly(two, ["identified"]), briefly(none, MODELS)))) <= 80
+    assert "ARX, unstable" in briefly(scores("unstable", identified=["1"]), MODELS)
 
 
 def test_what_went_wrong_with_it_is_said():

@@ -51,7 +51,7 @@ def test_a_linear_model_stands_beside_the_others(tmp_path):
     assert baseline["outcome"] == "fitted" and "rudder" in baseline["inputs"] and linear["nrmse"]["test"]["mean"] < 0.2
     summary = read_json(tmp_path / "out" / "evaluate" / "provenance.json")["summary"]
     said = " ".join(summary["answer"])
-    assert "a linear model of the same inputs (ARX" in said and ", linear 0." in said and "linear" in summary["errors"]
+    assert "a linear model (ARX)" in said and ", linear 0." in said and "linear" in summary["errors"]
 
 
 def test_the_linear_model_of_a_gappy_log_and_of_a_closed_loop(tmp_path):
