@@ -5,7 +5,6 @@ from typing import Any
 
 from awescli.reporting.words import listed, number
 
-
 NONE = "There is no linear model to compare with: the train part is too short for one"
 
 

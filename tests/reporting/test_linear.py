@@ -6,7 +6,6 @@ from reporting.small_evidence import evidence
 from awescli.reporting.html import page
 from awescli.reporting.linear import beside_linear, briefly
 
-
 MODELS = ("initial", "identified", "with_effects", "hybrid")
 
 
