@@ -36,8 +36,12 @@ def tilt(
     if found is None:
         return None
     H = info.H + np.diag(precision)
+    nothing = np.zeros(found.shape[1])
+    # probes far from the flight may end in numbers that are none
+    if not np.isfinite(found).all():
+        return nothing
     mean = shrunk(found, H)
-    return mean if mean @ np.linalg.solve(H, mean) < LARGEST * float(info.cost[which].sum()) else 0.0 * mean
+    return mean if mean @ np.linalg.solve(H, mean) < LARGEST * float(info.cost[which].sum()) else nothing
 
 
 def estimates(misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:
