@@ -1,7 +1,8 @@
 """Does a log tell the same at every rate? python benchmarks/sample_rates.py [FLIGHT=KITE.yaml ...] [--jobs N] [--rates 100 50 25 20 10]
 
 The bundled flight, and further Kitemill logs with their kite files, are written at other rates: measured channels between rows by
-interpolation, set-points as the controller held them. Each is identified and traced by `awes`, as a user would from the command line; verdict, sizes with their 95 % intervals and identify's errors on unseen loops stand side by side in results/sample_rates.md.
+interpolation, set-points as the controller held them. Each is identified and traced by `awes`, as a user would from the command line;
+verdict, sizes with their 95 % intervals and identify's errors on unseen loops stand side by side in results/sample_rates.md.
 """
 
 import argparse

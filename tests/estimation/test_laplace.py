@@ -113,9 +113,11 @@ def test_a_probe_that_ends_in_no_number_says_nothing(problem, monkeypatch):
     own = fit(replace(misfit, names=()), problem.kite.parameters, prior=False, tolerance=0.1).own
     x = problem.kite.parameters.vector(names)
     links, _ = misfit.links(x, own)
+    gram = links.gram()
+    info = misfit.eliminated(gram, own, every)
     for broken in (np.inf, np.nan):
         monkeypatch.setattr(laplace, "estimates", lambda *given, broken=broken: np.array([[broken, 1.0], [1.0, 1.0]]))
-        assert np.array_equal(tilt(misfit, x, own, links, links.gram(), every, np.ones(2), 2), np.zeros(2)), broken
+        assert np.array_equal(tilt(misfit, x, own, links, gram, info, every, np.ones(2), 2), np.zeros(2)), broken
 
 
 def test_estimates_that_contradict_each_other_say_nothing():
