@@ -21,7 +21,7 @@ from awescli.simulation.segments import Observed, noise_std, observe
 MEASURED_STATE = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 """The whole state as it is measured: what starts are estimated from."""
 COMPARED = STATES
-"""The whole state (seed section 5): what the cost sees. Velocities in body axes: across the line and along it errors differ by far."""
+"""The whole state (docs/equations.md (29)): what the cost sees. Velocities in body axes: errors across the line and along it differ."""
 DIVERGED_COST = 25.0
 """Cost of a sample that a diverged rollout never reached: five times the physics' own error, squared."""
 

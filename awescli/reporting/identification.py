@@ -1,4 +1,4 @@
-"""Identification: parameters with intervals, prior, shift and flags; errors before and after (figure 2 of the seed)."""
+"""Identification: parameters with intervals, prior, shift and flags; errors before and after (Rositani (2025), figure 2)."""
 
 from collections.abc import Mapping
 
@@ -56,7 +56,7 @@ def _parameters(count: int) -> str:
 
 
 def attitude(evidence: Evidence) -> Figure:
-    """Figure 2 of the seed: Euler angles before and after, and the mean of all states beside them."""
+    """Rositani (2025), figure 2: Euler angles before and after, and the mean of all states beside them."""
     names = [n for n in ("phi", "theta", "psi", "mean") if n in evidence.nrmse("initial")]
     data = [
         bars(

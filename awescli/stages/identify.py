@@ -2,8 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
+from awescli.notation.former_names import formerly
 from awescli.stages.ahead import AheadConfig, Surfaces
 from awescli.stages.answers import ANSWER, change, number, plural, sized
 from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage
@@ -18,7 +19,7 @@ class IdentifyConfig(AheadConfig):
     surfaces: Surfaces = Field(
         "recorded", description="replay the recorded set-points, or close the loop with the fitted controller (Rositani eq. 11d)"
     )
-    weights: Annotated[Literal["noise", "range"], BeforeValidator(lambda w: "range" if w == "seed" else w)] = Field(
+    weights: Annotated[Literal["noise", "range"], formerly(seed="range")] = Field(
         "noise", description="what an error of a channel is counted in: its noise, or its range (Rositani eq. 11a)"
     )
     outputs: Names | None = Field(
