@@ -8,7 +8,7 @@ import numpy as np
 from awescli.learning.correction import ROWS, Correction, HybridKite, of_physics
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
 from awescli.learning.orthogonality import Parametric
-from awescli.learning.starts import Own, estimated_starts, own_unknowns
+from awescli.learning.starts import Own, estimated_starts, fitted_nuisances
 from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES, STATES
@@ -113,7 +113,7 @@ class Problem:
         precision is raised by as much.
         """
         excess = float(np.sqrt(((sigma / self.noise) ** 2).mean()))
-        return own_unknowns(self.simulator, observed, self.values(weights), self.kite.declaration.wind.std / excess)
+        return fitted_nuisances(self.simulator, observed, self.values(weights), self.kite.declaration.wind.std / excess)
 
     def values(self, weights: np.ndarray) -> dict[str, float]:
         return {f"network.{i}": float(w) for i, w in enumerate(weights)}

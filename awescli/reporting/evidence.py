@@ -15,7 +15,7 @@ from awescli.reporting.words import MODELS, effect_words, listed
 Document = Mapping[str, Any]
 Arrays = Mapping[str, np.ndarray]
 
-LADDER = ("initial", "identified", "with_effects", "hybrid")
+IN_ORDER = ("initial", "identified", "with_effects", "hybrid")
 """Models in the order in which they are made."""
 
 
@@ -58,18 +58,18 @@ class Evidence:
 
     @property
     def models(self) -> tuple[str, ...]:
-        """Models of the ladder that were scored, in order, without those that are the one before again: nothing added, nothing learned."""
+        """Models that were scored, in order, without those that are the one before again: nothing added, nothing learned."""
         twins = {"with_effects"} if self.effects is not None and not self.tracing_added and "identified" in self.scores else set()
         twins |= {"hybrid"} if (self.hybrid or {}).get("outcome") in EMPTY else set()
-        return tuple(m for m in LADDER if m in self.scores and m not in twins)
+        return tuple(m for m in IN_ORDER if m in self.scores and m not in twins)
 
     def same_as(self, model: str) -> str:
-        """The model itself, or the one before it on the ladder where it adds nothing to that."""
-        return model if model in self.models else next(m for m in reversed(self.models) if LADDER.index(m) < LADDER.index(model))
+        """The model itself, or the one before it where it adds nothing to that."""
+        return model if model in self.models else next(m for m in reversed(self.models) if IN_ORDER.index(m) < IN_ORDER.index(model))
 
     @property
     def best(self) -> str:
-        """The last model of the ladder."""
+        """The last of the nested models."""
         return self.models[-1]
 
     @property
@@ -93,7 +93,7 @@ class Evidence:
         return bool(self.effects) and chi2.get("train_before") != chi2.get("train_after")
 
     def label(self, model: str) -> str:
-        """A model of the ladder in words; what tracing added, if it added anything, by name."""
+        """A model in words; what tracing added, if it added anything, by name."""
         if model != "with_effects" or self.effects is None:
             return MODELS.get(model, model)
         if not self.tracing_added:

@@ -219,14 +219,14 @@ def _key(key: str) -> tuple[str, str]:
 
 
 def shifts(evidence: Evidence) -> Body:
-    """How far each parameter lay from its prior before and after: what parameters had swallowed returns."""
+    """How far each parameter lay from its prior before and after: parameters that compensated for the effect move back."""
     moved = evidence.effects.get("parameter_shifts") or {}
     note = (
-        "A parameter that stood in for the missing effect goes back towards its prior once the effect is there. "
+        "A parameter that compensated for the missing effect moves back towards its prior when the effect is added. "
         "Shaded: ± 1 prior standard deviation."
     )
     note = note if evidence.tracing_added else "Nothing was added, so nothing moved."
-    return _shifted("fig-shifts", "What the parameters had swallowed", moved, evidence.tracing_added, note) if moved else ""
+    return _shifted("fig-shifts", "Parameters before and after adding it", moved, evidence.tracing_added, note) if moved else ""
 
 
 def _shifted(id: str, title: str, moved: dict, added: bool, note: str) -> Figure:
@@ -277,8 +277,8 @@ def rolled_parameters(evidence: Evidence) -> Body:
     if not roll:
         return ""
     note = (
-        "The controller answers roll gusts. A model without them sees surfaces move, a kite that does not follow, and takes its "
-        "derivatives for small. After: fitted with roll gusts. The kite file keeps the values before, which predict recorded flight "
-        "better: recorded surfaces hold the answer to gusts that nobody can predict. Shaded: ± 1 prior standard deviation."
+        "The controller reacts to roll gusts. To a model without them the surfaces move and the kite does not follow, so the fit reduces "
+        "the control derivatives. After: fitted with roll gusts. The kite file keeps the values before, which predict recorded flight "
+        "better: recorded surfaces contain the reaction to gusts that cannot be predicted. Shaded: ± 1 prior standard deviation."
     )
     return _shifted("fig-rolled", "What roll gusts do to the derivatives", roll["parameter_shifts"], True, note)

@@ -21,10 +21,10 @@ class EvaluateConfig(HandedOnConfig):
 
 
 class Evaluate(Stage):
-    """Score every model of the ladder alike."""
+    """Score every model of a run alike."""
 
     name = "evaluate"
-    help = "Score every model of the ladder on unseen loops; --report writes the page, --figures DIR its figures as files."
+    help = "Score every model of the run on unseen loops; --report writes the page, --figures DIR its figures as files."
     Config = EvaluateConfig
     makes = ("metrics.json", "predictions.npz")
 
@@ -54,15 +54,15 @@ class Evaluate(Stage):
         from awescli.reporting.published import beside_thesis
         from awescli.stages.ahead import horizon_within
         from awescli.stages.flight_parts import flight_parts
-        from awescli.stages.ladder import ladder, score_ladder
+        from awescli.stages.nested_models import nested_models, score_models
         from awescli.stages.page import FIGURES, REPORT, gather, write_figures, write_report
 
         log, parts = flight_parts(context)
         config = config.model_copy(update={"horizon": horizon_within(context, config, config.horizon, [(log, parts)])})
         closed = config.closes_the_loop(context)
-        models = ladder(context, log, closed)
+        models = nested_models(context, log, closed)
         task = context.progress.task("scoring", total=len(models))
-        metrics, arrays = score_ladder(models, context, log, parts, config, task)
+        metrics, arrays = score_models(models, context, log, parts, config, task)
         metrics |= {"surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states}
         left = {stage: left_by(context, stage) for stage in ("fit-controller", "identify", "trace-residual", "train-hybrid")}
         metrics["outcomes"] = {stage: found["outcome"] for stage, found in left.items() if found and found.get("outcome")}

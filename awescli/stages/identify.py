@@ -115,7 +115,7 @@ class Identify(Stage):
             "outcome": fitted.solution.outcome, "chi2": chi2,
             "test NRMSE before": metrics["initial"]["nrmse"]["test"]["mean"], "after": metrics["nrmse"]["test"]["mean"],
             "noise floor": metrics["noise_floor"]["mean"], "parameters": {name: shown(row) for name, row in answer["parameters"].items()},
-            ANSWER: told(answer, metrics, context.out / self.name / KITE_FILE),
+            ANSWER: answer_lines(answer, metrics, context.out / self.name / KITE_FILE),
         }  # fmt: skip
 
 
@@ -137,7 +137,7 @@ def shown(row: dict) -> dict:
     }  # fmt: skip
 
 
-def told(answer: dict, metrics: dict, kite_file) -> list[str]:
+def answer_lines(answer: dict, metrics: dict, kite_file) -> list[str]:
     """The answer of the stage, in a few lines."""
     rows = answer["parameters"]
     seen, bounded = (sum(row[flag] for row in rows.values()) for flag in ("excited", "at_bound"))
