@@ -24,12 +24,31 @@ EMPTY = ("nothing_to_learn", "too_short", "no_gain", "diverged")
 
 
 @dataclass(frozen=True)
+class Action:
+    """What one effect does in the model that was fitted with it.
+
+    effect: its key; quantity, unit: what it changes most, SI; received, made: what the two lines are called; time: (K, N) s of the flight;
+    without, with_effect: (K, N) the quantity at the same simulated states, with the effect at its null value and as fitted.
+    """
+
+    effect: str
+    quantity: str
+    unit: str
+    received: str
+    made: str
+    time: np.ndarray
+    without: np.ndarray
+    with_effect: np.ndarray
+
+
+@dataclass(frozen=True)
 class Evidence:
     """log, loops, phases, quality, parts: the flight and how it is divided; phases: (N,) names.
 
     scores, predictions: evaluate's metrics.json and predictions.npz; controller: fit-controller's metrics.json;
     commanded: surface -> (N,) rad, what the fitted law commands at the measured states; identify, params: metrics.json and params.json;
-    effects, traced_params, residuals: effects.json, params.json and residuals.npz of trace-residual; hybrid, network, correction:
+    effects, traced_params, residuals: effects.json, params.json and residuals.npz of trace-residual; actions: of the added
+    effects; hybrid, network, correction:
     train-hybrid's metrics.json, network.json and correction.npz; flown, trajectory: simulate's metrics.json and trajectory.npz;
     provenance: stage -> provenance.json; versions: package -> version.
     """
@@ -48,6 +67,7 @@ class Evidence:
     effects: Document | None = None
     traced_params: Document | None = None
     residuals: Arrays | None = None
+    actions: tuple[Action, ...] = ()
     hybrid: Document | None = None
     network: Document | None = None
     correction: Arrays | None = None

@@ -1,9 +1,10 @@
 """The first screen: what was wrong with the model, how much better it is now; every claim leads to the plot that shows it."""
 
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Section, bullets, esc, link, paragraph
+from awescli.reporting.marks import Section, bullets, esc, link, on_screen, paragraph
 from awescli.reporting.plots import Figure, dots, log_axis
 from awescli.reporting.power import power_claim, power_figure
+from awescli.reporting.terms import tip
 from awescli.reporting.words import COLOURS, channel, effect_words, listed, number, percent, short, times, with_std
 
 ODDS = {
@@ -94,7 +95,7 @@ def tiles(evidence: Evidence) -> str:
         for label, value, colour in rows
     )
     ahead = f"Prediction error {evidence.horizon:g} s ahead on the test {esc(evidence.parts.of)}"
-    what = f"{ahead}: mean NRMSE of the 12 states, in percent of each state's range."
+    what = f"{ahead}: mean {tip('NRMSE')} of the 12 states, in percent of each state's range."
     return f'<div class="tiles">{cells}</div>' + paragraph(f'<span class="soft">{what}</span>')
 
 
@@ -128,7 +129,8 @@ def _error(evidence: Evidence) -> str:
         text += f"; identification alone reaches {link('fig-attitude', percent(middle))}"
     floor = evidence.floor["mean"]
     left = f"{'little more is left than' if after < 1.15 * floor else 'there remains more than'} sensor noise ({percent(floor)})"
-    return f"{text}; {left}. {link('fig-3d-prediction', 'See the paths')}."
+    paths = on_screen(f" {link('fig-3d-prediction', 'See the paths')}.")
+    return f"{text}; {left}.{paths}"
 
 
 def _effect(evidence: Evidence, effect: dict) -> str:
@@ -165,8 +167,8 @@ def _gain(evidence: Evidence) -> str:
     before, after = error["before"]["mean"], error["after"]["mean"]
     them = "them" if len(evidence.effects["effects"]) > 1 else "it"
     text = f"Fitted with {them}, the declared model errs by {link('fig-residual', percent(after))} instead of {percent(before)}"
-    repeats = link("fig-phase", "what repeats in every loop, before and after")
-    return f"{text}; {repeats}." if shows_phase(evidence) else f"{text}."
+    repeats = on_screen(f"; {link('fig-phase', 'what repeats in every loop, before and after')}")
+    return f"{text}{repeats if shows_phase(evidence) else ''}."
 
 
 def shows_phase(evidence: Evidence) -> bool:

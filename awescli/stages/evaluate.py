@@ -15,7 +15,7 @@ class EvaluateConfig(HandedOnConfig):
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
     horizons: tuple[Seconds, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
-    report: bool = Field(True, description="write report.html, one self-contained page")
+    report: bool = Field(True, description="write report.html, one self-contained page, and summary.pdf, one sheet of it")
     thesis: bool = Field(False, description="print the numbers that Rositani (2025) published beside these (another flight)")
     figures: bool = Field(False, description="write every figure of the page as PNG and SVG, and the data behind it as CSV")
 
