@@ -60,6 +60,16 @@ class Newcomer:
             file.write_text(file.read_text().replace(old, f"  {name}: {{column: {column}, unit: {unit}}}"))
 
 
+def quoted_is_printed(stage: str, printed: str) -> None:
+    """The lines that the tutorial quotes of a stage's answer are what it prints: the same words, and numbers within 3 %."""
+    (quoted,) = re.findall(rf"^```text\n({stage}: .*?)^```$", TUTORIAL.read_text(), re.M | re.S)
+    number = r"(?<![\w.])-?\d+(?:\.\d+)?"
+    for line in quoted.splitlines():
+        said = re.search(re.escape(re.sub(number, "NUMBER", line)).replace("NUMBER", r"(-?\d+(?:\.\d+)?)"), printed)
+        assert said, f"{line}\nis not in\n{printed}"
+        assert list(map(float, said.groups())) == pytest.approx([float(n) for n in re.findall(number, line)], rel=0.03)
+
+
 @pytest.fixture(scope="module")
 def demo():
     return read_flight(ROOT / "data" / "km1_demo")
@@ -88,10 +98,12 @@ def test_the_tutorial_takes_an_unknown_log_to_a_right_verdict(demo, tmp_path, mo
     if says_the_unit_of_the_load:
         return  # the same flight from here on
     me.types(identify)
+    quoted_is_printed("identify", me.printed)
     assert re.search(r"identify: converged: \d+ parameters", me.printed)
     trace = next(typed)
     assert me.follows() == [trace]
     me.types(trace)
+    quoted_is_printed("trace-residual", me.printed)
     found = re.search(r"found: actuator_lag on rudder, tau ([\d.]+) s \[([\d.]+), ([\d.]+)\]", " ".join(me.printed.split()))
     assert found, me.printed
     value, low, high = map(float, found.groups())
