@@ -9,21 +9,19 @@ if TYPE_CHECKING:
 
 WORDS = {
     "n": ("wind towards north", "m/s"), "e": ("wind towards east", "m/s"), "d": ("wind down", "m/s"), "density": ("air density", "kg/m3"),
-    "roll": ("roll gust", "rad/s"), "mass": ("mass", "kg"), "added_z": ("added mass", "kg"), "Jx": ("Jx", "kg m2"), "Jy": ("Jy", "kg m2"),
-    "Jz": ("Jz", "kg m2"), "Jxz": ("Jxz", "kg m2"), "cg_x": ("centre of mass, forward", "m"), "cg_y": ("centre of mass, right", "m"),
-    "cg_z": ("centre of mass, down", "m"), "length": ("line paid out", "m"), "speed": ("reel-out speed", "m/s"),
-    "acceleration": ("reel-out acceleration", "m/s2"), "drag_coefficient": ("line drag coefficient", "-"),
-    "lateral_drag": ("share of lateral line drag", "-"), "attachment_x": ("attachment, forward", "m"),
-    "attachment_y": ("attachment, right", "m"), "attachment_z": ("attachment, down", "m"), "stiffness": ("line stiffness", "N"),
-    "damping": ("line damping", "N s/m"), "sag_weight": ("line weight", "N/m"), "CD": ("drag coefficient", "-"),
-    "CY": ("side force coefficient", "-"), "CL": ("lift coefficient", "-"), "Cl": ("roll moment coefficient", "-"),
-    "Cm": ("pitch moment coefficient", "-"), "Cn": ("yaw moment coefficient", "-"), "force_x": ("force forward", "N"),
-    "force_y": ("force right", "N"), "force_z": ("force down", "N"), "moment_x": ("roll moment", "N m"),
-    "moment_y": ("pitch moment", "N m"), "moment_z": ("yaw moment", "N m"),
+    "roll": ("roll gust", "rad/s"), "CD": ("drag coefficient", "-"), "CY": ("side force coefficient", "-"), "CL": ("lift coefficient", "-"),
+    "Cl": ("roll moment coefficient", "-"), "Cm": ("pitch moment coefficient", "-"), "Cn": ("yaw moment coefficient", "-"),
+    "force_x": ("force forward", "N"), "force_y": ("force right", "N"), "force_z": ("force down", "N"), "moment_x": ("roll moment", "N m"),
+    "moment_y": ("pitch moment", "N m"), "moment_z": ("yaw moment", "N m"), "acceleration_x": ("acceleration forward", "m/s2"),
+    "acceleration_y": ("acceleration right", "m/s2"), "acceleration_z": ("acceleration down", "m/s2"),
+    "rotation_x": ("roll acceleration", "rad/s2"), "rotation_y": ("pitch acceleration", "rad/s2"),
+    "rotation_z": ("yaw acceleration", "rad/s2"),
 }  # fmt: skip
-"""Quantity at an effect's place -> (in words, unit)."""
+"""Quantity that an effect changes -> (in words, unit); of a line or a body, which are constants, what they do to the kite."""
 LINES = {"actuate": ("set-point", "deflection, inferred"), "report": ("true", "as the sensor reports it")}
 """Place -> what the lines without the effect and with it are called."""
+FIRST, FELT = "tension", 1e-3
+"""What is shown of an effect on the line where it changes it by this share: everybody knows what a load cell shows."""
 NOTHING = 1e-9
 """Share of a quantity below which an effect does not change it."""
 
@@ -78,7 +76,7 @@ def _action(kite, effect, first, states, inputs, log):
     null = kite.with_values({p.name: p.value for p in effect.rows()})
     (without, units), (fitted, _) = (_quantities(k, effect.place, states, inputs) for k in (null, kite))
     share = {n: _rms(fitted[n] - without[n]) / (_rms(fitted[n]) + 1e-12) for n in fitted}
-    most = max(share, key=lambda n: share[n])
+    most = FIRST if share.get(FIRST, 0.0) > FELT else max(share, key=lambda n: share[n])
     if share[most] < NOTHING:
         return None
     words, unit = units[most]
@@ -96,7 +94,7 @@ def _rms(values: "np.ndarray") -> float:
 def _quantities(
     kite, place: str, states: "np.ndarray", inputs: "np.ndarray"
 ) -> "tuple[dict[str, np.ndarray], dict[str, tuple[str, str]]]":
-    """(quantity -> (K, N) values, quantity -> (in words, unit)) of what stands at a place when all its effects have acted."""
+    """(quantity -> (K, N) values, quantity -> (in words, unit)) of what effects at a place change, all of them at work."""
     import numpy as np
 
     from awescli.notation.quantities import OUTPUTS, UNITS
@@ -111,7 +109,8 @@ def _quantities(
         at = kite.instant(x, u, c)
         found = {
             "actuate": lambda: at.deflections, "airflow": lambda: at.wind._asdict(), "coefficients": lambda: at.coefficients._asdict(),
-            "line": lambda: at.line._asdict(), "body": lambda: at.body._asdict(),
+            "line": lambda: {"tension": at.tension, "moment": at.applied.moment},
+            "body": lambda: {"acceleration": at.acceleration, "rotation": at.derivative[9:12]},
             "load": lambda: {"force": at.applied.force, "moment": at.applied.moment},
         }[place]()  # fmt: skip
     flat = {}

@@ -48,6 +48,7 @@ def test_an_inferred_deflection_lags_its_set_point(calm, tmp_path):
     ("parasitic_drag", {"dCD": 0.05}, "drag coefficient", lambda without: without + 0.05),
     ("load_cell_scale", {"s": 0.9}, "tether tension", lambda without: 0.9 * without),
     ("air_density", {"c": 1.04}, "air density", lambda without: 1.04 * without),
+    ("winch_length", {"b": -0.05}, "tether tension", lambda without: without + 0.05 * DEVELOPMENT.parameters["k_v"].value),
 ])  # fmt: skip
 def test_other_effects_show_what_their_equation_says(calm, tmp_path, key, values, quantity, truth):
     action = action_of(tmp_path, calm, key, values)
