@@ -166,7 +166,8 @@ class Flown(Checked):
 
 
 class Row(Checked):
-    """One parameter of params.json."""
+    """One parameter of params.json. value, std, prior, prior_std: in unit; excited: the flight halves its prior; determined: how well the
+    flight says where it is; at_bound: at an end of its range; partners: parameters correlated with it by more than 0.95."""
 
     value: Number
     std: Spread
@@ -217,6 +218,9 @@ class Effect(Named):
 
 
 class Candidate(Named):
+    """One candidate, as the first round judged it. score: fall of the deviance to first order; p_value: of the likelihood ratio;
+    explained_share: of what the answer explains; test_gain: share of the validation cost that it takes away; outcome: of its fit."""
+
     score: Number
     p_value: Number
     explained_share: Number
@@ -293,7 +297,8 @@ class SeenAlone(Checked):
 
 
 class Effects(Checked):
-    """effects.json."""
+    """effects.json. criteria: what the verdict stands on; probability: of every cause; detectable: smallest size that this flight would
+    have shown, by effect; not_testable: effects that the free parameters absorb; separate: what would tell rivals apart."""
 
     verdict: Literal["none", "found", "cannot_tell", "unexplained", "not_deterministic", "not_testable"]
     sentence: Text

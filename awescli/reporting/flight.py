@@ -111,11 +111,11 @@ def turns(degrees: np.ndarray) -> np.ndarray:
 
 
 def checks(evidence: Evidence) -> str:
-    """The named numbers that data must keep."""
+    """The named numbers that data must keep, those that it does not keep first."""
     rows = [
         (c.name, Cell(f"{number(c.value)} {esc(c.unit)}", c.value), Cell(f"{number(c.threshold)} {esc(c.unit)}", c.threshold),
          Cell(chip("passed", "good") if c.ok else chip("look here", "bad"), str(c.ok)), c.sentence)
-        for c in evidence.quality.checks
+        for c in sorted(evidence.quality.checks, key=lambda c: (c.ok, not c.stops))
     ]  # fmt: skip
     body = table(("check", "value", "limit", "", "what it means"), rows)
     left = {k: v for k, v in evidence.quality.left_out.items() if v > 0}

@@ -1,4 +1,4 @@
-"""A model flown on its own: the simulated path beside the measured one (figure 5 of the seed), and how far they come apart."""
+"""A model flown on its own: the simulated path beside the measured one (Rositani (2025), figure 5), and how far they come apart."""
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def split_of(evidence: Evidence) -> str:
 
 
 def path(evidence: Evidence) -> Figure:
-    """Figure 5 of the seed."""
+    """The flown path as in Rositani (2025), figure 5."""
     arrays, data = evidence.trajectory, []
     for which, name, colour in (("measured", "measured", "@ink"), ("simulated", evidence.label(flying(evidence)), tone(evidence))):
         n, e, d = (arrays[f"{which}_{c}"][:: stride(len(arrays[f"{which}_{c}"]), 4000)] for c in ("p_n", "p_e", "p_d"))

@@ -1,7 +1,7 @@
 """Step compiled programs through time: classical RK4, LANES segments abreast, groups of lanes on all cores.
 
 The loops know addresses of programs and sizes, no kite. x = [states, held set-points]; exogenous inputs run linearly between samples,
-set-points are held over a step at least (seed eq. 9e as flown: sample and hold; `stepping.Stepping` says where they are taken).
+set-points are held over a step at least (sample and hold, docs/equations.md (19); `stepping.Stepping` says where they are taken).
 
 They are printed as LLVM IR like the programs they call, with sizes as arguments: one compiled loop serves every kite, and costs a tenth
 of a second once. Loops that do more (`sensitivities`, `hybrid_kernels`) are this one with some of its parts printed otherwise.

@@ -15,16 +15,16 @@ class EvaluateConfig(HandedOnConfig):
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
     horizons: tuple[Seconds, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
-    report: bool = Field(True, description="write report.html, one self-contained page")
+    report: bool = Field(True, description="write report.html, one self-contained page, and summary.pdf, one sheet of it")
     thesis: bool = Field(False, description="print the numbers that Rositani (2025) published beside these (another flight)")
     figures: bool = Field(False, description="write every figure of the page as PNG and SVG, and the data behind it as CSV")
 
 
 class Evaluate(Stage):
-    """Score every model of the ladder alike."""
+    """Score every model of a run alike."""
 
     name = "evaluate"
-    help = "Score every model of the ladder on unseen loops; --report writes the page, --figures DIR its figures as files."
+    help = "Score every model of the run on unseen loops; --report writes the page, --figures DIR its figures as files."
     Config = EvaluateConfig
     makes = ("metrics.json", "predictions.npz")
 
@@ -56,15 +56,15 @@ class Evaluate(Stage):
         from awescli.stages.ahead import horizon_within
         from awescli.stages.baseline import score_baseline
         from awescli.stages.flight_parts import flight_parts
-        from awescli.stages.ladder import ladder, score_ladder
+        from awescli.stages.nested_models import nested_models, score_models
         from awescli.stages.page import FIGURES, REPORT, gather, write_figures, write_report
 
         log, parts = flight_parts(context)
         config = config.model_copy(update={"horizon": horizon_within(context, config, config.horizon, [(log, parts)])})
         closed = config.closes_the_loop(context)
-        models = ladder(context, log, closed)
+        models = nested_models(context, log, closed)
         task = context.progress.task("scoring", total=len(models) + 1)
-        metrics, arrays = score_ladder(models, context, log, parts, config, task)
+        metrics, arrays = score_models(models, context, log, parts, config, task)
         score_baseline(metrics, arrays, context, log, parts, config, closed, task)
         metrics |= {"surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states}
         left = {stage: left_by(context, stage) for stage in ("fit-controller", "identify", "trace-residual", "train-hybrid")}

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from awescli.stages.answers import ANSWER, number
 from awescli.stages.base import Context, Need, Stage, StageConfig
-from awescli.stages.ladder import MADE_BY
+from awescli.stages.nested_models import MADE_BY
 
 BY = {"controller": "the fitted controller", "recorded": "the log", "path_following": "a built-in law"}
 """Who moves the surfaces, in words."""
@@ -47,7 +47,7 @@ class Simulate(Stage):
     """Set out from a measured state, fly on, write what the sensors would say."""
 
     name = "simulate"
-    help = "Fly any model of the ladder in closed loop (or with replayed surfaces) and write the flight as a log."
+    help = "Fly any model of the run in closed loop (or with replayed surfaces) and write the flight as a log."
     Config = SimulateConfig
     makes = ("flight/kite.csv", "flight/wind.csv", "trajectory.npz", "metrics.json")
 
@@ -150,14 +150,14 @@ def in_wanted_wind(log, wanted: Wind):
 
 
 def kite_to_fly(context: Context, config: SimulateConfig, heights, fitted=None):
-    """(name on the ladder, the kite for a wind known at `heights`), with the effects that are switched on and the delay and limiter
+    """(name of the model, the kite for a wind known at `heights`), with the effects that are switched on and the delay and limiter
     through which the `fitted` law acts."""
     from awescli.learning.correction import kite_from_artifact
     from awescli.physics.declaration import read_kite
     from awescli.physics.kite import Kite
     from awescli.simulation.closed_loop import with_setpoint_dynamics
     from awescli.simulation.synthetic import with_effects
-    from awescli.stages.ladder import kite_files, network
+    from awescli.stages.nested_models import kite_files, network
 
     files = kite_files(context)
     model = list(files)[-1] if config.model == "newest" else config.model

@@ -98,7 +98,7 @@ def test_everything_shows_itself_as_table_picture_and_html(played):
             assert picture.png.startswith(b"\x89PNG") and "<svg" in picture._repr_html_() and result.figures
             with pytest.raises(BadInput, match="there is no figure 'x'"):
                 result.plot("x")
-    assert played["page"].html.startswith("<!doctype html>") and "ladder" in played["page"].figures
+    assert played["page"].html.startswith("<!doctype html>") and "models" in played["page"].figures
     assert set(played["flight"].to_frame().columns) >= {"time", "phi", "rudder", "valid"}
     assert played["found"].to_frame()["parameter"].to_list() == list(played["found"].parameters)
 

@@ -1,4 +1,4 @@
-"""The ladder of models: initial, identified, with_effects, hybrid; each step adds what the stage before it found."""
+"""The nested models of a run: initial, identified, with_effects, hybrid; each adds what one more stage found."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ MADE_BY = {"identified": "identify", "with_effects": "trace-residual", "hybrid":
 """Model -> the stage that hands it on; `initial` is what the user declared."""
 
 
-def ladder(context: Context, log, closed: bool = False) -> dict:
+def nested_models(context: Context, log, closed: bool = False) -> dict:
     """name -> Simulator of every model that exists, in the order in which they were made; closed: the fitted law moves the surfaces."""
     return {name: model_of(name, file, log, context if closed else None) for name, file in kite_files(context).items()}
 
@@ -38,7 +38,7 @@ def network(folder: Path) -> tuple[dict, dict]:
     return read_json(folder / "network.json"), read_tensors(folder / "network.safetensors")
 
 
-def score_ladder(models: dict, context: Context, log, parts, config, task) -> tuple[dict, dict]:
+def score_models(models: dict, context: Context, log, parts, config, task) -> tuple[dict, dict]:
     """(metrics.json, arrays of predictions.npz): every model predicted alike on train, validation and test."""
     from awescli.estimation.prediction_scores import scored
     from awescli.flightlog.loops import find_loops
