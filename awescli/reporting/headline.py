@@ -2,6 +2,7 @@
 
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.marks import Section, bullets, esc, link, paragraph
+from awescli.reporting.phase_power import phase_table
 from awescli.reporting.plots import Figure, dots, log_axis
 from awescli.reporting.power import power_claim, power_figure
 from awescli.reporting.words import COLOURS, channel, effect_words, listed, number, percent, short, times, with_std
@@ -30,7 +31,8 @@ SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "
 def headline(evidence: Evidence) -> Section:
     """Title, verdict, claims, numbers of the ladder, and the ladder per channel."""
     said = paragraph(f"{lead(evidence)} {worth(evidence)}", "lead") if evidence.effects else ""
-    body = poor_data(evidence), said, tiles(evidence), bullets(claims(evidence)), ladder(evidence), power_figure(evidence)
+    power = power_figure(evidence), phase_table(evidence)
+    body = poor_data(evidence), said, tiles(evidence), bullets(claims(evidence)), ladder(evidence), *power
     return Section("summary", title(evidence), body)
 
 

@@ -92,6 +92,8 @@ class Evaluate(Stage):
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
             summary["power"] = power
             answer.append(f"mean power on test loops: {power}")
+        if cycles := cycle_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
+            answer.append(f"energy of cycles: {cycles}")
         for wanted, key, place in ((config.report, "report", REPORT), (config.figures, "figures", FIGURES)):
             if wanted:
                 summary[key] = str(context.out / self.name / place)
@@ -109,10 +111,23 @@ def left_by(context, stage: str) -> dict | None:
 
 
 def power_line(powers: dict[str, dict]) -> str:
-    """Measured mean power of the test loops, and every model's error of it, the last one's with its interval; empty where there is none."""
+    """Measured mean power of the test loops, and every model's error of it, the last one's with the interval of what is known of the model
+    (90 %), where that is not known over loops; empty where there is none."""
     if not powers:
         return ""
     said = [f"{model} {100 * p['error_share']:+.1f} %" for model, p in powers.items() if p["error_share"] is not None]
     *_, last = powers.values()
-    between = " ({:+.1f} to {:+.1f})".format(*(100 * share for share in last["interval_share"])) if last["interval_share"] else ""
+    interval = [w / last["measured_mean_W"] - 1 for w in last["interval_W"]] if last.get("interval_W") else last["interval_share"]
+    between = " ({:+.1f} to {:+.1f})".format(*sorted(100 * share for share in interval)) if interval else ""
     return "; ".join([f"{last['measured_mean_W'] / 1000:.3g} kW measured", *([f"{', '.join(said)}{between}"] if said else [])])
+
+
+def cycle_line(powers: dict[str, dict]) -> str:
+    """Measured energy of all cycles together and the error of every model; empty for a flight without cycles."""
+    of = {model: [row["measured_J"] for row in p["by_cycle"]] for model, p in powers.items() if p.get("by_cycle")}
+    if not of:
+        return ""
+    measured = sum(next(iter(of.values())))
+    predicted = {model: sum(row["predicted_J"] for row in powers[model]["by_cycle"]) for model in of}
+    said = ", ".join(f"{model} {100 * (E / measured - 1):+.1f} %" for model, E in predicted.items()) if measured else ""
+    return "; ".join([f"{measured / 1000:.3g} kJ measured in {len(next(iter(of.values())))}", *([said] if said else [])])

@@ -51,7 +51,9 @@ def score_ladder(models: dict, context: Context, log, parts, config, task) -> tu
     arrays: dict = {}
     for name, simulator in models.items():
         task.update(name)
-        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts)
+        if name != "hybrid":  # a network is on top of the physics whose parameters were fitted
+            told_by = simulator, known_of(context, name, simulator.kite)
+        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts, told_by)
         for part, prediction in predictions.items():
             block["nrmse"][part] |= surface_errors(context, log, prediction)
         metrics[name], test = block, predictions["test"]
@@ -62,6 +64,16 @@ def score_ladder(models: dict, context: Context, log, parts, config, task) -> tu
         metrics["noise_floor"] = test.noise_floor()
         task.advance()
     return metrics, arrays
+
+
+def known_of(context: Context, name: str, kite):
+    """What the fit behind a model says of its parameters; of one that nothing was fitted to, what is declared."""
+    from awescli.artifacts import read_json
+    from awescli.estimation.power_interval import Known
+
+    folder = context.upstream(MADE_BY[name]) if name in MADE_BY else None
+    file = folder / "params.json" if folder else None
+    return Known.fitted(read_json(file), kite) if file and file.is_file() else Known.declared(kite)
 
 
 def surface_errors(context: Context, log, prediction) -> dict:
