@@ -32,7 +32,7 @@ def phase_power(
     rows = prediction.first[:, None] + np.arange(len(prediction.time))[None]
     measured = prediction.measured["tension"]
     powers = [T * speed[rows] for T in (measured, measured - prediction.errors("tension"))]
-    E, predicted = (dt / 2 * (p[:, :-1] + p[:, 1:]) for p in powers)
+    E, predicted, moved = (dt / 2 * (p[:, :-1] + p[:, 1:]) for p in (*powers, np.abs(speed[rows])))
     used = np.zeros(len(labels), bool)
     for first, last in fitted:
         used[first:last] = True
@@ -49,7 +49,8 @@ def phase_power(
             "measured_mean_W": sums[0] / seconds, "mean_W": sums[1] / seconds,
         }  # fmt: skip
         if sensitivities is not None and known is not None:
-            row |= power_interval(row["mean_W"], seconds, sensitivities[inside].sum(axis=0) / seconds, known, seen)
+            J = sensitivities[inside].sum(axis=0) / seconds
+            row |= power_interval(row["mean_W"], seconds, float(moved[inside].sum()), J, known, seen)
         return [row]
 
     by_cycle = []

@@ -1,8 +1,11 @@
 """How well predicted power is known: from the covariance of parameters, the error of the wind record, and what loops show of the rest.
 
     variance = J C J'                          parameters and the record's errors together, as the fit left them
-             + (b P)^2                         b: share by which the model errs on the loops that it was fitted and chosen on
-             + (s P)^2 / K                     s: scatter of single loops about that share; K: loops' worth of seconds
+             + (b F)^2                         b: share by which the model errs on the loops that it was fitted and chosen on
+             + (s F)^2 / K                     s: scatter of single loops about that share; K: loops' worth of seconds
+
+F is the power that the mean tension of those loops would have at the speed of the line: a phase in which a model says no tension is not
+known exactly.
 
 J is the exact sensitivity of tension times reel-out speed, integrated. Noise, gusts and what starts leave are in the scatter: they differ
 from loop to loop. The interval is Student's, with the effective degrees of freedom of such a sum (Welch, Biometrika 34, 1947).
@@ -60,9 +63,10 @@ class Known:
 
 @dataclass(frozen=True)
 class Seen:
-    """How a model errs on the loops it was fitted and chosen on. share: of their energy; scatter: of one loop about that share; seconds:
-    of a loop; loops: how many."""
+    """How a model errs on the loops it was fitted and chosen on. tension: their mean [N]; share: of their energy; scatter: of one loop
+    about that share; seconds: of a loop; loops: how many."""
 
+    tension: float
     share: float
     scatter: float
     seconds: float
@@ -72,12 +76,13 @@ class Seen:
     def of(cls, blocks: Sequence[Mapping | None]) -> "Seen | None":
         """From `mechanical_power` of those parts; None for fewer than two loops."""
         rows = [row for block in blocks if block for row in block["by_loop"]]
-        E, predicted, seconds = (np.array([row[key] for row in rows]) for key in ("measured_J", "predicted_J", "seconds"))
-        if len(rows) < 2 or not E.sum():
+        keys = ("measured_J", "predicted_J", "seconds", "reeled_m")
+        E, predicted, seconds, reeled = (np.array([row[key] for row in rows]) for key in keys)
+        if len(rows) < 2 or not E.sum() or not reeled.sum():
             return None
         share = float(predicted.sum() / E.sum() - 1)
         left = (predicted - (1 + share) * E) / np.abs(E).mean()
-        return cls(share, float(np.sqrt(left @ left / (len(rows) - 1))), float(seconds.mean()), len(rows))
+        return cls(float(np.abs(E).sum() / reeled.sum()), share, float(np.sqrt(left @ left / (len(rows) - 1))), float(seconds.mean()), len(rows))
 
 
 def energy_sensitivities(simulator: Simulator, log, prediction: Prediction, names: Sequence[str]) -> np.ndarray:
@@ -101,17 +106,19 @@ def energy_sensitivities(simulator: Simulator, log, prediction: Prediction, name
     return result
 
 
-def power_interval(mean: float, seconds: float, J: np.ndarray, known: Known, seen: Seen | None) -> dict:
-    """interval_W (LEVEL), and std_W of its parts, of a mean power [W] over `seconds` with sensitivities J (n,) [W per unit].
+def power_interval(mean: float, seconds: float, reeled: float, J: np.ndarray, known: Known, seen: Seen | None) -> dict:
+    """interval_W (LEVEL), and std_W of its parts, of a mean power [W] over `seconds` in which `reeled` metres of line moved through the
+    winch, with sensitivities J (n,) [W per unit].
 
     None in place of an interval where the model has no loops that it was fitted to.
     """
     of = known.variances(J)
     if seen is None:
         return {"interval_W": None, "interval_level": LEVEL, "std_W": {}}
-    once = (seen.scatter * mean) ** 2 * max(seen.seconds / seconds, 1e-12)
+    usual = seen.tension * reeled / seconds
+    once = (seen.scatter * usual) ** 2 * max(seen.seconds / seconds, 1e-12)
     # where the model is right, this estimates by itself what the scatter leaves of a mean over the seen loops
-    shared = (seen.share * mean) ** 2
+    shared = (seen.share * usual) ** 2
     total = of["together"] + shared + once
     own = (shared + once) ** 2 / (seen.loops - 1)
     freedom = total**2 / own if own > 0 else np.inf

@@ -53,7 +53,8 @@ def _power_known(simulator, log, parts: Split, loops, test: Prediction, power: d
     rows = test.first[:, None] + np.arange(len(test.time) - 1)[None]
     inside = np.any([(rows >= first) & (rows < last) for first, last in loops], axis=0)
     J = energy_sensitivities(physical, log, test, known.names)[inside].sum(axis=0) / power["seconds"]
-    told = power_interval(power["mean_W"], power["seconds"], J, known, seen)
+    reeled = sum(row["reeled_m"] for row in power["by_loop"])
+    told = power_interval(power["mean_W"], power["seconds"], reeled, J, known, seen)
     labels = phases(log)
     ranges = flown_ranges(labels, log.valid)
     if not len(prediction_starts(log, ranges, horizon)):
