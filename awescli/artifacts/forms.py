@@ -143,6 +143,21 @@ class OwnWind(Checked):
     direction: Number | None
 
 
+class Earned(Checked):
+    """Energy of a phase or a cycle that was flown."""
+
+    cycle: int
+    from_s: Number
+    to_s: Number
+    energy_J: Number
+    mean_W: Number
+
+
+class FlownPhase(Earned):
+    phase: Text
+    ended_by: Text
+
+
 class Flown(Checked):
     """metrics.json of simulate."""
 
@@ -157,6 +172,9 @@ class Flown(Checked):
     wind: OwnWind
     nrmse: dict[Horizon, Channels]
     path_error_m: dict[Horizon, Number]
+    phases: list[FlownPhase] = []
+    cycles: list[Earned] = []
+    mean_cycle_W: Number | None = None
 
     @model_validator(mode="after")
     def _alike(self):

@@ -82,7 +82,8 @@ class Seen:
             return None
         share = float(predicted.sum() / E.sum() - 1)
         left = (predicted - (1 + share) * E) / np.abs(E).mean()
-        return cls(float(np.abs(E).sum() / reeled.sum()), share, float(np.sqrt(left @ left / (len(rows) - 1))), float(seconds.mean()), len(rows))
+        tension = float(np.abs(E).sum() / reeled.sum())
+        return cls(tension, share, float(np.sqrt(left @ left / (len(rows) - 1))), float(seconds.mean()), len(rows))
 
 
 def energy_sensitivities(simulator: Simulator, log, prediction: Prediction, names: Sequence[str]) -> np.ndarray:
