@@ -151,6 +151,19 @@ class Earned(Checked):
     to_s: Number
     energy_J: Number
     mean_W: Number
+    mean_tension_N: Number
+    from_m: Number
+    to_m: Number
+
+
+class InWind(Checked):
+    """Mean cycle power in one wind; null where the kite is lost."""
+
+    wind_m_s: Number
+    mean_W: Number | None
+    low_W: Number | None
+    high_W: Number | None
+    draws: int
 
 
 class FlownPhase(Earned):
@@ -175,6 +188,7 @@ class Flown(Checked):
     phases: list[FlownPhase] = []
     cycles: list[Earned] = []
     mean_cycle_W: Number | None = None
+    power_curve: dict[Literal["initial", "identified", "with_effects"], list[InWind]] = {}
 
     @model_validator(mode="after")
     def _alike(self):

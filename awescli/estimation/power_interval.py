@@ -55,6 +55,18 @@ class Known:
         found = np.array([rows[n]["value"] if n in kite.record else 0.0 for n in names])
         return cls(names, np.array(correlation["matrix"])[np.ix_(kept, kept)] * np.outer(std, std), record, found)
 
+    def draws(self, kite: Kite, count: int, seed: int, of: np.ndarray | None = None) -> list[dict[str, float]]:
+        """`count` kites that might be this one: parameter -> value, from a normal distribution about the kite's own and what was found,
+        kept within bounds. of: (n,) which of the names; default those of the kite: the record's errors are of one flight."""
+        of = np.flatnonzero(~self.record if of is None else of)
+        rows = [kite.parameters[self.names[i]] for i in of]
+        random, centre = np.random.default_rng(seed), np.array([p.value for p in rows]) + self.found[of]
+        lower, upper = (np.array([getattr(p, end) for p in rows]) for end in ("lower", "upper"))
+        drawn = (
+            random.multivariate_normal(centre, self.covariance[np.ix_(of, of)], size=count, method="svd") if len(of) else [centre] * count
+        )
+        return [{p.name: float(v) for p, v in zip(rows, np.clip(x, lower, upper), strict=True)} for x in drawn]
+
     def variances(self, J: np.ndarray) -> dict[str, float]:
         """Of a quantity with sensitivities J (n,): all together, of the parameters and of the record alone."""
         parts = {"together": np.ones(len(J), bool), "parameters": ~self.record, "wind": self.record}

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from awescli.control.pattern import Pattern
 from awescli.flightlog.log import WindRecord
 from awescli.notation.quantities import OUTPUTS, SURFACES
 from awescli.physics.declaration import KiteDeclaration
@@ -23,12 +24,14 @@ CONTROL, DRUM = "winch_control", "winch_tracking"
 
 @dataclass(frozen=True)
 class PumpingPhase:
-    """law: set-points, as a Simulator takes it; winch: short name -> value of `winch_control`; guards: in GUARDED; name: what it is."""
+    """law: set-points, as a Simulator takes it; winch: short name -> value of `winch_control`; guards: in GUARDED; name: what it is;
+    pattern: the circle of its law, where it has one."""
 
     name: str
     law: Callable
     winch: Mapping[str, float]
     guards: tuple[Guard, ...]
+    pattern: Pattern | None = None
 
 
 GUARDED: Mapping[str, Callable[[np.ndarray, Mapping[str, np.ndarray]], np.ndarray]] = {
@@ -64,54 +67,66 @@ def with_winch(declaration: KiteDeclaration, drum: Mapping[str, float]) -> KiteD
     return told.model_copy(update={"effects": (CONTROL, DRUM, *others)})
 
 
-def fly_pumping(
-    kite: Kite, phases: Sequence[PumpingPhase], wind: WindRecord, *, start: np.ndarray, length: float, duration: float, dt: float,
-    cycles: int | None = None, speed: float = 0.0, load: float = 0.0, step: float = 0.01, begins: float = 0.0, seed: int = 0,
-    simulator: Simulator | None = None, values: Mapping[str, float] | None = None,
-) -> Pumped:  # fmt: skip
-    """Fly through the phases, again and again, for `duration` seconds or to the end of `cycles`.
+@dataclass(frozen=True)
+class Pumping:
+    """A kite `with_winch` and its phases, compiled: laws has the simulator of each phase, all of the one kite."""
 
-    kite: `with_winch`, made for the wind's heights; start (12,), length [m] of line at t = 0, speed [m/s] of the drum, load [N] on it;
-    simulator: of this kite, where it is compiled already; values: parameters that differ from the kite's. It departs where it diverges,
-    comes lower than LOWEST or stands in the air (STALLED). Slack lines are flown. Other arguments as in `simulate_flight`.
-    """
-    refuse_measured(kite.declaration)
-    samples = int(round(duration / dt)) + 1
-    time = np.arange(samples) * dt
-    line = dict(zip(("tether_length", "reel_out_speed"), ReelOut(length, 0.0).at(time), strict=True))
-    inputs = inputs_of(Commanded(time, dt, line, wind), kite)
-    inputs[:, kite.input_names.index("time")] += begins
-    simulator = simulator or Simulator(kite, wrt=(), step=step)
-    own = {f"{CONTROL}.load": load, f"{DRUM}.speed": speed}
-    segments = Segments(np.zeros(1, int), start[None], np.zeros((1, samples, len(SURFACES))), inputs[None], dt)
-    given = [
-        (p, simulator.flown_by(p.law), kite.with_values({**(values or {}), **{f"{CONTROL}.{n}": v for n, v in p.winch.items()}}))
-        for p in phases
-    ]
+    kite: Kite
+    phases: tuple[PumpingPhase, ...]
+    laws: tuple[Simulator, ...]
 
-    def fly(inputs: np.ndarray) -> Switched:
-        made = [Phase(p.name, s.law.value, k.parameters.vector(), p.guards) for p, s, k in given]
-        x0 = segments.starts_for(simulator.n_s)[0]
-        x0[12:] = _offsets(given[0][2], own, start, inputs[0])
-        return fly_switched(
-            simulator.f.value, simulator.g.value, simulator.initial.value, made, simulator.n_s, x0, segments.setpoints[0], inputs, dt,
-            simulator.stepping(segments), len(OUTPUTS), lambda X, Y, U: _quantities(kite, X, Y, U),
-            None if cycles is None else cycles * len(phases) - 1,
-        )  # fmt: skip
+    @classmethod
+    def of(cls, kite: Kite, phases: Sequence[PumpingPhase], step: float = 0.01) -> "Pumping":
+        """step: longest of RK4 [s]."""
+        refuse_measured(kite.declaration)
+        simulator = Simulator(kite, wrt=(), step=step)
+        return cls(kite, tuple(phases), tuple(simulator.flown_by(p.law) for p in phases))
 
-    flown = fly(inputs)
-    if "turbulence.sigma" in kite.parameters:
-        at = {n: i for i, n in enumerate(kite.input_names)}
+    def fly(
+        self, wind: WindRecord, *, start: np.ndarray, length: float, duration: float, dt: float, cycles: int | None = None,
+        speed: float = 0.0, load: float = 0.0, begins: float = 0.0, seed: int = 0, values: Mapping[str, float] | None = None,
+    ) -> Pumped:  # fmt: skip
+        """Fly through the phases, again and again, for `duration` seconds or to the end of `cycles`.
+
+        start (12,), length [m] of line at t = 0, speed [m/s] of the drum, load [N] on it; values: parameters that differ from the kite's.
+        It departs where it diverges, comes lower than LOWEST or stands in the air (STALLED). Slack lines are flown. Other arguments as in
+        `simulate_flight`.
+        """
+        kite, samples = self.kite.with_values(dict(values or {})), int(round(duration / dt)) + 1
+        time = np.arange(samples) * dt
+        line = dict(zip(("tether_length", "reel_out_speed"), ReelOut(length, 0.0).at(time), strict=True))
+        inputs = inputs_of(Commanded(time, dt, line, wind), kite)
+        inputs[:, kite.input_names.index("time")] += begins
+        switches = None if cycles is None else cycles * len(self.phases) - 1
+        how = start, {f"{CONTROL}.load": load, f"{DRUM}.speed": speed}, dt, switches
+        flown = self._through(kite, inputs, *how)
+        if "turbulence.sigma" in kite.parameters:
+            at = {n: i for i, n in enumerate(kite.input_names)}
+            airspeed = float(flown.outputs[: max(_samples(flown), 1), OUTPUTS.index("V_a")].mean())
+            columns, gusts = gusts_for(kite, samples, dt, airspeed, seed, at)
+            inputs[:, columns] = gusts
+            flown = self._through(kite, inputs, *how)
         last = max(_samples(flown), 1)
-        columns, gusts = gusts_for(kite, samples, dt, float(flown.outputs[:last, OUTPUTS.index("V_a")].mean()), seed, at)
-        inputs[:, columns] = gusts
-        flown = fly(inputs)
-    last = max(_samples(flown), 1)
-    switches = tuple(s for s in flown.switches if s.sample < last)
-    ended = flown.ended if last == flown.alive else None
-    done = sum(s.into == 0 for s in switches) + (ended is not None)
-    told = _told(kite, flown, inputs, last, time, dt, departed=last < samples and ended is None)
-    return Pumped(told, flown.phase[:last], switches, ended, done)
+        switched = tuple(s for s in flown.switches if s.sample < last)
+        ended = flown.ended if last == flown.alive else None
+        told = _told(kite, flown, inputs, last, time, dt, departed=last < samples and ended is None)
+        return Pumped(told, flown.phase[:last], switched, ended, sum(s.into == 0 for s in switched) + (ended is not None))
+
+    def _through(self, kite: Kite, inputs: np.ndarray, start, own: Mapping[str, float], dt: float, switches: int | None) -> Switched:
+        """Through all phases; own: states of the winch at the start."""
+        kites = [kite.with_values({f"{CONTROL}.{n}": v for n, v in p.winch.items()}) for p in self.phases]
+        made = [
+            Phase(p.name, s.law.value, k.parameters.vector(), p.guards)
+            for p, s, k in zip(self.phases, self.laws, kites, strict=True) if s.law is not None
+        ]  # fmt: skip
+        one = self.laws[0]
+        segments = Segments(np.zeros(1, int), start[None], np.zeros((1, len(inputs), len(SURFACES))), inputs[None], dt)
+        x0 = segments.starts_for(one.n_s)[0]
+        x0[12:] = _offsets(kites[0], own, start, inputs[0])
+        return fly_switched(
+            one.f.value, one.g.value, one.initial.value, made, one.n_s, x0, segments.setpoints[0], inputs, dt, one.stepping(segments),
+            len(OUTPUTS), lambda X, Y, U: _quantities(kite, X, Y, U), switches,
+        )  # fmt: skip
 
 
 def _offsets(kite: Kite, own: Mapping[str, float], start: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -79,20 +79,19 @@ def fly_switched(
     """
     samples, n_sp, n_u = len(setpoints), setpoints.shape[1], inputs.shape[1]
     n_x = n_s + n_sp
-    X, Y = lane_rows(samples, n_x), lane_rows(samples, n_y)
-    work, alive = lane_rows(kernels.rows_of_loop(n_x, n_s, n_u, n_y)), np.full(kernels.LANES, samples)
-    shared = tuple(abreast(np.ascontiguousarray(a[None], dtype=float)) for a in (x0, setpoints, inputs))
+    X, Y, of = np.empty((samples, n_x)), np.empty((samples, n_y)), np.zeros(samples, dtype=int)
+    stretch = _Stretch(kernels.rows_of_loop(n_x, n_s, n_u, n_y), x0, (f, g, initial), (n_s, n_sp, n_u, n_y), h, stepping)
     parameters = [abreast(np.ascontiguousarray(p.c[None], dtype=float)) for p in phases]
-    sizes = (n_s, n_sp, n_u, n_y, samples, stepping.substeps, h, stepping.first, stepping.onward)
-    loop, of, switches = kernels.rollout_loop(), np.zeros(samples, dtype=int), []
+    switches: list[Switch] = []
     now = first = entered = 0
-    while first < samples and alive[0] == samples:
+    alive = samples
+    while first < samples and alive == samples:
         until = min(first + AHEAD, samples)
-        loop(*kernels.passed(f, g, initial, phases[now].law, *sizes, first, until, *shared, parameters[now], X, Y, alive, work))
+        alive = stretch.fly(phases[now].law, parameters[now], first, until, setpoints, inputs, X, Y)
         of[first:until] = now
         begin = max(first - 1, entered)
-        seen = slice(begin, min(until, int(alive[0])))
-        values = dict(read(X[seen, :, 0], Y[seen, :, 0], inputs[seen]))
+        seen = slice(begin, min(until, alive))
+        values = dict(read(X[seen], Y[seen], inputs[seen]))
         values["time_in_phase"] = (np.arange(seen.start, seen.stop) - entered) * h
         passed = _first_passed(phases[now].guards, values)
         if passed is None:
@@ -101,19 +100,39 @@ def fly_switched(
         k, guard = passed
         at, into = begin + k, (now + 1) % len(phases)
         if len(switches) == most:
-            return _flown(X, Y, of, at + 1, switches, guard)
+            return Switched(X, Y, of, at + 1, tuple(switches), guard)
         switches.append(Switch(at, h * (at - 1 + _share(guard.beyond(values), k)), now, into, guard))
-        x = X[at].copy()
-        if phases[into].reset is not None:
-            x[:n_s] = phases[into].reset(x[:n_s, 0])[:, None]
-        work[:n_x] = x
-        alive[:] = samples  # what was flown beyond the guard counts for nothing
-        now, first, entered = into, at, at
-    return _flown(X, Y, of, int(min(alive[0], samples)), switches)
+        reset = phases[into].reset
+        stretch.begin_at(X[at] if reset is None else np.concatenate([reset(X[at, :n_s]), X[at, n_s:]]))
+        # what was flown beyond the guard counts for nothing
+        now, first, entered, alive = into, at, at, samples
+    return Switched(X, Y, of, alive, tuple(switches), None)
 
 
-def _flown(X, Y, of, alive: int, switches, ended: Guard | None = None) -> Switched:
-    return Switched(X[:, :, 0].copy(), Y[:, :, 0].copy(), of, alive, tuple(switches), ended)
+class _Stretch:
+    """The loop of a rollout, some samples at a time: `work` holds the state between them. All lanes fly the same."""
+
+    def __init__(self, rows: int, x0: np.ndarray, programs: tuple, sizes: tuple, h: float, stepping: Stepping):
+        self.work, self.x0 = lane_rows(rows), abreast(np.ascontiguousarray(x0[None], dtype=float))
+        self.programs, self.sizes, self.h, self.stepping = programs, sizes, h, stepping
+
+    def begin_at(self, x: np.ndarray) -> None:
+        """The next stretch begins at the state x (n_x,)."""
+        self.work[: len(x)] = x[:, None]
+
+    def fly(self, law: int, c: np.ndarray, first: int, until: int, setpoints, inputs, X: np.ndarray, Y: np.ndarray) -> int:
+        """Fill samples first..until-1 of X and Y; returns the first sample that diverged, or how many there are."""
+        n_s, n_sp, n_u, n_y = self.sizes
+        samples, before = len(setpoints), max(first - 1, 0)  # a loop that begins at sample 0 begins from the start
+        here = slice(before, min(until + 1, samples))
+        given = (abreast(np.ascontiguousarray(a[None, here], dtype=float)) for a in (setpoints, inputs))
+        count = here.stop - here.start
+        states, outputs, alive = lane_rows(count, n_s + n_sp), lane_rows(count, n_y), np.full(kernels.LANES, count)
+        sizes = (*self.sizes, samples - before, self.stepping.substeps, self.h, self.stepping.first, self.stepping.onward)
+        arrays = (self.x0, *given, c, states, outputs, alive, self.work)
+        kernels.rollout_loop()(*kernels.passed(*self.programs, law, *sizes, first - before, until - before, *arrays))
+        X[first:until], Y[first:until] = states[first - before : until - before, :, 0], outputs[first - before : until - before, :, 0]
+        return samples if alive[0] == count else before + int(alive[0])
 
 
 def _first_passed(guards: Sequence[Guard], values: Mapping[str, np.ndarray]) -> tuple[int, Guard] | None:

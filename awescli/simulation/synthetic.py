@@ -181,7 +181,7 @@ def simulate_flight(
     if start is None:
         if pattern is None:
             raise BadInput("without a start the kite needs a pattern to be put on")
-        starts = _starts(pattern, kite, inputs[0], at)
+        starts = circle_starts(pattern, kite, inputs[0], at)
     else:
         starts = np.asarray(start, dtype=float)[None]
     K = len(starts)
@@ -258,7 +258,7 @@ def _last(flown: Trajectories, k: int, away: np.ndarray, height: np.ndarray, loo
     return int(np.argmax(gone)) if gone.any() else samples
 
 
-def _starts(pattern: Pattern, kite: Kite, inputs: np.ndarray, at: Mapping[str, int]) -> np.ndarray:
+def circle_starts(pattern: Pattern, kite: Kite, inputs: np.ndarray, at: Mapping[str, int]) -> np.ndarray:
     """(16, 12) states on the circle: 8 phases, 2 speeds over ground, flying along the circle with the belly to the winch."""
     length = inputs[at["tether_length"]] + kite.parameters["dl"].value
     wind = _mean_wind(kite, inputs, at)

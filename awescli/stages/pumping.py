@@ -144,7 +144,7 @@ def pumping_phases(phases: tuple[PhaseConfig, ...], log, kite, fitted):
 
     laws = laws_of(phases, log, kite.declaration, fitted)
     return [
-        PumpingPhase(p.name, loop(law, kite, wind_direction(log)), p.winch.model_dump(), guards_of(p.until))
+        PumpingPhase(p.name, loop(law, kite, wind_direction(log)), p.winch.model_dump(), guards_of(p.until), law.pattern)
         for p, law in zip(phases, laws, strict=True)
     ]
 
@@ -160,11 +160,12 @@ def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping):
     """(the flight through the plan's phases, what metrics.json says of it), from sample `first` of the log, its line and its load on."""
     from awescli.flightlog.cycles import cycles
     from awescli.flightlog.phases import phases
-    from awescli.simulation.pumping import energies, fly_pumping
+    from awescli.simulation.pumping import Pumping, energies
 
     line = {"length": float(log["tether_length"][first]), "speed": float(log["reel_out_speed"][first])}
     line["load"] = max(float(log["tension"][first]), 0.0) if "tension" in log else 0.0
-    pumped = fly_pumping(kite, pumping_phases(config.phases, log, kite, fitted), wind, cycles=config.cycles, **line, **how)
+    pumping = Pumping.of(kite, pumping_phases(config.phases, log, kite, fitted), config.step)
+    pumped = pumping.fly(wind, cycles=config.cycles, **line, **how)
     rows, whole = energies(pumped, [p.name for p in config.phases])
     told = {"phases": rows, "cycles": whole, "cycles_flown": pumped.done, "mean_cycle_W": mean_power(whole)}
     power = log["tension"] * log["reel_out_speed"] if "tension" in log else None

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from awescli.stages.answers import ANSWER, number
 from awescli.stages.base import Context, Need, Stage, StageConfig
 from awescli.stages.ladder import MADE_BY
+from awescli.stages.power_curve import PowerCurve
 from awescli.stages.pumping import Drum, PhaseConfig
 
 BY = {"controller": "the fitted controller", "recorded": "the log", "path_following": "a built-in law"}
@@ -46,14 +47,19 @@ class SimulateConfig(StageConfig):
     )
     cycles: int | None = Field(None, ge=1, le=1000, description="pumping cycles it flies; default as many as `duration` holds")
     drum: Drum = Field(Drum(), description="the winch of pumping cycles: tau, v_max, a_max")
+    power_curve: PowerCurve | None = Field(
+        None, description="mean cycle power against wind speed, of every physical model: {speeds: [6, 8, 10], draws: 12, cycles: 3}"
+    )
     noise: bool = Field(True, description="add the kite file's sensor noise to the written log")
     seed: int | None = Field(None, ge=0, description="seed of noise and turbulence; default the plan's")
     step: float = Field(0.01, ge=1e-4, le=0.02, description="longest step of the integration [s]")
 
     @model_validator(mode="after")
-    def _no_network_reels_in(self):
+    def _phases_can_be_flown(self):
         if self.phases and self.model == "hybrid":
             raise ValueError("phases are flown by physical models, a network was not trained in a retraction: use with_effects")
+        if self.power_curve and not self.phases:
+            raise ValueError("a power curve is that of pumping cycles: give their phases")
         return self
 
 
@@ -103,6 +109,7 @@ class Simulate(Stage):
         from awescli.simulation.synthetic import EPOCH, LoggedReelOut, as_recorded, simulate_flight
         from awescli.stages.controller_artifact import read_controller
         from awescli.stages.flight_parts import flight_parts
+        from awescli.stages.power_curve import told_of_curve, write_power_curve
         from awescli.stages.pumping import fly_phases, told_of_cycles
 
         log, parts = flight_parts(context)
@@ -120,7 +127,7 @@ class Simulate(Stage):
         wind = replace(log.wind, time=log.wind.time - log.time[first])
         seed = context.seed if config.seed is None else config.seed
         context.progress.task(f"flying {duration:g} s, {model}")
-        how = {"duration": duration, "dt": log.dt, "start": smooth_states(log)[first], "seed": seed, "step": config.step}
+        how = {"duration": duration, "dt": log.dt, "start": smooth_states(log)[first], "seed": seed}
         how["begins"] = float(log.time[first])
         if config.phases:
             flown, pumped = fly_phases(config, log, first, kite, fitted, wind, how)
@@ -128,7 +135,7 @@ class Simulate(Stage):
         else:
             law, pattern = law_to_fly(config, log, kite, fitted)
             reel_out, pumped = LoggedReelOut(log, first) if kite.tether else None, {}
-            flown = simulate_flight(kite, law, wind, reel_out, pattern=pattern, setpoints=recorded, **how)
+            flown = simulate_flight(kite, law, wind, reel_out, pattern=pattern, setpoints=recorded, step=config.step, **how)
         # a log that knows no date (seconds since boot) gets one that the format can hold
         epoch = (0.0 if log.start > YEARS[0] else EPOCH) + log.start + float(log.time[first])
         written = as_recorded(flown, kite.declaration, wind, seed=seed, noise=config.noise, name="flight", epoch=epoch)
@@ -142,9 +149,13 @@ class Simulate(Stage):
             "start_s": float(log.time[first]),
             # how long it is compared with flight that no stage was fitted to
             "unseen_s": max(((b - first) * log.dt for a, b in parts.test if a <= first < b), default=0.0),
-            "seed": seed, "model": model, "surfaces": config.surfaces, "effects": config.effects, "wind": config.wind.model_dump(),
+            "seed": seed, "model": model, "surfaces": moved_by(config), "effects": config.effects, "wind": config.wind.model_dump(),
             **compared(log, first, flown, HORIZONS), **pumped,
         }  # fmt: skip
+        curve = {}
+        if config.power_curve:
+            curve = write_power_curve(context, config, log, fitted)
+            metrics["power_curve"] = curve
         write_json(context.folder / "metrics.json", metrics)
         errors = {f"error over {horizon} s": block["mean"] for horizon, block in metrics["nrmse"].items()}
         flew = f"{survived:.1f} of {duration:g} s"
@@ -153,15 +164,22 @@ class Simulate(Stage):
             "model": model, "outcome": metrics["outcome"], "flew": flew, **errors,
             ANSWER: [
                 f"{metrics['outcome'].replace('_', ' ')}: the {model} model flew {flew}, surfaces by {steered(config)}",
-                *([f"error against the measured flight: {shown}"] if shown and not pumped else []), *told_of_cycles(pumped),
+                *([f"error against the measured flight: {shown}"] if shown and not pumped else []),
+                *told_of_cycles(pumped), *told_of_curve(curve),
                 f"flight as a log: {context.out / self.name / 'flight'}",
             ],
         }  # fmt: skip
 
 
+def moved_by(config: SimulateConfig) -> str:
+    """Who moves the surfaces; of phases, the fitted controller where it flies in one of them."""
+    steering = [p.law for p in config.phases] or [config.surfaces]
+    return "controller" if "controller" in steering else steering[0]
+
+
 def steered_by_controller(config: SimulateConfig) -> bool:
     """Whether the fitted controller moves surfaces."""
-    return any(p.law == "controller" for p in config.phases) if config.phases else config.surfaces == "controller"
+    return moved_by(config) == "controller"
 
 
 def steered(config: SimulateConfig) -> str:

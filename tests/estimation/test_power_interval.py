@@ -138,3 +138,19 @@ def test_only_what_works_and_is_valid_is_flown():
     """Guards the ranges that are predicted."""
     labels = np.array(["ground", "traction", "traction", "transition", "retraction", "hover"])
     assert flown_ranges(labels, np.array([True, True, False, True, True, True])) == ((1, 2), (3, 5))
+
+
+def test_draws_are_of_what_is_known(noisy):
+    """Guards the kites of a band: mean and covariance as given, to the error of 4000 draws; within bounds; the record's error in none."""
+    kite = Kite(noisy.flown, noisy.log.wind.height)
+    a, b = (kite.parameters[n] for n in ("CLa", "Cmde"))
+    C = np.diag([(0.02 * a.value) ** 2, (0.01 * b.value) ** 2, 1.0])
+    C[0, 1] = C[1, 0] = 0.6 * np.sqrt(C[0, 0] * C[1, 1])
+    known = Known((a.name, b.name, "record.speed_0"), C, np.array([False, False, True]), np.zeros(3))
+    drawn = known.draws(kite, 4000, seed=1)
+    assert set(drawn[0]) == {a.name, b.name} and drawn == known.draws(kite, 4000, seed=1) != known.draws(kite, 4000, seed=2)
+    values = np.array([list(d.values()) for d in drawn])
+    assert values.mean(axis=0) == pytest.approx([a.value, b.value], rel=2e-3)
+    assert np.cov(values.T) == pytest.approx(C[:2, :2], rel=0.1)
+    wide = Known((a.name,), np.array([[100.0 * a.value**2]]), np.array([False]), np.zeros(1)).draws(kite, 50, seed=1)
+    assert {min(d[a.name] for d in wide), max(d[a.name] for d in wide)} == {a.lower, a.upper}

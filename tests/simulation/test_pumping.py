@@ -17,9 +17,11 @@ from awescli.notation.frames import rotate_back
 from awescli.notation.quantities import STATES, SURFACES
 from awescli.physics.kite import Kite
 from awescli.simulation.made_wind import wind_record
-from awescli.simulation.pumping import PumpingPhase, energies, fly_pumping, with_winch
+from awescli.simulation.power_curve import power_curve, starts_on
+from awescli.simulation.pumping import Pumping, PumpingPhase, energies, with_winch
+from awescli.simulation.rollout import inputs_of
 from awescli.simulation.switching import Guard
-from awescli.simulation.synthetic import as_recorded, with_effects
+from awescli.simulation.synthetic import Commanded, as_recorded, circle_starts, with_effects
 
 DEG = np.pi / 180
 DT, LENGTH = 0.02, 270.0
@@ -56,15 +58,16 @@ def wind(speed: float):
 
 def start() -> np.ndarray:
     """(12,) on the circle, crosswind at 42 m/s over ground."""
-    from awescli.simulation.synthetic import _on_circle
-
-    return _on_circle(CIRCLE, LENGTH + DEVELOPMENT.parameters["dl"].value, 0.0, 42.0, np.array([9.0, 0.0, 0.0]))
+    kite = Kite(DEVELOPMENT, HEIGHTS)
+    line = {"tether_length": np.full(50, LENGTH), "reel_out_speed": np.zeros(50)}
+    inputs = inputs_of(Commanded(DT * np.arange(50), DT, line, wind(9.0)), kite)
+    return circle_starts(CIRCLE, kite, inputs[0], {n: i for i, n in enumerate(kite.input_names)})[8]
 
 
 def fly(speed=10.0, declaration=DEVELOPMENT, phases_=PHASES, **how):
     kite = Kite(with_winch(declaration, DRUM), HEIGHTS)
     how = {"duration": 600.0, "cycles": 2, "load": 2000.0} | how
-    return kite, fly_pumping(kite, phases_, wind(speed), start=start(), length=LENGTH, dt=DT, **how)
+    return kite, Pumping.of(kite, phases_).fly(wind(speed), start=start(), length=LENGTH, dt=DT, **how)
 
 
 @pytest.fixture(scope="module")
@@ -139,7 +142,7 @@ def test_the_drum_keeps_within_its_limits():
     fast = replace(PHASES[2], winch={"v": -12.0, "f_high": 1e5})
     kite = Kite(with_winch(DEVELOPMENT, {"tau": 0.3, "v_max": 6.0, "a_max": 5.0}), HEIGHTS)
     begun = {"start": start(), "length": 400.0, "duration": 8.0, "dt": DT, "speed": 1.0, "load": 2000.0}
-    pumped = fly_pumping(kite, [fast], wind(9.0), **begun | {"start": start() * np.array([400 / LENGTH] * 3 + [1.0] * 9)})
+    pumped = Pumping.of(kite, [fast]).fly(wind(9.0), **begun | {"start": start() * np.array([400 / LENGTH] * 3 + [1.0] * 9)})
     v = pumped.flown.inputs["reel_out_speed"]
     rate = np.gradient(v, DT)
     assert v[0] == pytest.approx(1.0) and np.abs(v).max() <= 6.0 + 1e-6 and np.abs(rate).max() <= 5.0 + 1e-6
@@ -188,3 +191,30 @@ def test_the_written_log_holds_the_cycles(flown, tmp_path):
     assert len(cycles(labels)) == 2
     power = again["tension"] * again["reel_out_speed"]
     assert np.trapezoid(power, again.time) == pytest.approx(sum(w["energy_J"] for w in whole), rel=0.05)
+
+
+def test_a_power_curve_is_that_of_its_flights():
+    """Guards the curve: the mean of all cycles but the first, integrated here once more; kites that are all the same have a band without
+    width; a wind in which nothing flies has no power."""
+    kite = Kite(with_winch(DEVELOPMENT, DRUM), HEIGHTS)
+    pumping = Pumping.of(kite, PHASES)
+    how = {"length": LENGTH, "dt": DT, "cycles": 2}
+    winds = {2.0: wind(2.0), 10.0: wind(10.0)}
+    low, high = power_curve(pumping, winds, CIRCLE, [{}, {"CLa": kite.parameters["CLa"].value}], longest=300.0, **how)
+    assert (low["mean_W"], low["low_W"], low["flown"], low["draws"]) == (None, None, 0, 2)
+    flights = (
+        pumping.fly(winds[10.0], start=s, duration=300.0, load=2000.0, **how) for s in starts_on(pumping, winds[10.0], CIRCLE, LENGTH)
+    )
+    flight = next(f for f in flights if f.ended)
+    begins = next(s.sample for s in flight.switches if s.into == 0)
+    power = flight.flown.outputs["tension"] * flight.flown.inputs["reel_out_speed"]
+    mean = np.trapezoid(power[begins:], dx=DT) / ((len(power) - 1 - begins) * DT)
+    assert high["mean_W"] == pytest.approx(mean) == pytest.approx(high["low_W"]) == pytest.approx(high["high_W"]) and high["flown"] == 2
+
+
+def test_more_wind_more_power():
+    """Guards the sense of it: power grows with the wind, less than with its cube."""
+    pumping = Pumping.of(Kite(with_winch(DEVELOPMENT, DRUM), HEIGHTS), PHASES)
+    how = {"length": LENGTH, "dt": DT, "cycles": 2, "longest": 300.0}
+    nine, eleven = power_curve(pumping, {9.0: wind(9.0), 11.0: wind(11.0)}, CIRCLE, [], **how)
+    assert 0 < nine["mean_W"] < eleven["mean_W"] and nine["high_W"] is None

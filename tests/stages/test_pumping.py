@@ -1,5 +1,6 @@
 """simulate with phases: from a plan to cycles, energies, a log that is read again, and what a plan may not say."""
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from awescli.flightlog.read import read_flight
 from awescli.notation.errors import BadInput, BadInputs
 from awescli.stages import STAGES
 from awescli.stages.plan import read_plan
+from awescli.stages.power_curve import told_of_curve
 from awescli.stages.pumping import told_of_cycles
 from awescli.stages.runner import run_plan
 
@@ -68,6 +70,17 @@ def test_what_cannot_be_flown_is_said_before(tmp_path, phases_, said):
     with pytest.raises((BadInput, BadInputs), match=said):
         flown(tmp_path, phases=phases_)
     assert not (tmp_path / "out" / "simulate").exists()
+
+
+def test_a_power_curve_is_written_for_every_model(tmp_path):
+    """Guards the CSV and what metrics.json holds of it; a curve without phases is refused."""
+    result, metrics, folder = flown(tmp_path, cycles="2", power_curve="{speeds: [9, 10.5], draws: 1, cycles: 2}")
+    rows = list(csv.DictReader((folder.parent / "power_curve.csv").open()))
+    assert [(r["model"], float(r["wind_m_s"])) for r in rows] == [("initial", 9.0), ("initial", 10.5)]
+    assert [float(r["mean_W"]) for r in rows] == [p["mean_W"] for p in metrics["power_curve"]["initial"]]
+    assert rows[0]["draws"] == "1" and "initial flies 2 of 2 winds" in told_of_curve(metrics["power_curve"])[0] and told_of_curve({}) == []
+    with pytest.raises((BadInput, BadInputs), match="give their phases"):
+        flown(tmp_path, phases="[]", power_curve="{}")
 
 
 def test_a_network_flies_no_phases(tmp_path):
