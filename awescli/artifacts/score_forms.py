@@ -96,10 +96,29 @@ class Scored(Checked):
     power: Power = None  # one that is not there may not be null
 
 
+class AtHeight(Checked):
+    """The wind at one height, from the kite, the pitot and the station."""
+
+    height_m: Number
+    seconds: Number
+    speed_m_s: Number
+    speed_std: Number
+    direction_deg: Number
+    direction_std: Number
+    station_speed_m_s: Number
+    station_direction_deg: Number
+
+
+class WindProfile(Checked):
+    model: Literal["identified", "with_effects"]
+    rows: Annotated[list[AtHeight], Field(min_length=1)]
+
+
 class Scores(Checked):
     """metrics.json of evaluate."""
 
     horizon_s: Number
+    wind_profile: WindProfile = None
     noise_floor: Channels
     initial: Scored
     identified: Scored = None

@@ -15,6 +15,7 @@ class EvaluateConfig(HandedOnConfig):
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
     horizons: tuple[Seconds, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
+    wind_profile: bool = Field(True, description="tell the wind against height that the last fitted kite needs, beside the station")
     report: bool = Field(True, description="write report.html, one self-contained page")
     thesis: bool = Field(False, description="print the numbers that Rositani (2025) published beside these (another flight)")
     figures: bool = Field(False, description="write every figure of the page as PNG and SVG, and the data behind it as CSV")
@@ -56,6 +57,7 @@ class Evaluate(Stage):
         from awescli.stages.flight_parts import flight_parts
         from awescli.stages.ladder import ladder, score_ladder
         from awescli.stages.page import FIGURES, REPORT, gather, write_figures, write_report
+        from awescli.stages.wind_profile import wind_line, wind_seen
 
         log, parts = flight_parts(context)
         config = config.model_copy(update={"horizon": horizon_within(context, config, config.horizon, [(log, parts)])})
@@ -63,6 +65,8 @@ class Evaluate(Stage):
         models = ladder(context, log, closed)
         task = context.progress.task("scoring", total=len(models))
         metrics, arrays = score_ladder(models, context, log, parts, config, task)
+        if config.wind_profile and (seen := wind_seen(context, models, log)):
+            metrics["wind_profile"] = seen
         metrics |= {"surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states}
         left = {stage: left_by(context, stage) for stage in ("fit-controller", "identify", "trace-residual", "train-hybrid")}
         metrics["outcomes"] = {stage: found["outcome"] for stage, found in left.items() if found and found.get("outcome")}
@@ -92,6 +96,8 @@ class Evaluate(Stage):
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
             summary["power"] = power
             answer.append(f"mean power on test loops: {power}")
+        if "wind_profile" in metrics:
+            answer.append(wind_line(metrics["wind_profile"]["rows"]))
         if cycles := cycle_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
             answer.append(f"energy of cycles: {cycles}")
         for wanted, key, place in ((config.report, "report", REPORT), (config.figures, "figures", FIGURES)):
