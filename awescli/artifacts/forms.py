@@ -188,6 +188,7 @@ class Flown(Checked):
     phases: list[FlownPhase] = []
     cycles: list[Earned] = []
     mean_cycle_W: Number | None = None
+    mean_cycle_interval_W: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
     power_curve: dict[Literal["initial", "identified", "with_effects"], list[InWind]] = {}
 
     @model_validator(mode="after")

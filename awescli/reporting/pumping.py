@@ -21,6 +21,8 @@ def earned(flown) -> str:
     if not whole:
         return "No pumping cycle came to its end."
     what = f"{len(whole)} pumping cycle{'s' if len(whole) > 1 else ''}, mean power {number(flown['mean_cycle_W'] * KILO)} kW"
+    if interval := flown.get("mean_cycle_interval_W"):
+        what += f" (90 % of {flown['draws_flown']} kites that might be this one and fly: {' to '.join(number(w * KILO) for w in interval)})"
     measured = flown.get("measured_cycle_W")
     return f"{what}; measured cycles: {', '.join(number(w * KILO) for w in measured)} kW." if measured else f"{what}."
 

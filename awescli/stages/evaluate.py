@@ -95,11 +95,10 @@ class Evaluate(Stage):
             answer.append(f"identify has not converged ({ended}): its parameters are no estimates")
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
             summary["power"] = power
-            answer.append(f"mean power on test loops: {power}")
+            cycles = cycle_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]})
+            answer.append(f"mean power on test loops: {power}" + (f"; energy of cycles: {cycles}" if cycles else ""))
         if "wind_profile" in metrics:
-            answer.append(wind_line(metrics["wind_profile"]["rows"]))
-        if cycles := cycle_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
-            answer.append(f"energy of cycles: {cycles}")
+            summary["wind"] = wind_line(metrics["wind_profile"]["rows"])
         for wanted, key, place in ((config.report, "report", REPORT), (config.figures, "figures", FIGURES)):
             if wanted:
                 summary[key] = str(context.out / self.name / place)

@@ -156,8 +156,12 @@ def on_winch(declaration, drum: Drum):
     return with_winch(declaration, drum.model_dump(exclude_unset=DRUM in declaration.effects))
 
 
-def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping):
-    """(the flight through the plan's phases, what metrics.json says of it), from sample `first` of the log, its line and its load on."""
+def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping, known=None):
+    """(the flight through the plan's phases, what metrics.json says of it), from sample `first` of the log, its line and its load on.
+
+    known: of the parameters (`power_interval.Known`), for the interval of the mean power of all cycles that were asked for: 5 to 95 % of
+    those drawn kites that fly them.
+    """
     from awescli.flightlog.cycles import cycles
     from awescli.flightlog.phases import phases
     from awescli.simulation.pumping import Pumping, energies
@@ -166,11 +170,26 @@ def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping):
     line["load"] = max(float(log["tension"][first]), 0.0) if "tension" in log else 0.0
     pumping = Pumping.of(kite, pumping_phases(config.phases, log, kite, fitted), config.step)
     pumped = pumping.fly(wind, cycles=config.cycles, **line, **how)
-    rows, whole = energies(pumped, [p.name for p in config.phases])
+    names = [p.name for p in config.phases]
+    rows, whole = energies(pumped, names)
     told = {"phases": rows, "cycles": whole, "cycles_flown": pumped.done, "mean_cycle_W": mean_power(whole)}
+    if known is not None and config.draws and config.cycles == pumped.done:
+        kites = known.draws(kite, config.draws, how["seed"])
+        flown = [pumping.fly(wind, cycles=config.cycles, **line, **how, values=values) for values in kites]
+        told |= {"mean_cycle_interval_W": band([mean_power(energies(f, names)[1]) for f in flown if f.ended]), "draws": config.draws}
+        told["draws_flown"] = sum(f.ended is not None for f in flown)
     power = log["tension"] * log["reel_out_speed"] if "tension" in log else None
     measured = [float(power[a:b].mean()) for a, b in cycles(phases(log))] if power is not None else []
     return pumped.flown, told | ({"measured_cycle_W": measured} if measured else {})
+
+
+def band(means: list[float]) -> list[float] | None:
+    """[low, high] of the BAND of some means; None of fewer than two."""
+    import numpy as np
+
+    from awescli.simulation.power_curve import BAND
+
+    return np.quantile(means, BAND).tolist() if len(means) > 1 else None
 
 
 def mean_power(whole: list[dict]) -> float | None:
@@ -192,4 +211,6 @@ def told_of_cycles(pumped: Mapping) -> list[str]:
             of.setdefault(row["phase"], []).append(row)
     shares = ", ".join(f"{name} {mean_power(rows) / 1000:.3g}" for name, rows in of.items())
     seconds = sum(row["to_s"] - row["from_s"] for row in pumped["cycles"]) / whole
-    return [f"{whole} pumping cycles of {seconds:.0f} s: mean power {pumped['mean_cycle_W'] / 1000:.3g} kW ({shares})"]
+    interval = pumped.get("mean_cycle_interval_W")
+    between = " (90 %: {:.3g} to {:.3g})".format(*(w / 1000 for w in interval)) if interval else ""
+    return [f"{whole} pumping cycles of {seconds:.0f} s: mean power {pumped['mean_cycle_W'] / 1000:.3g} kW{between}; {shares}"]

@@ -46,6 +46,9 @@ class SimulateConfig(StageConfig):
         (), description="phases of a pumping cycle, flown in this order again and again: name, law, pattern, surfaces, winch, until"
     )
     cycles: int | None = Field(None, ge=1, le=1000, description="pumping cycles it flies; default as many as `duration` holds")
+    draws: int = Field(
+        12, ge=0, le=1000, description="kites drawn from what is known of the parameters, for the interval of the mean cycle power; 0: none"
+    )
     drum: Drum = Field(Drum(), description="the winch of pumping cycles: tau, v_max, a_max")
     power_curve: PowerCurve | None = Field(
         None, description="mean cycle power against wind speed, of every physical model: {speeds: [6, 8, 10], draws: 12, cycles: 3}"
@@ -109,6 +112,7 @@ class Simulate(Stage):
         from awescli.simulation.synthetic import EPOCH, LoggedReelOut, as_recorded, simulate_flight
         from awescli.stages.controller_artifact import read_controller
         from awescli.stages.flight_parts import flight_parts
+        from awescli.stages.ladder import known_of
         from awescli.stages.power_curve import told_of_curve, write_power_curve
         from awescli.stages.pumping import fly_phases, told_of_cycles
 
@@ -130,7 +134,8 @@ class Simulate(Stage):
         how = {"duration": duration, "dt": log.dt, "start": smooth_states(log)[first], "seed": seed}
         how["begins"] = float(log.time[first])
         if config.phases:
-            flown, pumped = fly_phases(config, log, first, kite, fitted, wind, how)
+            known = known_of(context, model, kite)
+            flown, pumped = fly_phases(config, log, first, kite, fitted, wind, how, known)
             duration = min(duration, flown.time[-1]) if pumped["cycles_flown"] == config.cycles else duration
         else:
             law, pattern = law_to_fly(config, log, kite, fitted)

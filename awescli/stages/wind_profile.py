@@ -28,12 +28,15 @@ def wind_seen(context: Context, models: dict, log) -> dict | None:
 
 
 def levels_of(context: Context, model: str) -> tuple[dict | None, dict]:
-    """(processes, noise factors) of the fit behind a model, as its stage left them; None for a fit that left none."""
+    """(processes, noise factors) of the fit behind a model, as its stage left them; None for a fit that left none, or that the tracer did
+    not take for one."""
     from awescli.artifacts import read_json
 
     folder = context.upstream(MADE_BY[model])
     for name in ("effects.json", "metrics.json"):
         found = read_json(folder / name) if folder and (folder / name).is_file() else {}
+        if found.get("verdict") == "not_testable":
+            return None, {}
         if "processes" in found:
             return found["processes"], found.get("noise_factors", {})
     return None, {}

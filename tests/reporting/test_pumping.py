@@ -25,6 +25,7 @@ LOST = {"wind_m_s": 6.0, "mean_W": None, "low_W": None, "high_W": None, "flown":
 def pumped():
     found = evidence()
     more = {
+        "mean_cycle_interval_W": [1800.0, 2600.0], "draws_flown": 9,
         "phases": [PART | {"phase": "traction", "ended_by": "tether_length"}], "cycles": [PART], "mean_cycle_W": 2200.0,
         "power_curve": {"initial": [LOST, POINT], "identified": [LOST, POINT | {"mean_W": 1800.0}]},
     }  # fmt: skip
@@ -35,7 +36,9 @@ def test_cycles_stand_on_the_page():
     """Guards the sentence, the row of each phase and cycle, and the figure's place."""
     found = pumped()
     html = free_flight(found).html()
-    assert "1 pumping cycle, mean power 2.20 kW" in sentence(found) and "only the wind of the flight" in sentence(found)
+    assert "1 pumping cycle, mean power 2.20 kW (90 % of 9 kites that might be this one and fly: 1.80 to 2.60)" in sentence(
+        found
+    ) and "only the wind of the flight" in sentence(found)
     for piece in ("cycle 1, traction", "cycle 1, whole", "tether length", "270 to 400", "fig-power-curve"):
         assert piece in html, piece
 

@@ -23,7 +23,7 @@ EXAMPLE = ROOT / "examples" / "pumping" / "stages.yaml"
 
 def flown(tmp_path, **settings):
     """(summary, metrics, flight) of the example with other settings."""
-    asked = {f"simulate.{k}": v for k, v in settings.items()} | {"out": str(tmp_path / "out")}
+    asked = {f"simulate.{k}": v for k, v in ({"draws": "4"} | settings).items()} | {"out": str(tmp_path / "out")}
     result = run_plan(read_plan(EXAMPLE, STAGES, asked), STAGES, only=("simulate",))
     folder = tmp_path / "out" / "simulate"
     return result, read_json(folder / "metrics.json"), folder / "flight"
@@ -39,7 +39,9 @@ def test_the_example_earns_power_and_is_read_again(tmp_path):
     assert (
         metrics["mean_cycle_W"] == pytest.approx(sum(c["energy_J"] for c in metrics["cycles"]) / seconds) and metrics["mean_cycle_W"] > 1e3
     )
-    assert "2 pumping cycles" in told_of_cycles(metrics)[0]
+    low, high = metrics["mean_cycle_interval_W"]
+    assert low < high and metrics["draws"] == 4 >= metrics["draws_flown"] > 1
+    assert "2 pumping cycles" in told_of_cycles(metrics)[0] and "(90 %: " in told_of_cycles(metrics)[0]
     log = read_flight(folder)
     labels = phases(log)
     assert len(cycles(labels)) == 2 and (np.asarray(log["tether_length"]) > 470).all()
