@@ -13,9 +13,9 @@ WORKING = ("traction", "transition", "retraction")
 """Phases of a pumping cycle, in its order (`flightlog.phases`)."""
 
 
-def flown_ranges(labels: np.ndarray, valid: np.ndarray) -> tuple[tuple[int, int], ...]:
-    """Half-open sample ranges in which the kite works and the log may be scored."""
-    return tuple((int(a), int(b)) for a, b in runs_of(np.isin(labels, WORKING) & valid))
+def flown_ranges(labels: np.ndarray, valid: np.ndarray, of: Sequence[str] = WORKING) -> tuple[tuple[int, int], ...]:
+    """Half-open sample ranges of some phases in which the log may be scored."""
+    return tuple((int(a), int(b)) for a, b in runs_of(np.isin(labels, of) & valid))
 
 
 def phase_power(

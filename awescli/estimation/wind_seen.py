@@ -27,8 +27,8 @@ from awescli.simulation.segments import observe
 DRAWS = 24
 BINS, FEWEST = 12, 2.0
 """Heights at most, and seconds [s] that are flown at one for it to be told."""
-LEVEL = 1.645
-"""Standard deviations to either side that hold 90 %."""
+MOST = 100
+"""Segments that are smoothed of a long flight, evenly spread."""
 
 
 def processes_at(declaration, log, levels: Mapping[str, Mapping]) -> tuple[Process, ...]:
@@ -55,6 +55,7 @@ def wind_profile(
     """
     steps = int(round(horizon / log.dt))
     first = segment_starts(ranges, steps, valid=log.valid)
+    first = first[np.unique(np.linspace(0, len(first) - 1, min(len(first), MOST)).astype(int))]
     if not len(first):
         raise BadInput(f"no {horizon:g} s in a row of flight '{log.name}' can be smoothed", do="Use a shorter horizon.")
     found = {n: float(v) for n, v, is_record in zip(known.names, known.found, known.record, strict=True) if is_record}

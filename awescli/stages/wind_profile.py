@@ -7,7 +7,7 @@ from awescli.stages.ladder import MADE_BY, known_of
 def wind_seen(context: Context, models: dict, log) -> dict | None:
     """{"model", "rows" (`estimation.wind_seen.wind_profile`)} of the last fitted physical model; None without one, without a record, or
     where the flight holds nothing long enough to smooth. models: name -> Simulator."""
-    from awescli.estimation.phase_power import flown_ranges
+    from awescli.estimation.phase_power import WORKING, flown_ranges
     from awescli.estimation.wind_seen import processes_at, wind_profile
     from awescli.flightlog.phases import phases
     from awescli.notation.errors import BadInput
@@ -19,9 +19,10 @@ def wind_seen(context: Context, models: dict, log) -> dict | None:
     simulator, (levels, factors) = models[model], levels_of(context, model)
     if levels is None:
         return None
+    ranges = flown_ranges(phases(log), log.valid, (*WORKING, "flight"))
     known, processes = known_of(context, model, simulator.kite), processes_at(simulator.kite.declaration, log, levels)
     try:
-        rows = wind_profile(simulator, log, flown_ranges(phases(log), log.valid), processes, known, factors, seed=context.seed)
+        rows = wind_profile(simulator, log, ranges, processes, known, factors, seed=context.seed)
     except BadInput:
         return None
     return {"model": model, "rows": rows} if rows else None
