@@ -116,8 +116,8 @@ class Pumping:
         """Through all phases; own: states of the winch at the start."""
         kites = [kite.with_values({f"{CONTROL}.{n}": v for n, v in p.winch.items()}) for p in self.phases]
         made = [
-            Phase(p.name, s.law.value, k.parameters.vector(), p.guards)
-            for p, s, k in zip(self.phases, self.laws, kites, strict=True) if s.law is not None
+            Phase(p.name, s.law.value if s.law else 0, k.parameters.vector(), p.guards)
+            for p, s, k in zip(self.phases, self.laws, kites, strict=True)
         ]  # fmt: skip
         one = self.laws[0]
         segments = Segments(np.zeros(1, int), start[None], np.zeros((1, len(inputs), len(SURFACES))), inputs[None], dt)

@@ -2,6 +2,7 @@
 
 import csv
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ from awescli.flightlog.cycles import cycles
 from awescli.flightlog.phases import phases
 from awescli.flightlog.read import read_flight
 from awescli.notation.errors import BadInput, BadInputs
+from awescli.simulation.pumping import GUARDED
 from awescli.stages import STAGES
 from awescli.stages.plan import read_plan
 from awescli.stages.power_curve import told_of_curve
-from awescli.stages.pumping import told_of_cycles
+from awescli.stages.pumping import Ending, Limit, guards_of, told_of_cycles
 from awescli.stages.runner import run_plan
 
 ROOT = Path(__file__).parents[2]
@@ -89,3 +91,10 @@ def test_a_network_flies_no_phases(tmp_path):
     """Guards extrapolation: a network that was trained in traction is refused by name."""
     with pytest.raises((BadInput, BadInputs), match="physical models"):
         flown(tmp_path, model="hybrid")
+
+
+def test_a_plan_may_name_every_quantity_that_ends_a_phase():
+    """Guards the two lists, and degrees: what a plan says of elevation is in rad where it is compared."""
+    assert set(get_args(Ending)) == {"time_in_phase", *GUARDED}
+    (guard,) = guards_of({"elevation": Limit(below=30.0)})
+    assert (guard.limit, guard.rising) == (pytest.approx(np.pi / 6), False)
