@@ -1,6 +1,8 @@
 """The contract of an effect, on all of EFFECTS at every target: one place, null is absent to the last bit, exact sensitivities,
 visible at its listed size, recovered from a simulated flight, and a survivor of its own file (tests/physics/test_declaration.py)."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from kites import DEVELOPMENT, PLAUSIBLE, POWERED, at_point, every_key, home, lively, sizes, truly, with_free
@@ -60,7 +62,9 @@ def test_an_effect_acts_at_exactly_one_place(key):
     assert own_motion == [bool(effect.states)] * 2
     assert len(effect.state_units()) == len(effect.states)
     assert effect.name == key.partition(":")[0] and effect.doc and all(p.source for p in effect.parameters)
-    assert len(effect.start_spread) == len(effect.states) and all(s > 0 for s in effect.start_spread)
+    null = SimpleNamespace(**{p.name: p.value for p in effect.parameters})
+    spreads = effect.start_spreads(null)
+    assert len(spreads) == len(effect.states) and all(s > 0 for s in spreads)
 
 
 @pytest.mark.parametrize("key", KEYS)
@@ -151,3 +155,20 @@ def test_what_was_flown_is_recovered(one, bare):
     for name in names:
         scale = max(abs(sizes(effect.key)[name] - null(effect)[name]), 0.1 * abs(sizes(effect.key)[name]))
         assert found.parameters[name].value == pytest.approx(sizes(effect.key)[name], abs=1e-3 * scale), (name, found.solution.outcome)
+
+
+def test_next_to_null_an_effect_weighs_as_much_as_none(one, bare):
+    """Guards the evidence of effects with states: a play, a lag, a delay of next to nothing remembers nothing, so that the start of its
+    states is nothing that a likelihood would have to pay for."""
+    effect, kite, simulator = one
+    if not effect.states:
+        pytest.skip("no states")
+    plain, observed, _ = bare
+    slight = {n: null(effect)[n] + 1e-4 * (v - null(effect)[n]) for n, v in sizes(effect.key).items()}
+    there = simulator.holding(kite.parameters.with_values({**null(effect), **slight}))
+    weights = []
+    for s in (plain, there):
+        misfit = Misfit(s, observed, ())
+        gram = misfit.links(np.zeros(0), misfit.own())[0].gram()
+        weights.append(float(misfit.eliminated(gram, misfit.own()).log_det.sum()))
+    assert weights[1] == pytest.approx(weights[0], abs=1.0)

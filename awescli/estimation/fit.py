@@ -39,7 +39,8 @@ class Share:
 
     misfit: its simulator holds the values of all parameters that are not fitted, its names are the fitted ones; parameters, prior: tables
     to start from and to be weighed against; unknowns: what the names are called in the fit: two flights share a parameter where their
-    names for it are the same; own: nuisances to begin from.
+    names for it are the same; own: nuisances to begin from; tilt: (n,) that of a fit before (`laplace.tilt`), kept as long as this one
+    stays near it.
     """
 
     misfit: Misfit
@@ -47,6 +48,7 @@ class Share:
     prior: ParameterTable
     unknowns: tuple[str, ...]
     own: Own | None = None
+    tilt: np.ndarray | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -68,7 +70,8 @@ class Fit:
 
     parameters: all rows, new values for the fitted ones; misfit, own: of the segments, at the solution; solution: of all flights; links,
     gram, information: there, in the order of the misfit's names; heard: indices of the segments that counted; alive: (K,) samples before a
-    segment diverged; covariance: (n, n) of the fitted parameters, prior included; chi2: squared whitened residual per degree of freedom.
+    segment diverged; covariance: (n, n) of the fitted parameters, prior included; chi2: squared whitened residual per degree of freedom;
+    tilt: (n,) what the log determinant of the nuisances added to the gradient there.
     """
 
     parameters: ParameterTable
@@ -82,6 +85,7 @@ class Fit:
     alive: np.ndarray
     covariance: np.ndarray
     chi2: float
+    tilt: np.ndarray
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -191,7 +195,7 @@ class _Problem:
             own = share.own or share.misfit.own()
             if share.own is not None:
                 own = relaxed(share.misfit, x[place], own)
-            inner.append(_Inner(own, np.zeros(len(place)), None))
+            inner.append(_Inner(own, np.zeros(len(place)), None) if share.tilt is None else _Inner(own, share.tilt, x, SWINGS))
         return tuple(inner)
 
     def linearise(self, x: np.ndarray, inner: tuple[_Inner, ...], before: Linearised | None) -> Linearised:
@@ -275,7 +279,9 @@ class _Problem:
             return i
         if i.tilted_at is None and before is not None and float((step := x - before.known[0]) @ before.H @ step) > FAR:
             return i
-        if i.tilted_at is not None and before is not None:
+        if i.tilted_at is not None and before is None:
+            return i
+        if i.tilted_at is not None:
             step, moved = x - before.known[0], x - i.tilted_at
             distance = float(moved @ before.H @ moved)
             small = float(step @ before.H @ step) <= FAR
@@ -357,7 +363,7 @@ def _fit_of(share: Share, place: np.ndarray, inner: _Inner, known: _Known, solut
     chi2 = cost / max(dof - len(place), 1) if flies.any() else DIVERGED_COST
     return Fit(
         table, share.misfit, inner.own, solution, known.links, known.gram, known.information, known.heard, known.alive,
-        spread[np.ix_(place, place)], chi2,
+        spread[np.ix_(place, place)], chi2, inner.tilt,
     )  # fmt: skip
 
 

@@ -223,14 +223,20 @@ def fit_levels(
     on_iteration: OnIteration = lambda h, i, c: None,
     owns: Sequence[Own | None] | None = None,
     noise: bool = True,
+    tilts: Sequence[np.ndarray | None] | None = None,
 ) -> tuple[JointFit, list[EstimationProblem]]:
     """Fit parameters and levels in turn until neither moves, at most `rounds` times; the last fit has the levels that are returned. Ends
     where fits do not come to their minimum (`JointFit.ended`).
 
-    tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; others as `fit_flights`.
+    tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; tilts: as of `Share`; others as
+    `fit_flights`.
     """
-    owns = owns or [None] * len(problems)
-    result, lost = _fitted(problems, labels, tables, owns, per_flight, prior, max(tolerance, LOOSE), on_iteration), 0
+    owns, tilts = owns or [None] * len(problems), tilts or [None] * len(problems)
+
+    def fitted(tolerance: float) -> JointFit:
+        return _fitted(problems, labels, tables, owns, per_flight, prior, tolerance, on_iteration, tilts=tilts)
+
+    result, lost = fitted(max(tolerance, LOOSE)), 0
     for _ in range(rounds - 1):
         lost = 0 if result.ended else lost + 1
         if lost == LOST:
@@ -240,17 +246,18 @@ def fit_levels(
             break
         problems, owns = ([m[i] for m in moved] for i in (0, 1))
         tables = [f.parameters for f in result.flights]
-        result = _fitted(problems, labels, tables, owns, per_flight, prior, max(tolerance, LOOSE), on_iteration)
+        result = fitted(max(tolerance, LOOSE))
     if tolerance < LOOSE:
         tables, owns = [f.parameters for f in result.flights], [f.own for f in result.flights]
-        result = _fitted(problems, labels, tables, owns, per_flight, prior, tolerance, on_iteration)
+        result = fitted(tolerance)
     return result, list(problems)
 
 
 def _fitted(
-    problems, labels, tables, owns, per_flight, prior: bool, tolerance: float, on_iteration: OnIteration, iterations: int = 30
+    problems, labels, tables, owns, per_flight, prior: bool, tolerance: float, on_iteration: OnIteration, iterations: int = 30, tilts=None
 ) -> JointFit:
-    shares = [_share(*each, per_flight) for each in zip(problems, labels, tables, owns, strict=True)]
+    tilts = tilts or [None] * len(problems)
+    shares = [replace(_share(*each, per_flight), tilt=t) for *each, t in zip(problems, labels, tables, owns, tilts, strict=True)]
     length = max(p.horizon for p in problems)
     how = {"prior": prior, "tolerance": tolerance, "iterations": iterations, "probes": FEW if tolerance >= LOOSE else MANY}
     return fit_together(shares, **how, on_iteration=lambda i, c: on_iteration(length, i, c))

@@ -173,12 +173,18 @@ class Kite:
         self.constraints = tuple(parse_constraint(text) for text in declaration.constraints)
         self.state_names = (*STATES, *(s for e in self.effects for s in e.state_names()))
         self.x_names = (*self.state_names, *SURFACES)
-        self.start_spread = np.array([s for e in self.effects for s in e.start_spread])
         wind = (f"wind_{kind}_{i}" for kind in ("speed", "direction", "down") for i in range(len(self.heights)))
         read = dict.fromkeys(name for e in self.effects for name in e.inputs)
         self.input_names = (*_SIGNALS, *read, *(f"{s}_rate" for s in SURFACES), *wind)
         self.tether = next((e for e in self.effects if e.gives_line), None)
         self.by_place = {place: [e for e in self.effects if e.place == place] for place in {e.place for e in self.effects}}
+
+    @property
+    def start_spread(self) -> np.ndarray:
+        """(n_e,) standard deviations of the effects' states about `initial`, where a rollout begins."""
+        values = {p.name: p.value for p in self.parameters.rows}
+        owns = (SimpleNamespace(**{p.name: values[f"{e.key}.{p.name}"] for p in e.parameters}) for e in self.effects)
+        return np.array([s for e, own in zip(self.effects, owns, strict=True) for s in e.start_spreads(own)])
 
     def _at(self, place: str):
         return self.by_place.get(place, ())

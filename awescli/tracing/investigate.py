@@ -19,7 +19,7 @@ from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import Evidence, Suspect
 from awescli.tracing.models import FittedModel, Frame, fit_added, fit_beyond, fit_without_process
 from awescli.tracing.rest import Rest, channels_of, rest_of
-from awescli.tracing.screen import CandidateColumns, informed
+from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, Tried, search
 from awescli.tracing.verdict import NULL, Criterion, probabilities, table, verdict
 from awescli.tracing.when import InFlight, in_flights
@@ -123,9 +123,9 @@ def investigate(
         evidence = replace(evidence, suspects=suspects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
     windy = max(evidence.gusts.values(), default=0.0) > criteria.gusty
-    if evidence.model.keys or not (sufficient or windy):
+    terms = bank_keys(frame.declared, moving(frame.flights[0].log))
+    if led_by_something(frame, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:
         progress("weighing empirical terms")
-        terms = bank_keys(frame.declared, moving(frame.flights[0].log))
         most = len(evidence.model.keys) if sufficient else BANK_ROUNDS
         evidence = replace(evidence, bank=search(frame, null, terms, rounds=most, criteria=criteria, progress=progress))
     return _finding(frame, evidence, criteria)
@@ -154,6 +154,12 @@ def _since(frame: Frame, evidence: Evidence, answer: str, criteria: Criteria) ->
     nearest = evidence.search.rounds[0].contenders[:1] if answer == "unexplained" and evidence.search.rounds else []
     found = [in_flights(frame, null, t.model, criteria) for t in nearest if t.gain > criteria.decisive]
     return next((flights for flights in found if any(f.onset for f in flights)), ())
+
+
+def led_by_something(frame: Frame, model: FittedModel, terms: Sequence[str], criteria: Criteria = CRITERIA) -> bool:
+    """May empirical terms lead a model with effects? Not where none adds anything to it, to first order: a term that says the truth better
+    than the model adds to it what it lacks. Of a model that needs model error to fly that cannot be said."""
+    return bool(model.keys) and (bool(model.rest) or any(s.drop >= criteria.empirical for s in screen(frame, model, terms).scores))
 
 
 def _implausible(frame: Frame, evidence: Evidence, criteria: Criteria) -> tuple[tuple[Tried, FittedModel], ...]:

@@ -19,7 +19,7 @@ from awescli.physics.kite import Kite, make_effect
 from awescli.simulation.rollout import Simulator
 
 QUICK = (2, 2.0)
-"""Rounds of levels and tolerance [deviance] of a fit that tells candidates apart ..."""
+"""Rounds of levels and tolerance [deviance] of a fit that tells candidates apart, with the tilt (`laplace.tilt`) of the model before ..."""
 WHOLE = (5, 0.2)
 """... and of one that is fitted to the end."""
 
@@ -331,7 +331,7 @@ def _fitted(
     frame: Frame, base: FittedModel, keys, strengths, values: Mapping[str, float], how, alone: bool = False, beyond: Sequence[str] = ()
 ) -> FittedModel:
     rounds, tolerance = how
-    problems, tables, owns = [], [], []
+    problems, tables, owns, tilts = [], [], [], []
     for raw, before, fitted in zip(frame.problems(keys), base.problems, base.fit.flights, strict=True):
         prior = raw.prior.with_rows(_unbounded(raw.prior[n]) for n in beyond if n in raw.prior)
         simulator = raw.simulator.holding(prior)
@@ -345,7 +345,9 @@ def _fitted(
         problems.append(problem)
         tables.append(table)
         owns.append(problem.misfit().carried(fitted.own, fitted.misfit))
-    found = fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, owns=owns)
+        was = dict(zip(fitted.names, fitted.tilt, strict=True))
+        tilts.append(np.array([was.get(n, 0.0) for n in names]) if how is QUICK else None)
+    found = fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, owns=owns, tilts=tilts)
     return FittedModel.of(keys, strengths, *found)
 
 

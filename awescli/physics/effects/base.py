@@ -133,6 +133,10 @@ class Effect:
         """What the sensors say of the true outputs."""
         return reported
 
+    def start_spreads(self, own) -> tuple:
+        """`start_spread`, of an effect whose states can only be as far from `initial` as its parameters let them."""
+        return self.start_spread
+
     def rates(self, at: Instant, own) -> tuple:
         """Time derivatives of its states."""
         return ()

@@ -8,6 +8,9 @@ from awescli.physics.effects.lag import SHORTEST, clipped
 STEADY = 0.02
 """[rad/s] a set-point that has been moving faster than this has taken up the play; slower, the surface may stand anywhere in it."""
 
+NARROWEST = 1e-5
+"""[rad] a play narrower than this is none."""
+
 
 class SurfaceBacklash(Effect):
     """delta stays where it is while the set-point moves within +-width/2 of it, and is pushed along beyond (the play operator; Tao &
@@ -24,7 +27,6 @@ class SurfaceBacklash(Effect):
     targets = CONTROL_SURFACES
     states = ("remembered",)
     units = ("target",)
-    start_spread = (0.02,)
 
     def _surface(self, setpoint, at, own):
         (remembered,) = self.own_states(at)
@@ -32,6 +34,10 @@ class SurfaceBacklash(Effect):
 
     def actuate(self, deflections, at, own):
         return {**deflections, self.target: self._surface(deflections[self.target], at, own)}
+
+    def start_spreads(self, own):
+        # the play itself: a linkage with next to none remembers next to nothing
+        return (max(own.width, NARROWEST) / 2,)
 
     def rates(self, at, own):
         (remembered,) = self.own_states(at)

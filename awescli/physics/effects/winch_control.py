@@ -7,6 +7,8 @@ from awescli.physics.effects.lag import lag_rate
 
 HEAVIEST = 1e6
 """[N] a load that no line holds: no limit."""
+USUAL, LATE = 3000.0, 0.1
+"""[N] a usual load; [s] by which what a winch pays out is known beforehand no better."""
 
 
 class WinchControl(Effect):
@@ -36,7 +38,6 @@ class WinchControl(Effect):
     traceable = False
     states = ("load", "ahead")
     units = ("N", "m")
-    start_spread = (100.0, 0.1)
     shapes = ("f_low", "f_high", "tau")
 
     def _asked(self, at, own):
@@ -48,6 +49,11 @@ class WinchControl(Effect):
     def line(self, line, at, own):
         _, ahead = self.own_states(at)
         return line._replace(length=line.length + ahead, speed=line.speed + self._asked(at, own))
+
+    def start_spreads(self, own):
+        # what it asks for, at a usual load, in the time by which a winch's records are late
+        asked = abs(own.v) + own.kv * USUAL**0.5 + own.k * USUAL
+        return 100.0, max(LATE * asked, 1e-4)
 
     def rates(self, at, own):
         load, _ = self.own_states(at)

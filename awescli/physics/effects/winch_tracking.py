@@ -4,6 +4,8 @@ from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import clipped, lag_time, lagged
 
+UNSTEADY = 0.2
+"""[m/s] by how much a winch's speed may differ from what it follows where a rollout begins."""
 FASTEST = 100.0
 """[m/s], [m/s2] a limit that no winch reaches: none."""
 
@@ -27,7 +29,6 @@ class WinchTracking(Effect):
     of_line = True
     states = ("speed", "ahead")
     units = ("m/s", "m")
-    start_spread = (0.2, 0.1)
     probes = {"tau": (0.2, 0.6)}
     shapes = ("v_max", "a_max")
 
@@ -42,6 +43,10 @@ class WinchTracking(Effect):
         _, ahead = self.own_states(at)
         v, a = self._motion(line, at, own)
         return line._replace(length=line.length + ahead, speed=v, acceleration=lagged(a, line.acceleration, own.tau))
+
+    def start_spreads(self, own):
+        # a winch that follows at once is nowhere ahead
+        return UNSTEADY, UNSTEADY * max(own.tau, 1e-3)
 
     def rates(self, at, own):
         asked = self.received(at)
