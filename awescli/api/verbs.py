@@ -85,12 +85,14 @@ def simulate(
 
     model: a kite or a result; flight: gives start, wind and winch; needed with a kite, a result has its own. controller: flies it, where
     the result does not stand on one; without any, set surfaces="recorded" (the log's set-points) or "path_following" (a built-in law on the
-    circle that was flown). out: folder of the results, None: a temporary one; progress: is told how it goes; settings: those of
-    `awes simulate`. Raises BadInput for what cannot be used, NumericalFailure where the model cannot be simulated.
+    circle that was flown). phases: of pumping cycles, as in a plan; each says itself who steers. out: folder of the results, None: a
+    temporary one; progress: is told how it goes; settings: those of `awes simulate`. Raises BadInput for what cannot be used,
+    NumericalFailure where the model cannot be simulated.
     """
     origin, label = _of_model(model, flight, "simulate")
     origin = _with(origin, controller)
-    if settings.get("surfaces", "controller") == "controller" and "fit-controller" not in origin.made:
+    steering = [p.get("law", "path_following") for p in settings.get("phases", ())] or [settings.get("surfaces", "controller")]
+    if "controller" in steering and "fit-controller" not in origin.made:
         do = 'Give controller=fit_controller(flight, kite), or surfaces="recorded" or "path_following".'
         raise BadInput("there is no controller to fly by", "simulate()", do)
     return result(Simulation, run("simulate", "simulate", origin, {"model": label, **settings}, out, progress))

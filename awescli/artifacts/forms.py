@@ -143,6 +143,34 @@ class OwnWind(Checked):
     direction: Number | None
 
 
+class Earned(Checked):
+    """Energy of a phase or a cycle that was flown."""
+
+    cycle: int
+    from_s: Number
+    to_s: Number
+    energy_J: Number
+    mean_W: Number
+    mean_tension_N: Number
+    from_m: Number
+    to_m: Number
+
+
+class InWind(Checked):
+    """Mean cycle power in one wind; null where the kite is lost."""
+
+    wind_m_s: Number
+    mean_W: Number | None
+    low_W: Number | None
+    high_W: Number | None
+    draws: int
+
+
+class FlownPhase(Earned):
+    phase: Text
+    ended_by: Text
+
+
 class Flown(Checked):
     """metrics.json of simulate."""
 
@@ -157,6 +185,11 @@ class Flown(Checked):
     wind: OwnWind
     nrmse: dict[Horizon, Channels]
     path_error_m: dict[Horizon, Number]
+    phases: list[FlownPhase] = []
+    cycles: list[Earned] = []
+    mean_cycle_W: Number | None = None
+    mean_cycle_interval_W: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
+    power_curve: dict[Literal["initial", "identified", "with_effects"], list[InWind]] = {}
 
     @model_validator(mode="after")
     def _alike(self):

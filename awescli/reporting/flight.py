@@ -7,6 +7,7 @@ from awescli.flightlog.split import PARTS
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.marks import Body, Cell, Section, bullets, chip, esc, folded, paragraph, table
 from awescli.reporting.plots import Figure, axis, grid, line, scene, stride, strip, swatch
+from awescli.reporting.wind_profile import wind_profile
 from awescli.reporting.words import COLOURS, channel, number, percent
 
 PHASE_COLOURS = {
@@ -23,7 +24,8 @@ def flight(evidence: Evidence) -> Section:
         f"{esc(log.name)}: {quality.duration:.1f} s at {quality.rate:.3g} Hz, {quality.samples} samples. {esc(quality.loops)}, "
         f"dealt whole to the three parts: {counts}. Models are fitted to train, chosen on validation, judged on test."
     )
-    body = paragraph(facts), path(evidence), timeline(evidence), wind(evidence), checks(evidence), ranges(evidence), signals(evidence)
+    air = timeline(evidence), wind(evidence), wind_profile(evidence)
+    body = paragraph(facts), path(evidence), *air, checks(evidence), ranges(evidence), signals(evidence)
     return Section("flight", "The flight", body)
 
 

@@ -3,6 +3,7 @@
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.linear import beside_linear
 from awescli.reporting.marks import Section, bullets, esc, link, on_screen, paragraph
+from awescli.reporting.phase_power import phase_table
 from awescli.reporting.plots import Figure, dots, log_axis
 from awescli.reporting.power import power_claim, power_figure
 from awescli.reporting.terms import tip
@@ -32,7 +33,8 @@ SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "
 def headline(evidence: Evidence) -> Section:
     """Title, verdict, claims, error of every model, and the same per channel."""
     said = paragraph(f"{lead(evidence)} {worth(evidence)}", "lead") if evidence.effects else ""
-    body = poor_data(evidence), said, tiles(evidence), bullets(claims(evidence)), by_channel(evidence), power_figure(evidence)
+    power = power_figure(evidence), phase_table(evidence)
+    body = poor_data(evidence), said, tiles(evidence), bullets(claims(evidence)), by_channel(evidence), *power
     return Section("summary", title(evidence), body)
 
 

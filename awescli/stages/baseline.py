@@ -1,4 +1,4 @@
-"""The linear baseline beside the nested models: fitted anew for every evaluation, for it takes seconds and belongs to no stage before it."""
+"""The linear baseline beside the nested models, fitted anew for every evaluation: it takes seconds and belongs to no stage before it."""
 
 from awescli.stages.base import Context
 

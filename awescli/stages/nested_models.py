@@ -51,7 +51,9 @@ def score_models(models: dict, context: Context, log, parts, config, task) -> tu
     arrays: dict = {}
     for name, simulator in models.items():
         task.update(name)
-        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts)
+        if name != "hybrid":  # a network is on top of the physics whose parameters were fitted
+            told_by = simulator, known_of(context, name, simulator.kite)
+        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts, told_by)
         enter(name, block, predictions, context, log, metrics, arrays)
         metrics["noise_floor"] = predictions["test"].noise_floor()
         task.advance()
@@ -67,6 +69,16 @@ def enter(name: str, block: dict, predictions: dict, context: Context, log, metr
     for n in test.simulated:
         arrays[f"measured_{n}"] = test.measured[n]
         arrays[f"{name}_{n}"] = test.measured[n] - test.errors(n)
+
+
+def known_of(context: Context, name: str, kite):
+    """What the fit behind a model says of its parameters; of one that nothing was fitted to, what is declared."""
+    from awescli.artifacts import read_json
+    from awescli.estimation.power_interval import Known
+
+    folder = context.upstream(MADE_BY[name]) if name in MADE_BY else None
+    file = folder / "params.json" if folder else None
+    return Known.fitted(read_json(file), kite) if file and file.is_file() else Known.declared(kite)
 
 
 def surface_errors(context: Context, log, prediction) -> dict:

@@ -40,7 +40,17 @@ def power(share: float) -> dict:
         "mean_W": 280 * (1 + share), "measured_mean_W": 280.0, "error_share": share, "interval_share": [share - 0.01, share + 0.01],
         "seconds": 22.5, "loop_seconds": 24.0, "loops": 3, "by_loop": rows,
         "energy_per_loop_J": {"nrmse": abs(share), "relative_rmse": abs(share), "loops": 3},
+        "interval_W": [270 * (1 + share), 290 * (1 + share)], "interval_level": 0.9,
+        "std_W": {"parameters": 4.0, "wind": 3.0, "loops": 2.0},
+        "by_phase": [told(share, phase="traction"), told(share, phase="retraction")],
+        "by_cycle": [told(share, cycle=1, from_s=0.0, to_s=40.0, unseen_share=0.25)],
     }  # fmt: skip
+
+
+def told(share: float, **place) -> dict:
+    """What evaluate says of the power of a part of the flight."""
+    means = {"measured_mean_W": 280.0, "mean_W": 280 * (1 + share), "interval_W": [270 * (1 + share), 290 * (1 + share)]}
+    return {**place, "seconds": 30.0, "of_seconds": 40.0, "measured_J": 8400.0, "predicted_J": 8400.0 * (1 + share), **means}
 
 
 def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, horizon: int = 50, hybrid: bool = True) -> Evidence:
