@@ -38,6 +38,10 @@ class Criteria:
     rest_worth: float = 20.0
     """Deviance that model error must be worth for something to be missing: `decisive`, for each of force and moment."""
 
+    steady: float = 1e-4
+    """Probability with which chance would make an effect's size drift so much through a flight: below, no one size is what is there. True
+    effects of the development flights come to 0.1 and more, sensors that drift in JSBSim to 1e-7 and less."""
+
     at_bound: float = 4.0
     """Cost (chi-square) that a candidate must gain which brings a parameter back from its bound: a bound lies two standard deviations from
     the declared value where nothing else is said, and that is what the prior alone pays for the way back."""

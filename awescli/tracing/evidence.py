@@ -27,7 +27,8 @@ class Suspect:
 class Evidence:
     """search: of the library; bare: the declared model without model error; model: the answer, the declared model where there is none;
     rest: what it leaves; rivals: accepted effect -> what the flight cannot tell from it; suspects: effects that a parameter at its bound
-    stands for; bank: the search of empirical terms, None where there was no reason for it; gusts: group -> level [m/s] beside the answer.
+    stands for; bank: the search of empirical terms, None where there was no reason for it; gusts: group -> level [m/s] beside the answer;
+    steadiness: of the answer (`constancy.steadiness`).
 
     null_error, identified_error: mean NRMSE of the declared model and of the one that identify handed on, on validation loops; None
     without one.
@@ -41,6 +42,7 @@ class Evidence:
     suspects: tuple[Suspect, ...] = ()
     bank: Search | None = None
     gusts: Mapping[str, float] = field(default_factory=dict)
+    steadiness: float = 1.0
     null_error: float | None = None
     identified_error: float | None = None
 

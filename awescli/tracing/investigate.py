@@ -15,6 +15,7 @@ from awescli.physics.kite import can_act, candidates, make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.candidates import variants
 from awescli.tracing.classes import rivals
+from awescli.tracing.constancy import steadiness
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import Evidence, Suspect
 from awescli.tracing.models import FittedModel, Frame, fit_added, fit_beyond, fit_without_process
@@ -118,6 +119,7 @@ def investigate(
     evidence = replace(evidence, search=library, **_settled(frame, library, bare, rest, criteria))
     evidence = replace(evidence, gusts=_gusts(evidence.model))
     if evidence.model.keys:
+        evidence = replace(evidence, steadiness=steadiness(evidence.model))
         evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, _beaten(library), progress=progress))
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, suspects=suspects(frame, null, keys, criteria))

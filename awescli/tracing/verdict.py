@@ -29,9 +29,9 @@ class Criterion:
 def verdict(table: Sequence[Criterion]) -> str:
     """The verdict that a table of criteria stands for.
 
-    A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient and
-    alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats. That nothing is missing is
-    said in calm air, and where all that could be missing was tried.
+    A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient, steady
+    and alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats, and so is an effect
+    whose size drifts. That nothing is missing is said in calm air, and where all that could be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
@@ -42,7 +42,7 @@ def verdict(table: Sequence[Criterion]) -> str:
     if not passed["sensors_plausible"]:
         return "unexplained"
     if passed["effect_likelier"] and passed["effect_on_unseen_loops"]:
-        if not passed["no_better_empirical_term"]:
+        if not (passed["no_better_empirical_term"] and passed["effect_steady"]):
             return "unexplained"
         return "found" if passed["no_rival"] else "cannot_tell"
     if not passed["no_parameter_hides_it"]:
@@ -119,6 +119,14 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             there and unseen > 0,
             "its deviance gained on loops it was not fitted to",
             "set on development flights",
+        ),
+        Criterion(
+            "effect_steady",
+            e.steadiness,
+            c.steady,
+            e.steadiness >= c.steady,
+            "probability that chance makes its size drift so much through the flight",
+            "score test (Rao 1948)",
         ),
     )
 

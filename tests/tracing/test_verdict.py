@@ -18,7 +18,7 @@ from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, ta
 
 ANSWER = ("effect_likelier", "effect_on_unseen_loops")
 REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
-OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "no_better_empirical_term", "calm_air")
+OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "no_better_empirical_term", "calm_air", "effect_steady")
 ROWS = {
     (name, passed): Criterion(name, 0.0, 0.0, passed, "", "")
     for name in (*NULL, *ANSWER, *REST, "rest_repeats", *OTHERS)
@@ -49,6 +49,8 @@ LEFT = dict.fromkeys(REST, False)
         ("cannot_tell", {"all_candidates_fitted": False}),
         ("cannot_tell", {"no_parameter_hides_it": False}),
         ("unexplained", {**FOUND, "no_better_empirical_term": False}),
+        ("unexplained", {**FOUND, "effect_steady": False}),
+        ("none", {"effect_steady": False}),
         ("unexplained", LEFT),
         ("unexplained", {**FOUND, **LEFT}),
         ("unexplained", {**LEFT, "rest_repeats": True}),
@@ -69,7 +71,7 @@ def test_every_verdict_is_reached_by_its_table(expected, passed):
 
 
 def test_what_holds_for_every_table():
-    """Guards the promises of each verdict over all 2^16 tables: `found` and `none` promise a null model that stands, a rest that is noise,
+    """Guards the promises of each verdict over all 2^17 tables: `found` and `none` promise a null model that stands, a rest that is noise,
     and no other explanation; `none` also that every significant candidate was fitted (A2, A3, A4)."""
     reached = set()
     names = (*NULL, *ANSWER, *REST, "rest_repeats", *OTHERS)
@@ -84,11 +86,11 @@ def test_what_holds_for_every_table():
         if said in ("found", "cannot_tell", "none"):
             assert at_floor
         if said == "found":
-            assert effect and p["no_rival"] and p["no_better_empirical_term"]
+            assert effect and p["no_rival"] and p["no_better_empirical_term"] and p["effect_steady"]
         if said == "none":
             assert not effect and p["all_candidates_fitted"] and p["no_parameter_hides_it"] and p["calm_air"]
         if said == "unexplained" and at_floor:
-            assert effect and not p["no_better_empirical_term"]
+            assert effect and not (p["no_better_empirical_term"] and p["effect_steady"])
     assert reached == set(VERDICTS)
 
 
@@ -135,7 +137,7 @@ GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 16
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 17
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
@@ -166,6 +168,7 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
             "no_better_empirical_term", {"answer": GOOD, "bank": Search(NULL_MODEL, model(891.0, ("custom_term:f_x*beta",)), ())},
             {"answer": GOOD, "bank": Search(NULL_MODEL, model(889.0, ("custom_term:f_x*beta",)), ())},
         ),
+        ("effect_steady", {"answer": GOOD, "steadiness": 2e-4}, {"answer": GOOD, "steadiness": 5e-5}),
         ("calm_air", {"gusts": {"vertical gusts": 0.19}}, {"gusts": {"vertical gusts": 0.21}}),
     ],
 )  # fmt: skip

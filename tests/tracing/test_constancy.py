@@ -1,0 +1,58 @@
+"""An effect whose size drifts through a flight is not the one that has a size."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tracing.traced import short_flight, traced_flight
+
+from awescli.tracing.constancy import steadiness
+from awescli.tracing.criteria import CRITERIA
+
+DELAY = 0.1
+
+
+@pytest.fixture(scope="module")
+def found():
+    """A flight whose set-points were logged 0.1 s before they acted, and what a trace makes of it."""
+    declared, log, parts = short_flight({}, seed=31, duration=60.0)
+    early = np.interp(log.time + DELAY, log.time, log["rudder"])
+    read = replace(log, inputs={**log.inputs, "rudder": early})
+    return traced_flight(declared, read, parts, 3.0, candidates=("actuator_delay:rudder", "sideslip_drag"), curriculum=(1.0,))
+
+
+def drifting(model, by: float):
+    """The model on loops on which its effect would have grown by `by` from the middle of the flight to its end, and shrunk as much to its
+    beginning, to first order."""
+    (fit,) = model.fit.flights
+    gram, i, n = fit.gram, fit.names.index(model.strengths[0]), len(fit.names)
+    begins = fit.misfit.begins
+    more = by * (2 * (begins - begins.min()) / np.ptp(begins) - 1)
+    xy, y = gram.xy.copy(), gram.y.copy()
+    xy[..., -1] += more[:, None, None] * gram.xy[..., i]
+    y[:, n, n] += 2 * more * gram.y[:, i, n] + more**2 * gram.y[:, i, i]
+    y[:, :n, n] += more[:, None] * gram.y[:, :n, i]
+    y[:, n, :n] = y[:, :n, n]
+    return replace(model, fit=replace(model.fit, flights=(replace(fit, gram=replace(gram, xy=xy, y=y)),)))
+
+
+def test_a_size_that_stays_is_steady(found):
+    """Guards true effects: a delay that was the same all through is found, and its criterion far from its threshold."""
+    account, finding = found
+    assert account["verdict"] == "found" and [e["name"] for e in account["effects"]] == ["actuator_delay"]
+    assert steadiness(finding.evidence.model) > 100 * CRITERIA.steady
+
+
+def test_a_size_that_drifts_is_not(found):
+    """Guards names against what changes with time (a pitot that clogs was called one that reads low): the probability falls as the drift
+    grows, below the threshold for one that takes the effect from nothing to twice its size."""
+    _, finding = found
+    model = finding.evidence.model
+    seen = [steadiness(drifting(model, by)) for by in (0.0, 0.25 * DELAY, 0.5 * DELAY, DELAY)]
+    assert seen == sorted(seen, reverse=True) and seen[0] == pytest.approx(steadiness(model))
+    assert seen[-1] < CRITERIA.steady
+
+
+def test_an_answer_without_effects_is_steady(found):
+    _, finding = found
+    assert steadiness(finding.null) == 1.0
