@@ -109,7 +109,7 @@ def compare(log, trajectories: Trajectories, first: np.ndarray, skip: int, range
     measured = {n: log[n][rows] for n in names}
     simulated = {n: trajectories[n][:, skip:] for n in names}
     part = np.concatenate([np.arange(a, b) for a, b in ranges])
-    spans = {n: scores.span(log[n][part], n) for n in names}
+    spans = {n: scores.span(log[n][part]) for n in names}
     return Prediction(
         np.arange(count) * log.dt, first, measured, simulated, trajectories.alive - skip, spans, noise_floor(log, spans, part, noise)
     )

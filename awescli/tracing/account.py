@@ -1,6 +1,6 @@
 """The account of a trace: effects.json and the arrays behind its pictures."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import log as ln
 
 import numpy as np
@@ -15,6 +15,7 @@ from awescli.tracing.investigate import Finding
 from awescli.tracing.models import FittedModel
 from awescli.tracing.residuals import residual_study
 from awescli.tracing.search import Tried
+from awescli.tracing.separate import separate
 from awescli.tracing.when import InFlight
 
 SLIP = 0.08
@@ -69,7 +70,7 @@ def account(finding: Finding, log, horizon: float, before: Prediction, after: Pr
         "detectable_units": {key: _unit(finding, key, name) for key, (name, _) in evidence.search.detectable.items()},
         "not_testable": list(evidence.search.rounds[0].untestable) if evidence.search.rounds else [],
         "parameter_shifts": _shifts(null, model),
-        "separate": _separate(effects),
+        "separate": separate(effects),
     }  # fmt: skip
 
 
@@ -81,8 +82,9 @@ def _alone(finding: Finding) -> FittedModel:
 def _left(finding: Finding) -> dict:
     """What the final model still leaves on validation loops: chi-square per degree of freedom (1: noise), the share of what was there, and
     the largest of a channel."""
-    rest, before = finding.evidence.rest, max(finding.evidence.bare.chi2 - 1, 0.0)
-    share = float(min(max(rest.chi2 - 1, 0.0) / before, 1.0)) if before > 0.02 else 0.0
+    rest, before = finding.evidence.rest, finding.evidence.bare.chi2
+    # nothing but noise before: there is nothing of which something could be left
+    share = float(min(max(rest.chi2 - 1, 0.0) / (before - 1), 1.0)) if before > rest.floors()[0] else 0.0
     again = rest.repetition
     return {
         "chi2": rest.chi2, "share": share, "channels": rest.channels, "worth": rest.worth, "levels": rest.levels,
@@ -266,28 +268,6 @@ def _began(finding: Finding) -> str:
     else:
         told = "What came nearest, {}, gains only from between {:.0f} s and {:.0f} s of {} on: trace what was flown later by itself."
     return " ".join(told.format(what, a, b, where) for what, where, a, b in begun)
-
-
-def _separate(effects: Sequence[Mapping]) -> list[str]:
-    """For every pair of rivals: what would tell them apart."""
-    return [
-        f"{e['name']} and {r['name']}: fly so that what they act on differs: {_what(e)} against {_what(r)}."
-        for e in effects
-        for r in e["rivals"]
-    ]
-
-
-def _what(entry: Mapping) -> str:
-    advice = {
-        "parameter": "move the surface whose derivative this is",
-        "airflow": "other heights and directions of flight, or a wind profile measured at height",
-        "coefficients": "other airspeeds and angles of attack or sideslip at the same tension",
-        "line": "another tether length and low tension",
-        "load": "another tether length",
-        "body": "another loading of the kite",
-        "report": "a second sensor of the same quantity",
-    }
-    return advice.get(entry["acts_on"], "steps of that surface, sharp enough to see phase and amplitude")
 
 
 def residual_arrays(

@@ -1,0 +1,52 @@
+"""What is written once stays written once, and what nobody calls is gone."""
+
+import ast
+import re
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+FILES = sorted((ROOT / "awescli").rglob("*.py"))
+CALLED_BY_LIBRARIES = {"_repr_png_", "init_arrays_fast", "_step_func"}
+"""Names that a notebook, pymavlink and torchdiffeq look for."""
+
+
+def files_with(pattern: str) -> set[str]:
+    return {p.relative_to(ROOT / "awescli").as_posix() for p in FILES if re.search(pattern, p.read_text())}
+
+
+def test_nothing_is_left_that_nobody_calls():
+    """Guards against dead code: every function and class of awes is named a second time in the package, its benchmarks or its examples.
+    What a decorator registers (commands, validators, properties) is called by whoever it is registered with."""
+    words = Counter(w for d in ("awescli", "benchmarks", "examples") for p in (ROOT / d).rglob("*.py") for w in re.findall(r"\w+", p.read_text()))
+    for file in FILES:
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.decorator_list and not node.name.startswith("__"):
+                assert words[node.name] > 1 or node.name in CALLED_BY_LIBRARIES, f"{file}:{node.lineno}: {node.name}"
+
+
+def test_local_quadratics_have_one_home():
+    """Guards the window of a local quadratic, which stood in four files. (A law's samples are smoothed by cubics.)"""
+    assert files_with(r"savgol_filter\(.*, 2\b") == {"flightlog/smoothing.py"}
+    assert files_with(r"import .*savgol_filter") == {"flightlog/smoothing.py", "estimation/controller_samples.py"}
+
+
+def test_angles_are_wrapped_in_one_place():
+    """Guards (-pi, pi]: how an angle is wrapped stood in three files."""
+    assert files_with(r"% ?\(2 \* np\.pi\)|np\.mod\([^,]*pi[^,]*, 2 \* np\.pi\)") == {"notation/angles.py"}
+
+
+def test_what_a_lost_sample_costs_is_said_once():
+    """Guards the price of divergence, which stood as a number in three files: whoever charges it takes it from one place."""
+    assert files_with(r"DIVERGED_COST = ") == {"estimation/misfit.py"}
+    assert not files_with(r"\b25\.0 \*")
+
+
+def test_the_height_of_a_lone_station_is_said_once():
+    """Guards a default that stood in four files."""
+    assert files_with(r"\(10\.0,\)") == {"physics/kite.py"}
+
+
+def test_a_frames_coefficients_are_said_once():
+    """Guards the table of coefficients per frame, which stood in two files."""
+    assert files_with(r'"CX", "CY", "CZ", "Cl"') == {"physics/effects/aerodynamics.py"}
