@@ -26,6 +26,17 @@ def test_nothing_is_left_that_nobody_calls():
                 assert words[node.name] > 1 or node.name in CALLED_BY_LIBRARIES, f"{file}:{node.lineno}: {node.name}"
 
 
+def test_a_dataclass_tells_of_fields_that_it_has():
+    """Guards against words that outlived what they were about: what a dataclass's docstring explains (`name: ...`) is one of its own."""
+    explained = re.compile(r"(?:^|[;.]\s+|\n\n)([a-z_]+(?:, [a-z_]+)*): ")
+    for file in FILES:
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.ClassDef) and any("dataclass" in ast.unparse(d) for d in node.decorator_list):
+                own = {n.target.id for n in node.body if isinstance(n, ast.AnnAssign)} | {n.name for n in node.body if hasattr(n, "name")}
+                told = {name for words in explained.findall(ast.get_docstring(node) or "") for name in words.split(", ")}
+                assert told <= own, f"{file}:{node.lineno}: {node.name} has no {', '.join(sorted(told - own))}"
+
+
 def test_local_quadratics_have_one_home():
     """Guards the window of a local quadratic, which stood in four files. (A law's samples are smoothed by cubics.)"""
     assert files_with(r"savgol_filter\(.*, 2\b") == {"flightlog/smoothing.py"}

@@ -14,6 +14,7 @@ from awescli.simulation.rollout import Simulator
 from awescli.tracing.investigate import Finding
 from awescli.tracing.models import FittedModel
 from awescli.tracing.residuals import residual_study
+from awescli.tracing.rest import Rest
 from awescli.tracing.search import Tried
 from awescli.tracing.separate import separate
 from awescli.tracing.when import InFlight
@@ -61,7 +62,7 @@ def account(finding: Finding, log, horizon: float, before: Prediction, after: Pr
             "train_before": evidence.bare.fit.chi2, "train_after": _alone(finding).fit.chi2,
             "validation_before": evidence.bare.chi2, "validation_after": _alone(finding).chi2,
         },
-        "left": _left(finding),
+        "left": left(evidence.rest, evidence.bare.chi2),
         "flights": [_in_flight(finding, f) for f in finding.flights],
         "gust_m_s": max(evidence.gusts.values(), default=0.0),
         "processes": _processes(model), "noise_factors": dict(model.problems[0].factors),
@@ -79,10 +80,9 @@ def _alone(finding: Finding) -> FittedModel:
     return finding.model if finding.model is not finding.null else finding.evidence.bare
 
 
-def _left(finding: Finding) -> dict:
+def left(rest: Rest, before: float) -> dict:
     """What the final model still leaves on validation loops: chi-square per degree of freedom (1: noise), the share of what was there, and
-    the largest of a channel."""
-    rest, before = finding.evidence.rest, finding.evidence.bare.chi2
+    the largest of a channel. before: chi-square of the declared model."""
     # nothing but noise before: there is nothing of which something could be left
     share = float(min(max(rest.chi2 - 1, 0.0) / (before - 1), 1.0)) if before > rest.floors()[0] else 0.0
     again = rest.repetition

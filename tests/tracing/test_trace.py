@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from tracing.annotated import wrongly_annotated
 from tracing.traced import short_flight, traced, traced_flight
 
 from awescli.flightlog.loops import find_loops
@@ -40,8 +41,11 @@ def test_a_clean_flight_has_nothing_missing():
 )  # fmt: skip
 def test_one_missing_effect_is_named_with_its_size(key, values, seed):
     """Guards the heart of the product: name, place and size of one undeclared effect, and the error back at the noise."""
-    account, _ = traced({key: values}, seed, **SHORT)
+    account, finding = traced({key: values}, seed, **SHORT)
+    assert not list(wrongly_annotated(finding))
     assert account["verdict"] in ("found", "cannot_tell")
+    ranked = [(e["name"], e["acts_on"]) for e in account["ranking"]]
+    assert {(e["name"], e["acts_on"]) for e in account["effects"]} <= set(ranked)  # one name for one effect, with and without a target
     best = account["effects"][0]
     assert best["name"] == key.partition(":")[0] and len(best["rivals"]) <= 2
     for name, value in values.items():
