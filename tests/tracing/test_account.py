@@ -1,6 +1,5 @@
 """What effects.json says beside the verdict."""
 
-from types import SimpleNamespace
 
 import pytest
 from tracing.annotated import holds
