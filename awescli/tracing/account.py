@@ -285,6 +285,6 @@ def residual_arrays(
             arrays[f"{part}_first"], arrays["time"] = prediction.first, prediction.time
             for name in prediction.simulated:
                 arrays[f"{part}_{which}_{name}"] = prediction.errors(name)
-        summary[which], series = residual_study(simulator, log, parts, loops, horizon)
+        summary[which], series = residual_study(simulator, log, parts, loops, predictions[which]["test"], horizon)
         arrays |= {f"study_{which}_{name}": a for name, a in series.items()}
     return summary, arrays

@@ -21,8 +21,9 @@ RATE_WINDOW = 0.3
 """[s] window of the local quadratic that gives angular accelerations."""
 
 
-def residual_study(simulator: Simulator, log, parts, loops, horizon: float) -> tuple[dict, dict]:
-    """(summary for effects.json, arrays for residuals.npz) of one model on the whole flight.
+def residual_study(simulator: Simulator, log, parts, loops, ahead: Prediction, horizon: float) -> tuple[dict, dict]:
+    """(summary for effects.json, arrays for residuals.npz) of one model on the whole flight. ahead: its prediction of the test loops,
+    `horizon` seconds long.
 
     summary: equation_error (RMS of force [N] and moment [N m] left, and of the tension model against the load cell [N]), innovation
     (NRMSE at 0.5 s and at `horizon`, test loops), loop_averaged_share (channel -> share of the innovation's variance that repeats from
@@ -36,7 +37,7 @@ def residual_study(simulator: Simulator, log, parts, loops, horizon: float) -> t
     arrays |= {f"innovation_{n}": short.errors(n)[:, -1] for n in short.simulated}
     arrays |= {"innovation_first": short.first + len(short.time) - 1, "frequency": frequency}
     arrays |= {f"averaged_{n}": a for n, a in averaged.items()} | {f"spectrum_{n}": p for n, p in power.items()}
-    on_test = {f"{h:g}": predict(simulator, log, parts.test, h).nrmse()["mean"] for h in (SHORT, horizon)}
+    on_test = {f"{SHORT:g}": predict(simulator, log, parts.test, SHORT).nrmse()["mean"], f"{horizon:g}": ahead.nrmse()["mean"]}
     return {"equation_error": forces, "innovation": on_test, "loop_averaged_share": share, "clock": _clock(log)}, arrays
 
 

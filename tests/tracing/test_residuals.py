@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT
 
+from awescli.estimation.prediction import predict
+from awescli.flightlog.loops import find_loops
+from awescli.flightlog.split import split
 from awescli.notation.parameters import ParameterTable
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.synthetic import with_effects
-from awescli.tracing.residuals import equation_error
+from awescli.tracing import residuals
+from awescli.tracing.residuals import SHORT, equation_error, residual_study
 
 
 def left(log, effects) -> dict:
@@ -36,3 +40,16 @@ def test_what_moves_with_the_kite_is_no_missing_force(calm):
     change = {axis: with_it[f"equation_force_{axis}"] - without[f"equation_force_{axis}"] for axis in "xyz"}
     assert np.abs(change["x"]).max() == 0 and np.abs(change["y"]).max() == 0
     assert change["z"] == pytest.approx(5.0 * log["a_z"], rel=1e-6, abs=1e-6)
+
+
+def test_the_test_loops_are_predicted_once(calm, monkeypatch):
+    """Guards one prediction per model and split (A13): the study tells the error of the prediction that it is given, and makes none but
+    those of half a second."""
+    log, horizon, made = calm.log, 2.0, []
+    loops = find_loops(log)
+    parts = split(loops, log=log)
+    simulator = Simulator(Kite(DEVELOPMENT, log.wind.height))
+    ahead = predict(simulator, log, parts.test, horizon)
+    monkeypatch.setattr(residuals, "predict", lambda *given: made.append(given[-1]) or predict(*given))
+    summary, _ = residual_study(simulator, log, parts, loops, ahead, horizon)
+    assert made == [SHORT, SHORT] and summary["innovation"]["2"] == ahead.nrmse()["mean"]
