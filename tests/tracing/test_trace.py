@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 from tracing.annotated import wrongly_annotated
-from tracing.traced import short_flight, traced, traced_flight
+from tracing.traced import short_flight, thinned, traced, traced_flight
 
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
@@ -83,12 +83,6 @@ def test_the_verdict_does_not_depend_on_the_loggers_rate():
         assert abs(size["value"] - 0.2) < 3.5 * size["std"], (every, size)
         found.append(account["verdict"])
     assert len(set(found)) == 1
-
-
-def thinned(log, every: int):
-    """Every so many samples of a log, as a slower logger would have kept them."""
-    cut = {"measured": {n: v[::every] for n, v in log.measured.items()}, "inputs": {n: v[::every] for n, v in log.inputs.items()}}
-    return replace(log, dt=every * log.dt, time=log.time[::every], valid=log.valid[::every], **cut)
 
 
 @pytest.mark.slow
