@@ -30,7 +30,7 @@ def autopilot(x, u=(), c=()):
 
 
 @cache
-def free_flight(seconds: float = 120.0, seed: int = 0, noise: bool = True, effects: tuple = ()) -> FlightLog:
+def free_flight(seconds: float = 120.0, seed: int = 0, noise: bool = True, effects: tuple = (), breeze: float = 6.0) -> FlightLog:
     """Turns to both sides, climbs, a doublet every few seconds; measured with the kite file's noise, vanes included."""
     declaration = with_effects(THOR, {k: dict(v) for k, v in effects})
     dt, random = 0.02, np.random.default_rng(seed)
@@ -43,7 +43,7 @@ def free_flight(seconds: float = 120.0, seed: int = 0, noise: bool = True, effec
     asked[:, 2] = steps(1.0, 0.5)
     asked[:, 4] = 17.0 + 2.0 * np.sin(2 * np.pi * time / 31.0)
     both = np.ones((2, 1))
-    wind = WindRecord(np.array([-1.0, seconds + 1]), np.array([HEIGHT]), 6.0 * both, 4.5 * both, 0.0 * both, np.full(2, 1.19))
+    wind = WindRecord(np.array([-1.0, seconds + 1]), np.array([HEIGHT]), breeze * both, 4.5 * both, 0.0 * both, np.full(2, 1.19))
     kite = Kite(declaration, wind.height)
     start = np.array([30.0, 20.0, -HEIGHT, 17.0, 0.0, 1.0, 0.0, 0.06, 0.3, 0.0, 0.0, 0.0])
     flown = simulate_flight(

@@ -65,6 +65,15 @@ class Scored(Checked):
     power: Power = None  # one that is not there may not be null
 
 
+class Baseline(Checked):
+    """The linear model beside the others: how it came about, and at which horizons [s] each of these does not beat it."""
+
+    outcome: Literal["fitted", "unstable", "too_short"]
+    order: int = 0
+    step_s: Number = 0.0
+    not_beaten: dict[str, list[Horizon]] = {}
+
+
 class Scores(Checked):
     """metrics.json of evaluate."""
 
@@ -74,10 +83,13 @@ class Scores(Checked):
     identified: Scored = None
     with_effects: Scored = None
     hybrid: Scored = None
+    linear: Scored = None
+    baseline: Baseline = None
 
     @model_validator(mode="after")
     def _alike(self):
-        models = [model for model in (self.initial, self.identified, self.with_effects, self.hybrid) if model is not None]
+        every = (self.initial, self.identified, self.with_effects, self.hybrid, self.linear)
+        models = [model for model in every if model is not None]
         for of in (lambda m: m.nrmse.test.keys(), lambda m: m.by_horizon.keys()):
             if any(of(model) != of(self.initial) for model in models):
                 raise ValueError("models are scored on different channels or horizons")

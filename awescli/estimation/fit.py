@@ -211,7 +211,7 @@ class _Problem:
             info = misfit.eliminated(gram, i.own, heard)
             squares = float((links.r[heard] ** 2).sum()) + misfit.prior_cost(i.own, heard)
             near = before is not None or share.own is not None
-            i = self._integrated(share, x, place, i, before, links, gram, heard) if integrates and near and len(heard) else i
+            i = self._integrated(share, x, place, i, before, links, gram, info, heard) if integrates and near and len(heard) else i
             # what is not differentiated has no place in the merit either
             log_det = float(info.log_det.sum()) if integrates else 0.0
             known.append(_Known(links, gram, info, trajectories.alive, fly, heard, log_det))
@@ -267,12 +267,12 @@ class _Problem:
         b[place] -= i.tilt
         misled = i.misled + 1
         again = misled < MISLED and len(known.heard) and len(place)
-        found = self._tilt(share, x, place, i, known.links, known.gram, known.heard) if again else None
+        found = self._tilt(share, x, place, i, known.links, known.gram, known.information, known.heard) if again else None
         new = 0.0 * i.tilt if found is None else found
         b[place] += new
         return replace(i, tilt=new, tilted_at=x, misled=misled)
 
-    def _integrated(self, share, x, place, i: _Inner, before: Linearised | None, links, gram, heard) -> _Inner:
+    def _integrated(self, share, x, place, i: _Inner, before: Linearised | None, links, gram, info, heard) -> _Inner:
         """The tilt, found anew where it is due: never found, or the parameters have moved by a standard deviation since."""
         swings = i.swings
         if i.misled >= MISLED or not len(place):
@@ -288,11 +288,11 @@ class _Problem:
             swings += small and 1.0 < distance < SWING
             if not (small and (distance > SWING or (distance > 1.0 and swings < SWINGS))):
                 return replace(i, swings=swings)
-        found = self._tilt(share, x, place, i, links, gram, heard)
+        found = self._tilt(share, x, place, i, links, gram, info, heard)
         return replace(i, tilt=i.tilt if found is None else found, tilted_at=x, swings=swings)
 
-    def _tilt(self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, links: Links, gram: Gram, heard: np.ndarray):
-        return tilt(share.misfit, x[place], i.own, links, gram, heard, self.precision[place], self.probes)
+    def _tilt(self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, links: Links, gram: Gram, info: Information, heard):
+        return tilt(share.misfit, x[place], i.own, links, gram, info, heard, self.precision[place], self.probes)
 
 
 def relaxed(misfit: Misfit, x: np.ndarray, own: Own) -> Own:

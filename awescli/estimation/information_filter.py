@@ -268,7 +268,8 @@ def _with_axes(gram: Gram, axes: Axes) -> tuple[np.ndarray, np.ndarray, np.ndarr
         E[..., n_s + node * W + acting] = gram.E[..., n_s + node * A + axes.acts[acting]]
     if len(place) == gram.x.shape[-1] and (place == np.arange(len(place))).all():
         return gram.x, gram.xy, E
-    return np.ascontiguousarray(gram.x[:, :, place[:, None], place]), np.ascontiguousarray(gram.xy[:, :, place]), E
+    # row by row, column by column: of both at once numpy makes a copy across the memory
+    return gram.x.take(place, axis=2).take(place, axis=3), gram.xy.take(place, axis=2), E
 
 
 def _segments(gram: Gram, axes: Axes, path, x, xy, E, spans):
@@ -278,31 +279,26 @@ def _segments(gram: Gram, axes: Axes, path, x, xy, E, spans):
     s, w0, w1 = slice(0, n_s), slice(n_s, n_s + W), slice(n_s + W, n_s + 2 * W)
     F, Q = axes.decay(spans), axes.variance(spans)
     step = path[:, 1:] - F * path[:, :-1]  # what the present values ask of the noise
-    here = np.arange(W)
-    log_det = np.zeros(len(gram))
-
-    def with_prior(m: int, M: np.ndarray, U: np.ndarray, rest: np.ndarray) -> None:
-        """Add the link's step of the processes to Gram matrices of [s, w, w+] x itself and x y, and of y."""
-        f, q, e = F[m], Q[m], step[:, m]
-        M[:, n_s + here, n_s + here] += f * f / q
-        M[:, n_s + W + here, n_s + W + here] += 1 / q
-        M[:, n_s + here, n_s + W + here] -= f / q
-        M[:, n_s + W + here, n_s + here] -= f / q
-        U[:, w0, -1] += f * e / q
-        U[:, w1, -1] -= e / q
-        rest[:, -1, -1] += (e * e / q).sum(axis=1)
+    here, log_det = np.arange(W), np.zeros(len(gram))
+    # the processes' steps as Gram matrices: of [s, w, w+] with itself (the same in all segments), with the residual, and of this
+    P, asks = np.zeros((L, n_s + 2 * W, n_s + 2 * W)), np.zeros((len(gram), L, n_s + 2 * W))
+    P[:, n_s + here, n_s + here], P[:, n_s + W + here, n_s + W + here] = F * F / Q, 1 / Q
+    P[:, n_s + here, n_s + W + here] = P[:, n_s + W + here, n_s + here] = -F / Q
+    asks[..., w0], asks[..., w1] = F * step / Q, -step / Q
 
     G = gram.y.copy()
+    G[:, -1, -1] += (step * step / Q).sum(axis=(1, 2))
     # the last link: w at its second node stays, with globals and residual
-    M, U = x[:, L - 1].copy(), xy[:, L - 1].copy()
-    with_prior(L - 1, M, U, G)
+    M, U = x[:, L - 1] + P[L - 1], xy[:, L - 1].copy()
+    U[..., -1] += asks[:, L - 1]
     V = M[:, : n_s + W, : n_s + W]
     cross = np.concatenate([M[:, : n_s + W, w1], U[:, : n_s + W]], axis=2)
     rest = np.concatenate([np.concatenate([M[:, w1, w1], U[:, w1]], axis=2), np.concatenate([U[:, w1].swapaxes(1, 2), G], axis=2)], axis=1)
     inner: list[_Eliminated] = []
+    nothing = np.zeros((len(gram), n_s + 2 * W, W))
     for m in range(L - 2, -1, -1):
-        M, U = x[:, m].copy(), np.concatenate([np.zeros((len(gram), n_s + 2 * W, W)), xy[:, m]], axis=2)
-        with_prior(m, M, U, rest)
+        M, U = x[:, m] + P[m], np.concatenate([nothing, xy[:, m]], axis=2)
+        U[..., -1] += asks[:, m]
         e = E[:, m]
         back = e.swapaxes(1, 2)
         M += np.matmul(back, np.matmul(V[:, s, s], e))

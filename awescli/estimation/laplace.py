@@ -8,7 +8,7 @@ determinant, to second order in d (Hutchinson's estimator); a change of the nuis
 
 import numpy as np
 
-from awescli.estimation.information_filter import Nuisances
+from awescli.estimation.information_filter import Information, Nuisances
 from awescli.estimation.links import Gram, Links
 from awescli.estimation.misfit import Misfit, Own
 
@@ -22,27 +22,32 @@ correction."""
 
 
 def tilt(
-    misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, which: np.ndarray, precision: np.ndarray, probes: int
-) -> np.ndarray | None:
+    misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, info: Information, which: np.ndarray, precision: np.ndarray,
+    probes: int,
+) -> np.ndarray | None:  # fmt: skip
     """(n,) -1/2 of the gradient of the log determinant with respect to the globals, at parameter values x and nuisances at their best:
-    what is to be added to J'r. None where a probe loses a segment. links, gram: of `misfit` there; precision: (n,) of the prior.
+    what is to be added to J'r. None where a probe loses a segment. links, gram, info: of `misfit` there, info of the segments `which`;
+    precision: (n,) of the prior.
 
     The mean of `probes` >= 2 estimates, drawn towards zero by what their scatter says of it (James and Stein): where a model is far from
     linear in nuisances that matter little, one estimate would move parameters by several standard deviations at random.
     """
-    info = misfit.eliminated(gram, own, which)
     found = estimates(misfit, x, own, links, gram, which, info.samples(probes, seed=0))
     if found is None:
         return None
     H = info.H + np.diag(precision)
+    nothing = np.zeros(found.shape[1])
+    # probes far from the flight may end in numbers that are none
+    if not np.isfinite(found).all():
+        return nothing
     mean = shrunk(found, H)
-    return mean if mean @ np.linalg.solve(H, mean) < LARGEST * float(info.cost[which].sum()) else 0.0 * mean
+    return mean if mean @ np.linalg.solve(H, mean) < LARGEST * float(info.cost[which].sum()) else nothing
 
 
 def estimates(misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:
     """(m, n) the tilt as each of m draws of the nuisances sees it; None where one loses a segment."""
     mask, (rest_x, rest) = np.isin(np.arange(len(links)), which), links.gradients()
-    found = []
+    every_x, every = [], []
     for case in range(draws.path.shape[-1]):
         bent_x, bent = -2.0 * rest_x, -2.0 * rest
         for side in (1.0, -1.0):
@@ -51,10 +56,11 @@ def estimates(misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram,
                 return None
             of_x, of_globals = probed.gradients()
             bent_x, bent = bent_x + of_x, bent + of_globals
-        # the prior's pull is linear, and gone from second differences: processes at rest
-        asked = gram.asked(bent_x / (2 * PROBE**2), bent / (2 * PROBE**2))
-        found.append(misfit.eliminated(asked, Own(own.starts, 0.0 * own.path), which).b)
-    return np.array(found)
+        every_x.append(bent_x / (2 * PROBE**2))
+        every.append(bent / (2 * PROBE**2))
+    # the prior's pull is linear, and gone from second differences: processes at rest
+    info = misfit.eliminated(gram.asked(np.stack(every_x, axis=-1), np.stack(every, axis=-1)), Own(own.starts, 0.0 * own.path), which)
+    return np.vstack([info.H[gram.n :, : gram.n], info.b[: gram.n]])
 
 
 def shrunk(found: np.ndarray, H: np.ndarray) -> np.ndarray:

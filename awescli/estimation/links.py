@@ -218,12 +218,13 @@ class Gram:
         return self.y.shape[1] - 1
 
     def asked(self, of_x: np.ndarray, of_globals: np.ndarray) -> "Gram":
-        """The same with other products of the residual: of_x (K, L, q), of_globals (K, n)."""
-        xy, y = self.xy.copy(), self.y.copy()
-        xy[..., -1] = of_x
-        y[:, :-1, -1] = y[:, -1, :-1] = of_globals
-        y[:, -1, -1] = 0.0
-        return replace(self, xy=xy, y=y)
+        """The same with m other products of the residual, of_x (K, L, q, m) and of_globals (K, n, m): the last in its place, those before
+        behind the globals, as if they were some."""
+        n, m = self.n, of_x.shape[-1]
+        y = np.zeros((len(self), n + m, n + m))
+        y[:, :n, :n] = self.y[:, :n, :n]
+        y[:, :n, n:], y[:, n:, :n] = of_globals, of_globals.swapaxes(1, 2)
+        return replace(self, xy=np.concatenate([self.xy[..., :n], of_x], axis=-1), y=y)
 
     def of(self, globals_: np.ndarray) -> "Gram":
         """The same for some of the globals, by index."""

@@ -79,12 +79,16 @@ def predict(
     if not begin.size:
         what = f"no prediction of {horizon:g} s fits into the loops of flight '{log.name}' that it is to be scored on"
         raise BadInput(what, do="Use a shorter horizon, or a longer flight; `awes check` lists what was left out and why.")
-    if known_starts:
-        observed = observe(log, simulator.kite, begin + before, ahead, MEASURED)
-        return compare(log, simulator.rollout(observed.segments, values), begin + before, 0, ranges, simulator.kite.declaration.noise)
-    observed = observe(log, simulator.kite, begin, before + ahead, MEASURED)
-    trajectories = simulator.rollout(warmed_up(simulator, observed, before, values), values)
-    return compare(log, trajectories, begin + before, before, ranges, simulator.kite.declaration.noise)
+    trajectories, skip = forecast(simulator, log, begin + before, ahead, 0 if known_starts else before, values)
+    return compare(log, trajectories, begin + before, skip, ranges, simulator.kite.declaration.noise)
+
+
+def forecast(simulator: Simulator, log, first: np.ndarray, ahead: int, before: int, values=None) -> tuple[Trajectories, int]:
+    """(trajectories, which of their samples stands at `first`): `ahead` samples from each of the samples `first` (K,) of the log; before:
+    samples of the warm-up that a start is fitted to, or 0: it is the measured state, smoothed."""
+    observed = observe(log, simulator.kite, first - before, before + ahead, MEASURED)
+    segments = warmed_up(simulator, observed, before, values) if before else observed.segments
+    return simulator.rollout(segments, values), before
 
 
 def prediction_starts(log, ranges, horizon: float, warm_up: float = WARM_UP, every: float | None = None) -> np.ndarray:
@@ -103,16 +107,19 @@ def warmed_up(simulator: Simulator, observed: Observed, before: int, values=None
 
 def compare(log, trajectories: Trajectories, first: np.ndarray, skip: int, ranges, noise: Noise) -> Prediction:
     """A Prediction from simulated segments whose sample `skip` stands at sample `first` of the log."""
-    count = trajectories.states.shape[1] - skip
+    simulated = {n: trajectories[n][:, skip:] for n in SCORED if n in STATES or n in log}
+    return beside(log, simulated, trajectories.alive - skip, first, ranges, noise)
+
+
+def beside(log, simulated: dict[str, np.ndarray], alive: np.ndarray, first: np.ndarray, ranges, noise: Noise) -> Prediction:
+    """A Prediction from simulated channels (K, N+1) that begin at the samples `first` of the log, beside what it measured; alive: (K,)
+    samples before divergence."""
+    count = simulated["p_n"].shape[1]
     rows = first[:, None] + np.arange(count)[None]
-    names = [n for n in SCORED if n in STATES or n in log]
-    measured = {n: log[n][rows] for n in names}
-    simulated = {n: trajectories[n][:, skip:] for n in names}
+    measured = {n: log[n][rows] for n in simulated}
     part = np.concatenate([np.arange(a, b) for a, b in ranges])
-    spans = {n: scores.span(log[n][part]) for n in names}
-    return Prediction(
-        np.arange(count) * log.dt, first, measured, simulated, trajectories.alive - skip, spans, noise_floor(log, spans, part, noise)
-    )
+    spans = {n: scores.span(log[n][part]) for n in simulated}
+    return Prediction(np.arange(count) * log.dt, first, measured, simulated, alive, spans, noise_floor(log, spans, part, noise))
 
 
 def noise_floor(log, spans: dict[str, float], part: np.ndarray, noise: Noise) -> dict[str, float]:

@@ -1,6 +1,6 @@
 """All scores of a model on a flight: per part, channel, horizon and loop, from one step to many seconds, and how often it diverges."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from awescli.simulation import scores
 ONE_STEP_EVERY = 0.25
 """[s] between one-step predictions: each has a start of its own to estimate, and neighbours say the same."""
 
+Forecast = Callable[..., Prediction]
+"""(ranges, horizon, every=None) -> Prediction, as `predict` for one model and one log."""
+
 
 def scored(
     simulator, log, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float], known_starts: bool = False
@@ -22,9 +25,23 @@ def scored(
     loops: (K, 2) half-open sample ranges; horizon: seconds predicted ahead in all scores but by_horizon, one_step;
     known_starts: as in `predict`.
     """
-    predictions = {part: predict(simulator, log, getattr(parts, part), horizon, known_starts=known_starts) for part in PARTS}
+
+    def forecast(ranges, horizon: float, every: float | None = None) -> Prediction:
+        return predict(simulator, log, ranges, horizon, every=every, known_starts=known_starts)
+
+    block, predictions = scores_of(forecast, log, parts, loops, horizon, horizons)
+    if power := power_of(simulator.kite, predictions["test"], log, loops):
+        block["power"] = power
+    return block, predictions
+
+
+def scores_of(
+    forecast: Forecast, log, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float]
+) -> tuple[dict, dict[str, Prediction]]:
+    """(scores, part -> prediction) of whatever predicts from `prediction_starts`; the rest as in `scored`."""
+    predictions = {part: forecast(getattr(parts, part), horizon) for part in PARTS}
     test = predictions["test"]
-    block = {
+    return {
         "horizon_s": horizon,
         "outcome": f"{test.diverged} of {len(test.first)} predictions diverged" if test.diverged else "scored",
         "nrmse": {part: p.nrmse() for part, p in predictions.items()},
@@ -32,13 +49,10 @@ def scored(
         "diverged_predictions": {part: p.diverged for part, p in predictions.items()},
         "divergence_rate": {part: p.diverged / len(p.first) for part, p in predictions.items()},
         **{name: of_channels(test, name) for name in RELATIVES},
-        "by_horizon": {f"{h:g}": at for h in horizons if (at := ahead(simulator, log, parts.test, h, known_starts=known_starts))},
-        "one_step": ahead(simulator, log, parts.test, log.dt, every=ONE_STEP_EVERY, known_starts=known_starts),
+        "by_horizon": {f"{h:g}": at for h in horizons if (at := ahead(forecast, log, parts.test, h))},
+        "one_step": ahead(forecast, log, parts.test, log.dt, every=ONE_STEP_EVERY),
         "by_loop": [row for part, p in predictions.items() for row in by_loop(p, log, loops, part)],
-    }
-    if power := power_of(simulator.kite, test, log, loops):
-        block["power"] = power
-    return block, predictions
+    }, predictions
 
 
 def power_of(kite, prediction: Prediction, log, loops: np.ndarray) -> dict | None:
@@ -62,11 +76,11 @@ def of_channels(prediction: Prediction, name: str) -> dict[str, float]:
     return {n: RELATIVES[name](prediction.errors(n), prediction.measured[n]) for n in prediction.simulated}
 
 
-def ahead(simulator, log, ranges, horizon: float, every: float | None = None, known_starts: bool = False) -> dict | None:
+def ahead(forecast: Forecast, log, ranges, horizon: float, every: float | None = None) -> dict | None:
     """NRMSE, RMSE and divergence of predictions `horizon` seconds ahead; None where no range is long enough."""
     if not len(prediction_starts(log, ranges, horizon, every=every)):
         return None
-    p = predict(simulator, log, ranges, horizon, every=every, known_starts=known_starts)
+    p = forecast(ranges, horizon, every)
     counts = {"horizon_s": horizon, "predictions": len(p.first), "diverged_predictions": p.diverged}
     return counts | {"nrmse": p.nrmse(), "rmse": of_channels(p, "rmse")}
 

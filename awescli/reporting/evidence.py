@@ -10,7 +10,7 @@ from awescli.flightlog.log import FlightLog
 from awescli.flightlog.loops import Loops
 from awescli.flightlog.quality import DataQuality
 from awescli.flightlog.split import Split
-from awescli.reporting.words import MODELS, effect_words, listed
+from awescli.reporting.words import BASELINE, MODELS, effect_words, listed
 
 Document = Mapping[str, Any]
 Arrays = Mapping[str, np.ndarray]
@@ -63,6 +63,11 @@ class Evidence:
         twins |= {"hybrid"} if (self.hybrid or {}).get("outcome") in EMPTY else set()
         return tuple(m for m in LADDER if m in self.scores and m not in twins)
 
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """`models`, and the linear baseline beside them where it was scored."""
+        return *self.models, *(m for m in BASELINE if m in self.scores)
+
     def same_as(self, model: str) -> str:
         """The model itself, or the one before it on the ladder where it adds nothing to that."""
         return model if model in self.models else next(m for m in reversed(self.models) if LADDER.index(m) < LADDER.index(model))
@@ -95,7 +100,7 @@ class Evidence:
     def label(self, model: str) -> str:
         """A model of the ladder in words; what tracing added, if it added anything, by name."""
         if model != "with_effects" or self.effects is None:
-            return MODELS.get(model, model)
+            return (MODELS | BASELINE).get(model, model)
         if not self.tracing_added:
             return "after tracing (nothing added)"
         names = [effect_words(e["name"], e.get("acts_on", "")) for e in self.effects["effects"]]

@@ -1,6 +1,7 @@
 """The first screen: what was wrong with the model, how much better it is now; every claim leads to the plot that shows it."""
 
 from awescli.reporting.evidence import Evidence
+from awescli.reporting.linear import beside_linear
 from awescli.reporting.marks import Section, bullets, esc, link, paragraph
 from awescli.reporting.plots import Figure, dots, log_axis
 from awescli.reporting.power import power_claim, power_figure
@@ -87,7 +88,7 @@ def title(evidence: Evidence) -> str:
 
 def tiles(evidence: Evidence) -> str:
     """Mean error of every model, and what noise alone would leave."""
-    rows = [(evidence.label(m), evidence.nrmse(m)["mean"], COLOURS[m]) for m in evidence.models]
+    rows = [(evidence.label(m), evidence.nrmse(m)["mean"], COLOURS[m]) for m in evidence.compared]
     rows.append(("noise alone (no model can do better)", evidence.floor["mean"], COLOURS["floor"]))
     cells = "".join(
         f'<a class="tile" href="#fig-ladder" style="--tone:var(--{colour[1:]})"><b>{percent(value)}</b><span>{esc(label)}</span></a>'
@@ -100,7 +101,7 @@ def tiles(evidence: Evidence) -> str:
 
 def claims(evidence: Evidence) -> list[str]:
     """What the page claims, each sentence with a link to its plot."""
-    found = [_error(evidence), power_claim(evidence)]
+    found = [_error(evidence), _linear(evidence), power_claim(evidence)]
     if evidence.effects:
         found += [_effect(evidence, e) for e in evidence.effects["effects"]]
         seen_alone = evidence.effects.get("kinematics", [])
@@ -129,6 +130,12 @@ def _error(evidence: Evidence) -> str:
     floor = evidence.floor["mean"]
     left = f"{'little more is left than' if after < 1.15 * floor else 'there remains more than'} sensor noise ({percent(floor)})"
     return f"{text}; {left}. {link('fig-3d-prediction', 'See the paths')}."
+
+
+def _linear(evidence: Evidence) -> str:
+    """Whether the models beat the linear baseline."""
+    said = esc(beside_linear(evidence.scores, evidence.models, evidence.label))
+    return f"{said[0].upper()}{said[1:]}; {link('fig-horizon', 'by how far ahead')}." if said else ""
 
 
 def _effect(evidence: Evidence, effect: dict) -> str:
@@ -253,7 +260,7 @@ def ladder(evidence: Evidence) -> Figure:
             [100 * evidence.nrmse(m)[n] for n in names], labels, evidence.label(m), COLOURS[m], size=10,
             text=full, hovertemplate="%{text}: %{x:.3g} %<extra>" + esc(evidence.label(m)) + "</extra>",
         )
-        for m in evidence.models
+        for m in evidence.compared
     ]  # fmt: skip
     data.append(
         dots(

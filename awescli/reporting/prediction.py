@@ -49,7 +49,7 @@ def paths(evidence: Evidence) -> Figure:
         }
 
     data = [path("measured", "measured")]
-    data += [path(m, evidence.label(m), visible=True if m in (evidence.best, "initial") else "legendonly") for m in evidence.models]
+    data += [path(m, evidence.label(m), visible=True if m in (evidence.best, "initial") else "legendonly") for m in evidence.compared]
     starts = [arrays[f"measured_{c}"][:, 0] for c in SPATIAL]
     data.append({
         "type": "scatter3d", "mode": "markers", "x": starts[1], "y": starts[0], "z": -starts[2], "name": "starts",
@@ -69,7 +69,7 @@ def paths(evidence: Evidence) -> Figure:
 def over_horizon(evidence: Evidence) -> Body:
     """Mean error against how far ahead is predicted."""
     data = []
-    for m in evidence.models:
+    for m in evidence.compared:
         at = evidence.scores[m].get("by_horizon") or {}
         errors = [100 * row["nrmse"]["mean"] for row in at.values()]
         data.append(line([float(h) for h in at], errors, evidence.label(m), COLOURS[m], width=2, mode="lines+markers"))
@@ -89,10 +89,10 @@ def horizons(evidence: Evidence) -> str:
     """Mean error one step and more ahead, and for the best model every channel in its unit."""
     steps = [("one_step", f"one step ({evidence.log.dt:g} s)"), *((h, f"{h} s") for h in evidence.scores[evidence.best]["by_horizon"])]
     rows = []
-    for m in evidence.models:
+    for m in evidence.compared:
         found = [evidence.ahead(m, key) for key, _ in steps]
         rows.append((evidence.label(m), *(Cell(percent(a and a["nrmse"]["mean"]), a and a["nrmse"]["mean"]) for a in found)))
-    lost = [(evidence.label(m), *(_lost(evidence.ahead(m, key)) for key, _ in steps)) for m in evidence.models]
+    lost = [(evidence.label(m), *(_lost(evidence.ahead(m, key)) for key, _ in steps)) for m in evidence.compared]
     own = []
     for name in (n for n in evidence.nrmse(evidence.best) if f"measured_{n}" in evidence.predictions):
         unit, factor = scale_of(name, evidence.predictions[f"measured_{name}"])
@@ -113,7 +113,7 @@ def _lost(block) -> Cell:
 def over_loops(evidence: Evidence) -> Figure:
     """Mean error of every loop, part by part: whether the model is as good on loops it was not fitted to."""
     data, shapes = [], []
-    for m in evidence.models:
+    for m in evidence.compared:
         rows = evidence.scores[m]["by_loop"]
         said = [f"{r['part']}, {r['from_s']:.0f} to {r['to_s']:.0f} s" for r in rows]
         errors = [100 * r["nrmse"]["mean"] for r in rows]
@@ -143,7 +143,7 @@ def channels(evidence: Evidence) -> Body:
         "All channels zoom in time together: drag sideways; a double click goes back. A click on a name shows or hides its line in all.",
         "soft",
     )
-    entries = [("measured", COLOURS["measured"], "solid"), *((evidence.label(m), COLOURS[m], "solid") for m in evidence.models)]
+    entries = [("measured", COLOURS["measured"], "solid"), *((evidence.label(m), COLOURS[m], "solid") for m in evidence.compared)]
     out = [Shared("test_time", time), '<div id="fig-channels"><h3>Every channel over time</h3>', text, keys(entries, "test")]
     for group, names in GROUPS.items():
         panels = [_channel(evidence, n, step) for n in names if f"measured_{n}" in arrays]
@@ -160,7 +160,7 @@ def _channel(evidence: Evidence, name: str, step: int) -> Figure:
         # an angle that goes round is drawn on, not back by a turn; simulated ones follow it, so that none is a turn away
         measured = np.unwrap(measured, axis=1)
     data = [line("$test_time", with_gaps(measured * factor, step), "measured", COLOURS["measured"], width=2, meta="measured")]
-    for m in evidence.models:
+    for m in evidence.compared:
         simulated = arrays.get(f"{m}_{name}")
         if simulated is None:
             continue
@@ -181,7 +181,7 @@ def _channel(evidence: Evidence, name: str, step: int) -> Figure:
 def scores(evidence: Evidence) -> str:
     """Mean errors per part, how many predictions diverged, and every score of every channel and model."""
     rows = []
-    for m in evidence.models:
+    for m in evidence.compared:
         block = evidence.scores[m]
         lost, count = (sum((block.get(key) or {}).values()) for key in ("diverged_predictions", "predictions"))
         mean = [Cell(percent(block["nrmse"][p]["mean"]), block["nrmse"][p]["mean"]) for p in PARTS]
@@ -198,7 +198,7 @@ def _of_channel(evidence: Evidence, name: str) -> list[tuple]:
     """All scores of a channel, a row for every model."""
     unit, factor = scale_of(name, evidence.predictions.get(f"measured_{name}", np.zeros(1)))
     rows = []
-    for m in evidence.models:
+    for m in evidence.compared:
         block = evidence.scores[m]
         nrmse = block["nrmse"]["test"].get(name)
         rmse, r2, theil = (block.get(k, {}).get(name) for k in ("rmse", "r2", "theil"))

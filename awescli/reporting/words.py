@@ -31,9 +31,12 @@ GROUPS = {
 """Channels that are shown together."""
 
 MODELS = {"initial": "as declared", "identified": "identified", "with_effects": "with the traced effect", "hybrid": "hybrid"}
+BASELINE = {"linear": "linear (ARX)"}
+"""What stands beside the ladder, and is no step of it."""
 
 COLOURS = {
-    "measured": "@ink", "initial": "@orange", "identified": "@blue", "with_effects": "@green", "hybrid": "@purple", "floor": "@grey",
+    "measured": "@ink", "initial": "@orange", "identified": "@blue", "with_effects": "@green", "hybrid": "@purple", "linear": "@brown",
+    "floor": "@grey",
     "train": "@steel", "validation": "@ochre", "test": "@red",
 }  # fmt: skip
 """One colour per thing, all over the page; @names are looked up in page.css, which has a light and a dark set."""

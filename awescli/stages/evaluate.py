@@ -51,8 +51,10 @@ class Evaluate(Stage):
 
     def run(self, context, config):
         from awescli.artifacts import write_arrays, write_json
+        from awescli.reporting.linear import briefly
         from awescli.reporting.published import beside_thesis
         from awescli.stages.ahead import horizon_within
+        from awescli.stages.baseline import score_baseline
         from awescli.stages.flight_parts import flight_parts
         from awescli.stages.ladder import ladder, score_ladder
         from awescli.stages.page import FIGURES, REPORT, gather, write_figures, write_report
@@ -61,8 +63,9 @@ class Evaluate(Stage):
         config = config.model_copy(update={"horizon": horizon_within(context, config, config.horizon, [(log, parts)])})
         closed = config.closes_the_loop(context)
         models = ladder(context, log, closed)
-        task = context.progress.task("scoring", total=len(models))
+        task = context.progress.task("scoring", total=len(models) + 1)
         metrics, arrays = score_ladder(models, context, log, parts, config, task)
+        score_baseline(metrics, arrays, context, log, parts, config, closed, task)
         metrics |= {"surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states}
         left = {stage: left_by(context, stage) for stage in ("fit-controller", "identify", "trace-residual", "train-hybrid")}
         metrics["outcomes"] = {stage: found["outcome"] for stage, found in left.items() if found and found.get("outcome")}
@@ -76,11 +79,13 @@ class Evaluate(Stage):
             write_report(context, evidence)
         if config.figures:
             write_figures(context, evidence)
-        errors = {model: {n: e for n, e in metrics[model]["nrmse"]["test"].items() if n in SHOWN} for model in models}
+        scored = [*models, *(["linear"] if "linear" in metrics else [])]
+        errors = {model: {n: e for n, e in metrics[model]["nrmse"]["test"].items() if n in SHOWN} for model in scored}
         errors["noise alone"] = {n: metrics["noise_floor"][n] for n in SHOWN if n in metrics["noise_floor"]}
-        means = [f"{model} {number(metrics[model]['nrmse']['test']['mean'])}" for model in models]
+        means = [f"{model} {number(metrics[model]['nrmse']['test']['mean'])}" for model in scored]
         ahead = f"{config.horizon:g} s ahead{', loop closed' if closed else ''}"
         answer = [f"error on unseen loops, {ahead}: {', '.join(means)} (noise alone {number(metrics['noise_floor']['mean'])})"]
+        answer.append(briefly(metrics, models))
         beside = {
             row["channel"]: {k.replace("_", ", "): "-" if v is None else v for k, v in row.items() if k != "channel"}
             for row in metrics.get("beside_thesis", [])

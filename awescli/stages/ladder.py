@@ -52,16 +52,21 @@ def score_ladder(models: dict, context: Context, log, parts, config, task) -> tu
     for name, simulator in models.items():
         task.update(name)
         block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts)
-        for part, prediction in predictions.items():
-            block["nrmse"][part] |= surface_errors(context, log, prediction)
-        metrics[name], test = block, predictions["test"]
-        arrays["time"], arrays["first"] = test.time, test.first
-        for n in test.simulated:
-            arrays[f"measured_{n}"] = test.measured[n]
-            arrays[f"{name}_{n}"] = test.measured[n] - test.errors(n)
-        metrics["noise_floor"] = test.noise_floor()
+        enter(name, block, predictions, context, log, metrics, arrays)
+        metrics["noise_floor"] = predictions["test"].noise_floor()
         task.advance()
     return metrics, arrays
+
+
+def enter(name: str, block: dict, predictions: dict, context: Context, log, metrics: dict, arrays: dict) -> None:
+    """A scored model into metrics.json and predictions.npz."""
+    for part, prediction in predictions.items():
+        block["nrmse"][part] |= surface_errors(context, log, prediction)
+    metrics[name], test = block, predictions["test"]
+    arrays["time"], arrays["first"] = test.time, test.first
+    for n in test.simulated:
+        arrays[f"measured_{n}"] = test.measured[n]
+        arrays[f"{name}_{n}"] = test.measured[n] - test.errors(n)
 
 
 def surface_errors(context: Context, log, prediction) -> dict:

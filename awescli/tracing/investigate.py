@@ -27,8 +27,8 @@ from awescli.tracing.when import InFlight, in_flights
 ROLL_GUSTS = RollGustProcess.name
 STILL = 1e-3
 """[rad] a surface that moves less than this over a flight does not move."""
-BANK_ROUNDS = 3
-"""Empirical terms at most."""
+BANK_ROUNDS, BANK_COMPETITORS = 3, 3
+"""Empirical terms at most, and how many are fitted in a round: what they are called matters less than that there is one."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,8 @@ def investigate(
     if led_by_something(frame, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:
         progress("weighing empirical terms")
         most = len(evidence.model.keys) if sufficient else BANK_ROUNDS
-        evidence = replace(evidence, bank=search(frame, null, terms, rounds=most, criteria=criteria, progress=progress))
+        few = replace(criteria, competitors=BANK_COMPETITORS)
+        evidence = replace(evidence, bank=search(frame, null, terms, rounds=most, criteria=few, progress=progress))
     return _finding(frame, evidence, criteria)
 
 

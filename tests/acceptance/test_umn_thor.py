@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
+from awescli.estimation.linear_baseline import linear_baseline
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.quality import data_quality
 from awescli.flightlog.read import read_flight
+from awescli.flightlog.split import split
 from awescli.flightlog.wind_triangle import wind_triangle
 from awescli.learning.normalisation import instants
 from awescli.physics.declaration import read_kite
@@ -48,6 +50,17 @@ def test_the_flight_is_read_whole(log, thor):
     assert (seen.north, seen.east) == pytest.approx((-0.7, 6.2), abs=0.2) and seen.scale == pytest.approx(0.97, abs=0.01)
     assert any("recorder runs -7.7 s late" in note for note in log.notes)
     assert find_loops(log).kind == "blocks"
+
+
+def test_a_linear_model_of_the_same_inputs_predicts_as_the_readme_says(log, thor):
+    """Guards the README's row of the linear baseline, and what it reaches where the surfaces are not told it either."""
+    kite, parts = Kite(thor, log.wind.height), split(find_loops(log), order="interleaved", log=log)
+    found = linear_baseline(log, parts, kite, 3.0)
+    reached = [found.predict(log, thor.noise, parts.test, h).nrmse()["mean"] for h in (1.0, 2.0, 3.0)]
+    assert found.outcome == "fitted" and reached == pytest.approx([0.039, 0.052, 0.062], abs=0.001)
+    blind = linear_baseline(log, parts, kite, 3.0, closed=True)
+    reached = [blind.predict(log, thor.noise, parts.test, h).nrmse()["mean"] for h in (1.0, 2.0, 3.0)]
+    assert "aileron" in blind.signals.outputs and reached == pytest.approx([0.050, 0.075, 0.085], abs=0.001)
 
 
 def answers(log, where: np.ndarray, late: int):

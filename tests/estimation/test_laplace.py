@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, flight
 
+from awescli.estimation import laplace
 from awescli.estimation.fit import fit
 from awescli.estimation.laplace import estimates, shrunk, tilt
 from awescli.estimation.problem import build, simulator_of
@@ -100,7 +101,23 @@ def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
     def size(b):
         return float((((vectors.T @ (scale * b))[known]) ** 2 / values[known]).sum()) / known.sum()
 
-    assert size(info.b) > 8 and size(info.b + tilt(misfit, x, own, links, gram, every, 1 / scale**2, 2)) < size(info.b) / 4
+    assert size(info.b) > 8 and size(info.b + tilt(misfit, x, own, links, gram, info, every, 1 / scale**2, 2)) < size(info.b) / 4
+
+
+def test_a_probe_that_ends_in_no_number_says_nothing(problem, monkeypatch):
+    """Guards fits of models that are far from the flight (the AP2 at 25 Hz): an estimate that overflowed made a step of NaN, and a
+    traceback of it. It is no correction, as one that is too large is none."""
+    names, every = ("CLa", "Cmq"), np.arange(2)
+    at = coarse(problem, 0.25)
+    misfit = replace(at.misfit(names=names), observed=at.fitted.pick(every))
+    own = fit(replace(misfit, names=()), problem.kite.parameters, prior=False, tolerance=0.1).own
+    x = problem.kite.parameters.vector(names)
+    links, _ = misfit.links(x, own)
+    gram = links.gram()
+    info = misfit.eliminated(gram, own, every)
+    for broken in (np.inf, np.nan):
+        monkeypatch.setattr(laplace, "estimates", lambda *given, broken=broken: np.array([[broken, 1.0], [1.0, 1.0]]))
+        assert np.array_equal(tilt(misfit, x, own, links, gram, info, every, np.ones(2), 2), np.zeros(2)), broken
 
 
 def test_estimates_that_contradict_each_other_say_nothing():

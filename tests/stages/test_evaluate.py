@@ -25,10 +25,53 @@ def test_the_last_line_names_measured_power_and_every_models_error():
     assert power_line({}) == ""
 
 
+def evaluated(folder, settings=()):
+    """metrics.json of evaluate alone, in a small run."""
+    run_plan(read_plan(make_small_run(folder), STAGES, {"evaluate.report": "false", **dict(settings)}), STAGES, only=["evaluate"])
+    return read_json(folder / "out" / "evaluate" / "metrics.json")
+
+
+def test_a_linear_model_stands_beside_the_others(tmp_path):
+    """Guards the baseline's place: scored like every model, on the same predictions, in the table, the closing lines and the arrays."""
+    metrics = evaluated(tmp_path)
+    linear, initial, arrays = metrics["linear"], metrics["initial"], read_arrays(tmp_path / "out" / "evaluate" / "predictions.npz")
+    assert linear["predictions"] == initial["predictions"] and linear["by_horizon"].keys() == initial["by_horizon"].keys()
+    assert linear["nrmse"]["test"].keys() == initial["nrmse"]["test"].keys()
+    assert linear["one_step"]["predictions"] == initial["one_step"]["predictions"]
+    assert arrays["linear_phi"].shape == arrays["initial_phi"].shape and not np.array_equal(arrays["linear_phi"], arrays["initial_phi"])
+    short, long = (
+        own["mean"] >= its["mean"]
+        for own, its in (
+            (initial["by_horizon"]["0.5"]["nrmse"], linear["by_horizon"]["0.5"]["nrmse"]),
+            (initial["nrmse"]["test"], linear["nrmse"]["test"]),
+        )
+    )
+    baseline = metrics["baseline"]
+    assert baseline["not_beaten"] == {"initial": [*(["0.5"] if short else []), *(["1"] if long else [])]}
+    assert baseline["outcome"] == "fitted" and "rudder" in baseline["inputs"] and linear["nrmse"]["test"]["mean"] < 0.2
+    summary = read_json(tmp_path / "out" / "evaluate" / "provenance.json")["summary"]
+    said = " ".join(summary["answer"])
+    assert "a linear model (ARX)" in said and ", linear 0." in said and "linear" in summary["errors"]
+
+
+def test_the_linear_model_of_a_gappy_log_and_of_a_closed_loop(tmp_path):
+    """Guards the baseline where the log has holes, and where the fitted law moves the surfaces: then it is not told them either."""
+    plan = make_small_run(tmp_path)
+    rows = (tmp_path / "flight" / "kite.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "flight" / "kite.csv").write_text("".join(rows[:200] + rows[240:900] + rows[1000:]))
+    run_plan(read_plan(plan, STAGES, {"evaluate.report": "false"}), STAGES, only=["fit-controller", "evaluate"])
+    told = read_json(tmp_path / "out" / "evaluate" / "metrics.json")
+    assert told["baseline"]["outcome"] == "fitted" and told["linear"]["predictions"] == told["initial"]["predictions"]
+    closed = {"evaluate.report": "false", "evaluate.surfaces": "controller"}
+    run_plan(read_plan(plan, STAGES, closed), STAGES, only=["evaluate"])
+    blind = read_json(tmp_path / "out" / "evaluate" / "metrics.json")
+    assert "rudder" in blind["baseline"]["outputs"] and "rudder" not in blind["baseline"]["inputs"]
+    assert "rudder" in told["baseline"]["inputs"] and blind["linear"]["nrmse"]["test"].keys() == blind["initial"]["nrmse"]["test"].keys()
+
+
 def test_power_is_in_the_artifact_and_is_that_of_the_predictions(tmp_path):
     """Guards the contract's `power` block: tension times reel-out speed of the very predictions that predictions.npz holds."""
-    plan = read_plan(make_small_run(tmp_path), STAGES, {"evaluate.report": "false"})
-    run_plan(plan, STAGES, only=["evaluate"])
+    evaluated(tmp_path)
     power = read_json(tmp_path / "out" / "evaluate" / "metrics.json")["initial"]["power"]
     arrays, log = read_arrays(tmp_path / "out" / "evaluate" / "predictions.npz"), read_flight(tmp_path / "flight")
     speed = log["reel_out_speed"][arrays["first"][:, None] + np.arange(arrays["time"].size)]

@@ -1,0 +1,81 @@
+"""The campaign on measured flights: what is new beyond the untouched log, whether sizes hold, and that an injected effect can be found."""
+
+import measured_campaign as campaign
+import pytest
+from injection import TETHERED
+from tracing.traced import short_flight, traced_flight
+
+
+def effect(name: str, acts_on: str = "", std: float = 0.01, **sizes) -> dict:
+    return {"name": name, "acts_on": acts_on, "rivals": [], "parameters": {n: {"value": v, "std": std} for n, v in sizes.items()}}
+
+
+def said(verdict: str, *effects: dict, **case) -> dict:
+    return {"flight": "thor", "set": "full", "case": "thor-x", "commit": "c", "verdict": verdict, "effects": list(effects), **case}
+
+
+PUT_IN = {"key": "actuator_lag:aileron", "parameter": "tau", "value": 0.1, "null": 0.0, "floors": 4.0}
+LAG, BIAS = effect("actuator_lag", "aileron", tau=0.11), effect("heading_bias", "attitude", b=0.03)
+OWN = said("found", BIAS, set="untouched", case="thor-untouched")
+
+
+@pytest.mark.parametrize(
+    ("result", "outcome"),
+    [
+        (said("found", LAG, BIAS, **PUT_IN), "right"),
+        (said("found", LAG, **PUT_IN), "right"),
+        (said("found", LAG, effect("airspeed_scale", "airspeed", s=0.9), **PUT_IN), "wrong"),
+        (said("found", BIAS, **PUT_IN), "silent"),
+        (said("found", LAG, effect("heading_bias", "attitude", b=0.2), **PUT_IN), "wrong"),
+        (said("cannot_tell", {**BIAS, "rivals": []}, {**LAG, "rivals": [{"name": "actuator_delay", "acts_on": "aileron"}]}, **PUT_IN),
+         "among rivals"),
+        (said("unexplained", **PUT_IN), "unexplained"),
+        (said("not_testable", **PUT_IN), "silent"),
+        (said("failed", **PUT_IN), "failed"),
+        (said("found", effect("actuator_lag", "elevator", tau=0.1), **PUT_IN), "wrong"),
+        (said("found", BIAS, set="copy", copy="first 70 %"), "right"),
+        (said("not_testable", set="copy", copy="first 70 %"), "silent"),
+        (said("found", LAG, set="copy", copy="first 70 %"), "wrong"),
+        (said("unexplained", set="copy", copy="first 70 %"), "false alarm"),
+    ],
+)  # fmt: skip
+def test_only_what_is_new_counts(result, outcome):
+    """Guards the judgement: what the untouched flight shows too, in the same size, is neither right nor wrong; a further name is wrong."""
+    assert campaign.scored(result, OWN) == outcome
+
+
+def test_an_effect_that_was_there_before_must_have_grown_by_what_was_put_in():
+    before = said("found", effect("actuator_lag", "aileron", tau=0.05), set="untouched")
+    grown, same = (said("found", effect("actuator_lag", "aileron", tau=tau), **PUT_IN) for tau in (0.155, 0.06))
+    assert campaign.scored(grown, before) == "right" and campaign.inside(grown, before) is True
+    assert campaign.scored(same, before) == "silent"
+    assert campaign.inside(said("found", effect("actuator_lag", "aileron", tau=0.2), **PUT_IN), before) is False
+    assert campaign.inside(said("none", **PUT_IN), before) is None
+
+
+def test_the_table_counts_what_was_said(tmp_path):
+    told = campaign.table([OWN, said("found", LAG, **PUT_IN), said("none", case="thor-y", set="copy", copy="every second")])
+    assert "| thor | full | 1 | 1 |  |  |  |  |  |  | 1 of 1 |" in told and "| thor-x | tau = 0.1 | 4.00 | right | found |" in told
+    assert "- thor: `found`, heading_bias:attitude" in told and "| thor | copy | 1 | 1 |" in told
+
+
+def test_there_are_enough_cases(tmp_path):
+    """Guards the plan: 12 kinds and more, three sizes, two flights, 20 copies and more; the untouched flight of each comes first."""
+    every = campaign.cases({"thor": tmp_path, "ap2": tmp_path}, "c")
+    for flight in ("thor", "ap2"):
+        own = [c for c in every.values() if c["flight"] == flight]
+        assert own[0]["set"] == "untouched" and len({c["key"] for c in own if "key" in c}) >= 12
+        assert all(sum(c["set"] == size for c in own) == sum(c["set"] == "full" for c in own) for size in campaign.FLOORS)
+    assert sum(c["set"] == "copy" for c in every.values()) >= 20
+
+
+@pytest.mark.slow
+def test_what_is_put_into_a_simulated_flight_is_found():
+    """Guards the whole idea where everything else is known: a pitot that reads 8 % low, put into the log of a flight that has nothing the
+    declaration lacks, is named, alone, and its interval holds the size."""
+    declared, log, parts = short_flight({}, seed=41, duration=60.0, guessed=("CL0", "CD0", "Cma", "Cndr", "dl"))
+    log, declared = TETHERED["airspeed_scale"].inject(log, declared, 0.92)
+    told, _ = traced_flight(declared, log, parts, 3.0, candidates=("airspeed_scale", "actuator_lag:rudder", "position_latency"))
+    result = said(told["verdict"], *told["effects"], key="airspeed_scale", parameter="s", value=0.92, null=1.0, floors=4.0)
+    untouched = said("none", set="untouched")
+    assert campaign.scored(result, untouched) == "right" and campaign.inside(result, untouched)
