@@ -54,6 +54,11 @@ def test_what_a_lost_sample_costs_is_said_once():
     assert not files_with(r"\b25\.0 \*")
 
 
+def test_what_counts_as_detectable_is_said_once():
+    """Guards a threshold of the tracing that stood as a number in two files: its criteria name it."""
+    assert files_with(r"detectable: float = 3\.5") == {"tracing/criteria.py"} and not files_with(r"\b3\.5 \*")
+
+
 def test_the_height_of_a_lone_station_is_said_once():
     """Guards a default that stood in four files."""
     assert files_with(r"\(10\.0,\)") == {"physics/kite.py"}
