@@ -69,7 +69,7 @@ class Believed:
         from awescli.reporting.html import page
         from awescli.stages.comparison import compare
         from awescli.stages.controller_artifact import read_controller
-        from awescli.stages.ladder import network
+        from awescli.stages.nested_models import network
         from awescli.stages.page import gather
         from awescli.stages.verify import verify
 

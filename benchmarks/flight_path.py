@@ -101,7 +101,7 @@ def measured_record(folder: Path) -> list[str]:
 
     from awescli.flightlog.read import read_flight
     from awescli.flightlog.reconstruction.flight_path import reconstruct
-    from awescli.flightlog.reconstruction.told import said
+    from awescli.flightlog.reconstruction.tables import said
 
     log = read_flight(folder)
     late = {n: np.interp(log.time - 0.24, log.time, log[n]) for n in ("p_n", "p_e", "p_d")}

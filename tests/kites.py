@@ -79,6 +79,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "lift_drift": {"rate": -4e-4, "step": -0.05, "at": 20.0},
     "surface_backlash": {"width": 0.03},
     "winch_tracking": {"tau": 0.5},
+    "winch_control": {"v": 0.1, "kv": 0.004, "k": 2e-4, "f_low": 2000.0, "f_high": 4000.0},
     "custom_term": {"k": 0.02},
 }
 """effect -> its parameters by short name, at a size that effects.md lists as typical."""

@@ -31,7 +31,7 @@ def log_law(reference_speed, reference_height, height, roughness):
 
 def marginal_least_squares(J_own, J, r, sigma, own_covariance, own_value):
     """(H, b, cost) of r = J d + J_own o + e, e ~ N(0, sigma^2), o ~ N(-own_value, own_covariance), by the dense covariance
-    R = diag(sigma^2) + J_own P J_own' of the data: what an elimination of the own unknowns must equal. Unwhitened arguments."""
+    R = diag(sigma^2) + J_own P J_own' of the data: what an elimination of the nuisances must equal. Unwhitened arguments."""
     R = np.diag(sigma**2) + J_own @ own_covariance @ J_own.T
     e = r + J_own @ own_value
     W = np.linalg.solve(R, np.column_stack([J, e]))

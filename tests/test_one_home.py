@@ -45,7 +45,7 @@ def test_local_quadratics_have_one_home():
 
 def test_angles_are_wrapped_in_one_place():
     """Guards (-pi, pi]: how an angle is wrapped stood in three files."""
-    assert files_with(r"% ?\(2 \* np\.pi\)|np\.mod\([^,]*pi[^,]*, 2 \* np\.pi\)") == {"notation/angles.py"}
+    assert files_with(r"np\.pi\)? % \(2 \* np\.pi\)|np\.pi - \(np\.pi|np\.mod\(np\.pi [+-] ") == {"notation/angles.py"}
 
 
 def test_what_a_lost_sample_costs_is_said_once():

@@ -52,7 +52,7 @@ class Simulation(Result):
         return as_html(self.title, self.answer)
 
     def _scores(self):
-        from awescli.stages.ladder import MADE_BY
+        from awescli.stages.nested_models import MADE_BY
 
         # a network that stayed at zero is called by the model before it
         known = [label for label, stage in MADE_BY.items() if stage in self.origin.made]
@@ -66,7 +66,8 @@ class Simulation(Result):
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Models predicted alike on the test loops (`predict`). horizon: seconds ahead; metrics: evaluate's numbers; arrays: (K, N+1) each,
+    """Models predicted alike on the test loops (`predict`). origin: what they come from; flight: what they are
+    compared with; models: their names; horizon: seconds ahead; metrics: evaluate's numbers; arrays: (K, N+1) each,
     K predictions: measured_NAME and MODEL_NAME in SI units and radians, time (N+1,) s, first (K,) sample where each begins."""
 
     origin: Origin

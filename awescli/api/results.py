@@ -92,7 +92,7 @@ class HandsOn(Result):
     """A result that hands on a model."""
 
     label: ClassVar[str] = ""
-    """Its name on the ladder of models."""
+    """Its name among the nested models of a run."""
 
     @property
     def kite(self) -> Kite:

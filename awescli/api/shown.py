@@ -24,13 +24,14 @@ def as_html(title: str, sentences: Sequence[str], table: "polars.DataFrame | Non
     """A title, sentences, and a table: plain HTML, all text escaped."""
     import polars
 
-    told = "".join(f"<div>{escape(line)}</div>" for line in sentences)
+    lines = "".join(f"<div>{escape(line)}</div>" for line in sentences)
     shown = ""
     if table is not None:
-        plain = {"tbl_hide_dataframe_shape": True, "tbl_hide_column_data_types": True}
-        with polars.Config(tbl_rows=MOST_ROWS, tbl_cols=20, float_precision=4, **plain):
+        with polars.Config(
+            tbl_rows=MOST_ROWS, tbl_cols=20, float_precision=4, tbl_hide_dataframe_shape=True, tbl_hide_column_data_types=True
+        ):
             shown = table._repr_html_()
-    return f"<div><b>{escape(title)}</b>{told}{shown}</div>"
+    return f"<div><b>{escape(title)}</b>{lines}{shown}</div>"
 
 
 def as_text(title: str, sentences: Sequence[str]) -> str:

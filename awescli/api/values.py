@@ -12,8 +12,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Estimate:
-    """An identified parameter. value, std, interval (95 %), prior, prior_std: in `unit`; at_bound: the fit would have gone further;
-    determined: "well", "hardly" (stays near its prior), "poorly" (moved without being seen)."""
+    """An identified parameter. value, std, interval: of 95 %, prior, prior_std: all in the same unit; unit: the kite
+    file's; at_bound: the fit would have gone further; determined: "well", "hardly" (stays near its prior), "poorly" (moved without being
+    seen)."""
 
     value: float
     std: float
@@ -38,7 +39,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of predictions `horizon` seconds ahead on the test loops, to which nothing was fitted.
+    """Errors of predictions on the test loops, to which nothing was fitted. horizon: [s] how far ahead.
 
     before, after, noise: channel -> NRMSE [-], share of the channel's range; "mean" is that of the 12 states. before is empty where there
     is no model before; noise: what sensor noise alone causes.

@@ -30,7 +30,13 @@ def fit_controller(
     flight: Flight | str | Path, kite: Kite | str | Path, *, out: Folder = None, seed: int = 0, split: Mapping[str, Any] | None = None,
     progress: "Progress | None" = None, **settings: Any,
 ) -> Controller:  # fmt: skip
-    """Identify the flight controller from the log: a law from measured states to surface set-points (`awes fit-controller`)."""
+    """Identify the flight controller from the log: a law from measured states to surface set-points [rad], docs/equations.md (19)
+    (`awes fit-controller`).
+
+    flight, kite: as read, or their paths; out: folder of the results, None: a temporary one; seed: of everything random; split: shares and
+    order of train, validation and test, as in stages.yaml; progress: is told how it goes; settings: those of `awes fit-controller`.
+    Raises BadInput for a flight, kite or setting that cannot be used, NumericalFailure where no law can be fitted.
+    """
     return result(Controller, run("fit_controller", "fit-controller", _origin(flight, kite, seed, split), settings, out, progress))
 
 
@@ -38,24 +44,35 @@ def identify(
     flight: Flight | str | Path, kite: Kite | str | Path, *, controller: Controller | None = None, out: Folder = None, seed: int = 0,
     split: Mapping[str, Any] | None = None, progress: "Progress | None" = None, **settings: Any,
 ) -> Identification:  # fmt: skip
-    """Estimate the free parameters of the kite from the flight (`awes identify`).
+    """Estimate the free parameters of the kite from the flight, docs/equations.md (20) to (24) (`awes identify`).
 
-    controller: for surfaces="controller", and for whatever later follows from this result and flies by it; seed: of everything random;
-    split: shares and order of train, validation and test, as in stages.yaml.
+    flight, kite: as read, or their paths; controller: for surfaces="controller", and for whatever later follows from this result and flies
+    by it; out: folder of the results, None: a temporary one; seed: of everything random; split: shares and order of train, validation and
+    test, as in stages.yaml; progress: is told how it goes; settings: those of `awes identify`. Raises BadInput for what cannot be
+    used, NumericalFailure where the model cannot be simulated or fitted.
     """
     origin = _with(_origin(flight, kite, seed, split), controller)
     return result(Identification, run("identify", "identify", origin, settings, out, progress))
 
 
 def trace(identified: Identification, *, out: Folder = None, progress: "Progress | None" = None, **settings: Any) -> Tracing:
-    """Find what still repeats in the residual, trace it to the effect that the model lacks, add it, prove it on unseen loops
-    (`awes trace-residual`). A flight that is not testable is a result too: its `verdict` says so."""
+    """Find what still repeats in the residual, trace it to the effect that the model lacks, add it, prove it on unseen loops,
+    docs/equations.md (23) to (27) (`awes trace-residual`). A flight that is not testable is a result too: its `verdict` says so.
+
+    identified: what `identify` gave; out: folder of the results, None: a temporary one; progress: is told how it goes; settings: those of
+    `awes trace-residual`. Raises BadInput for what cannot be used, NumericalFailure for a computation without a usable answer.
+    """
     _expect(identified, Identification, "trace")
     return result(Tracing, run("trace", "trace-residual", identified.origin, settings, out, progress))
 
 
 def train(model: Identification | Tracing, *, out: Folder = None, progress: "Progress | None" = None, **settings: Any) -> Hybrid:
-    """Train a small network on what the physics of `model` leaves (`awes train-hybrid`)."""
+    """Train a small network on what the physics of `model` leaves, docs/equations.md (28) and (29) (`awes train-hybrid`).
+
+    model: what `identify` or `trace` gave; out: folder of the results, None: a temporary one; progress: is told how it goes;
+    settings: those of `awes train-hybrid`. Raises BadInput for what cannot be used, NumericalFailure for training
+    without a usable answer.
+    """
     _expect(model, (Identification, Tracing), "train")
     return result(Hybrid, run("train", "train-hybrid", model.origin, settings, out, progress))
 
@@ -66,12 +83,16 @@ def simulate(
 ) -> Simulation:  # fmt: skip
     """Fly a model by itself, from a measured state, and write what its sensors would say as a log (`awes simulate`).
 
-    flight: tells start, wind and winch; needed with a kite, a result has its own. controller: flies it, where the result does not stand on
-    one; without any, set surfaces="recorded" (the log's set-points) or "path_following" (a built-in law on the circle that was flown).
+    model: a kite or a result; flight: gives start, wind and winch; needed with a kite, a result has its own. controller: flies it, where
+    the result does not stand on one; without any, set surfaces="recorded" (the log's set-points) or "path_following" (a built-in law on the
+    circle that was flown). phases: of pumping cycles, as in a plan; each says itself who steers. out: folder of the results, None: a
+    temporary one; progress: is told how it goes; settings: those of `awes simulate`. Raises BadInput for what cannot be used,
+    NumericalFailure where the model cannot be simulated.
     """
     origin, label = _of_model(model, flight, "simulate")
     origin = _with(origin, controller)
-    if settings.get("surfaces", "controller") == "controller" and "fit-controller" not in origin.made:
+    steering = [p.get("law", "path_following") for p in settings.get("phases", ())] or [settings.get("surfaces", "controller")]
+    if "controller" in steering and "fit-controller" not in origin.made:
         do = 'Give controller=fit_controller(flight, kite), or surfaces="recorded" or "path_following".'
         raise BadInput("there is no controller to fly by", "simulate()", do)
     return result(Simulation, run("simulate", "simulate", origin, {"model": label, **settings}, out, progress))
@@ -83,12 +104,13 @@ def predict(
     """Predict `horizon` seconds ahead, again and again, and compare with what was measured on loops that nothing was fitted to.
 
     models: results of one flight, or kites; flight: another flight than the results', or that for kites (its test part is what counts);
-    horizons: further seconds ahead at which the mean error is told. The numbers are those of `awes evaluate`.
+    horizon: [s] of the errors and arrays; horizons: [s] further ones at which the mean error is given. The numbers are those of
+    `awes evaluate`, NRMSE by docs/equations.md (30). Raises BadInput for models of different flights, two of one name, or no such horizon.
     """
     from awescli.stages.base import Silent
     from awescli.stages.blas import one_blas_thread
     from awescli.stages.evaluate import EvaluateConfig
-    from awescli.stages.ladder import model_of, score_ladder
+    from awescli.stages.nested_models import model_of, score_models
 
     if not models:
         raise BadInput("there is no model", "predict()", "Give a kite or a result: predict(identified).")
@@ -100,7 +122,7 @@ def predict(
         what = f"two of these models are both '{sorted(twice)[0]}'"
         raise BadInput(what, "predict()", "Predict them one after the other.")
     try:
-        config = EvaluateConfig(horizon=horizon, horizons=tuple(horizons))
+        config = EvaluateConfig.model_validate({"horizon": horizon, "horizons": tuple(horizons)})
     except ValueError as e:
         raise BadInput(f"not a horizon that can be predicted: {e.errors()[0]['msg']}", "predict()", "Give seconds, 0.2 to 60.") from None  # type: ignore[attr-defined]
     context = origin.context()
@@ -111,14 +133,15 @@ def predict(
             label: model_of(label, m.path if isinstance(m, Kite) else m.origin.made[m.stage].intact().folder / "kite.yaml", log)
             for label, m in zip(labels, models, strict=True)
         }
-        metrics, arrays = score_ladder(simulators, context, log, parts, config, Silent())
+        metrics, arrays = score_models(simulators, context, log, parts, config, Silent())
     return Prediction(origin, origin.flight, horizon, tuple(labels), metrics, arrays)
 
 
 def report(*results: Result, out: Folder = None, progress: "Progress | None" = None, **settings: Any) -> Report:
     """Score every model on unseen loops, and write the page that shows it all (`awes evaluate --report`).
 
-    results: of one flight; all that they stand on comes in too. With out=FOLDER the page is FOLDER/evaluate/report.html.
+    results: of one flight; all that they stand on comes in too. out: with a folder the page is FOLDER/evaluate/report.html, None: in a
+    temporary one; progress: is told how it goes; settings: those of `awes evaluate`. Raises BadInput for results of different flights.
     """
     if not results:
         raise BadInput("there is nothing to report", "report()", "Give results: report(traced).")
@@ -137,7 +160,7 @@ def _flight(flight: Flight | str | Path) -> Flight:
 
 
 def _of_model(model: Model, flight: Flight | str | Path | None, verb: str) -> tuple[Origin, str]:
-    """(where a model comes from, its name on the ladder). On another flight a model is what its kite file says, and comes from nothing."""
+    """(where a model comes from, its name among the nested models). On another flight a model is its kite file, without origin."""
     _expect(model, (Kite, Identification, Tracing, Hybrid), verb)
     if isinstance(model, Kite):
         if flight is None:

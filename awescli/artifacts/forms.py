@@ -143,6 +143,34 @@ class OwnWind(Checked):
     direction: Number | None
 
 
+class Earned(Checked):
+    """Energy of a phase or a cycle that was flown."""
+
+    cycle: int
+    from_s: Number
+    to_s: Number
+    energy_J: Number
+    mean_W: Number
+    mean_tension_N: Number
+    from_m: Number
+    to_m: Number
+
+
+class InWind(Checked):
+    """Mean cycle power in one wind; null where the kite is lost."""
+
+    wind_m_s: Number
+    mean_W: Number | None
+    low_W: Number | None
+    high_W: Number | None
+    draws: int
+
+
+class FlownPhase(Earned):
+    phase: Text
+    ended_by: Text
+
+
 class Flown(Checked):
     """metrics.json of simulate."""
 
@@ -157,6 +185,11 @@ class Flown(Checked):
     wind: OwnWind
     nrmse: dict[Horizon, Channels]
     path_error_m: dict[Horizon, Number]
+    phases: list[FlownPhase] = []
+    cycles: list[Earned] = []
+    mean_cycle_W: Number | None = None
+    mean_cycle_interval_W: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
+    power_curve: dict[Literal["initial", "identified", "with_effects"], list[InWind]] = {}
 
     @model_validator(mode="after")
     def _alike(self):
@@ -166,7 +199,8 @@ class Flown(Checked):
 
 
 class Row(Checked):
-    """One parameter of params.json."""
+    """One parameter of params.json. value, std, prior, prior_std: in unit; excited: the flight halves its prior; determined: how well the
+    flight says where it is; at_bound: at an end of its range; partners: parameters correlated with it by more than 0.95."""
 
     value: Number
     std: Spread
@@ -217,6 +251,9 @@ class Effect(Named):
 
 
 class Candidate(Named):
+    """One candidate, as the first round judged it. score: fall of the deviance to first order; p_value: of the likelihood ratio;
+    explained_share: of what the answer explains; test_gain: share of the validation cost that it takes away; outcome: of its fit."""
+
     score: Number
     p_value: Number
     explained_share: Number
@@ -293,7 +330,8 @@ class SeenAlone(Checked):
 
 
 class Effects(Checked):
-    """effects.json."""
+    """effects.json. criteria: what the verdict stands on; probability: of every cause; detectable: smallest size that this flight would
+    have shown, by effect; not_testable: effects that the free parameters absorb; separate: what would tell rivals apart."""
 
     verdict: Literal["none", "found", "cannot_tell", "unexplained", "not_deterministic", "not_testable"]
     sentence: Text

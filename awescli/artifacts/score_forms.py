@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from awescli.artifacts.form_words import Channels, Checked, Horizon, Number
+from awescli.artifacts.form_words import Channels, Checked, Horizon, Number, Word
 
 
 class Ahead(Checked):
@@ -34,10 +34,41 @@ class Energy(Checked):
     predicted_J: Number
 
 
+Interval = Annotated[list[Number], Field(min_length=2, max_length=2)] | None
+
+
+class Told(Checked):
+    """Mean power and energy of a part of the flight, measured and predicted."""
+
+    seconds: Number
+    of_seconds: Number
+    measured_J: Number
+    predicted_J: Number
+    measured_mean_W: Number
+    mean_W: Number
+    interval_W: Interval = None
+
+
+class OfPhase(Told):
+    phase: Word
+
+
+class OfCycle(Told):
+    cycle: int
+    from_s: Number
+    to_s: Number
+    unseen_share: Number
+
+
 class Power(Checked):
+    mean_W: Number
     measured_mean_W: Number
     error_share: Number | None
-    interval_share: Annotated[list[Number], Field(min_length=2, max_length=2)] | None
+    interval_share: Interval
+    interval_W: Interval = None
+    std_W: dict[str, Number] = {}
+    by_phase: list[OfPhase] = []
+    by_cycle: list[OfCycle] = []
     seconds: Number
     loop_seconds: Number
     loops: int
@@ -74,10 +105,29 @@ class Baseline(Checked):
     not_beaten: dict[str, list[Horizon]] = {}
 
 
+class AtHeight(Checked):
+    """The wind at one height, from the kite, the pitot and the station."""
+
+    height_m: Number
+    seconds: Number
+    speed_m_s: Number
+    speed_std: Number
+    direction_deg: Number
+    direction_std: Number
+    station_speed_m_s: Number
+    station_direction_deg: Number
+
+
+class WindProfile(Checked):
+    model: Literal["identified", "with_effects"]
+    rows: Annotated[list[AtHeight], Field(min_length=1)]
+
+
 class Scores(Checked):
     """metrics.json of evaluate."""
 
     horizon_s: Number
+    wind_profile: WindProfile = None
     noise_floor: Channels
     initial: Scored
     identified: Scored = None

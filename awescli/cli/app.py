@@ -24,7 +24,7 @@ Force = Annotated[bool, typer.Option("--force", help="Run also what has not chan
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would run and why; run nothing.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON on stdout, all else on stderr.")]
-Report = Annotated[bool, typer.Option("--report", help="Also write the report, one self-contained HTML file.")]
+Report = Annotated[bool, typer.Option("--report", help="Also write the report, one self-contained HTML file, and one sheet of it as PDF.")]
 Figures = Annotated[
     Path | None,
     typer.Option("--figures", metavar="DIR", help="Also write every figure of the report to DIR: PNG, SVG, and its data as CSV."),

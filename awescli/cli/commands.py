@@ -155,7 +155,7 @@ def how_good(check: Any) -> str:
 
 def kinematics_sections(path: Any, declared: Mapping[str, float]) -> dict[str, Any]:
     """A FlightPath (flightlog/reconstruction) as title -> table or list. declared: white noise of the kite file [SI], by channel."""
-    from awescli.flightlog.reconstruction.told import error_table, noise_table, said
+    from awescli.flightlog.reconstruction.tables import error_table, noise_table, said
 
     sections: dict[str, Any] = {}
     if path.noise:

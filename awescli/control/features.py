@@ -128,7 +128,7 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
     "heading": ("radius_error", "course_error", "sin_phase", "cos_phase", "speed", "radial_speed", "curvature", "p", "q", "r",
                 "crab_angle", "cos_course"),
 }  # fmt: skip
-"""`state`: the seed's z, its wrapping angles as sine and cosine (theta stays within +-90 deg: the sine alone tells it);
+"""`state`: the state z, its wrapping angles as sine and cosine (theta stays within +-90 deg: the sine alone tells it);
 `state_ned`: the same with the cleaner velocity; `invariant`: the same wherever the circle stands and however far it is;
 `curvature`: the same, and how tightly the kite turns; `heading`: the same, where the nose points beside the course and which way gravity
 pulls across it. A line that reels out takes the kite beyond the known loops, so what counts is what predicts the loops after them: on

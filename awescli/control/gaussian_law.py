@@ -1,4 +1,4 @@
-"""GaussianLaw: a sum of Gaussians of the standardised features plus an affine part. Seed eq. 10."""
+"""GaussianLaw: a sum of Gaussians of the standardised features plus an affine part: docs/equations.md (19)."""
 
 from dataclasses import dataclass
 

@@ -80,9 +80,9 @@ class Law(ABC):
         return driven | {name: float(value) for name, value in self.constants.items()}
 
 
-def state_mapping(log, wind_direction: float | None = None) -> dict[str, np.ndarray]:
+def state_mapping(log, wind_direction: float | None = None) -> dict[str, np.ndarray | float]:
     """z of a flight log, each (N,): the 12 states, the winch inputs it has, and the wind direction where it is known [rad, from]."""
-    z = {name: log[name] for name in ("p_n", "p_e", "p_d", "phi", "theta", "psi", "p", "q", "r")}
+    z: dict[str, np.ndarray | float] = {name: log[name] for name in ("p_n", "p_e", "p_d", "phi", "theta", "psi", "p", "q", "r")}
     z["u"], z["v"], z["w"] = log.body_velocity
     z |= {name: log.inputs[name] for name in ("tether_length", "reel_out_speed") if name in log.inputs}
     wind = getattr(log, "wind", None)

@@ -36,7 +36,7 @@ def from_artifact(document: dict, arrays: dict[str, np.ndarray]) -> Law:
     kind = document["kind"]
     if kind not in LAWS:
         raise BadInput(f"unknown kind of control law '{kind}'", where="controller.json", do=did_you_mean(kind, LAWS))
-    arrays = {name: (float(a) if np.ndim(a) == 0 else np.asarray(a)) for name, a in arrays.items()}
+    own = {name: (float(a) if np.ndim(a) == 0 else np.asarray(a)) for name, a in arrays.items()}
     return LAWS[kind](
         surfaces=tuple(document["surfaces"]),
         features=tuple(document["features"]),
@@ -48,5 +48,5 @@ def from_artifact(document: dict, arrays: dict[str, np.ndarray]) -> Law:
         rate_limits=dict(document["rate_limits"]),
         delay_s=document["delay_s"],
         metrics=document.get("metrics", {}),
-        **arrays,
+        **own,
     )

@@ -31,7 +31,7 @@ def position(z):
 
 
 def velocity_ned(z):
-    """v_ned = R (u, v, w) [m/s], seed section 2."""
+    """v_ned = R (u, v, w) [m/s], docs/equations.md (1)."""
     return rotate(rotation_body_to_ned(z["phi"], z["theta"], z["psi"]), (z["u"], z["v"], z["w"]))
 
 

@@ -172,7 +172,7 @@ def print_backward(sizes: Sequence[int], lanes: int) -> str:
         scaled = w.op("fmul", w.load("ybar", str(k)), w.broadcast("constants", 4 * n + k))
         delta.append(w.op("fmul", scaled, fade))
         fadebar = w.op("fadd", fadebar, w.op("fmul", scaled, w.load("kept", str(starts[-2] + k))))
-    places = layer_slices(sizes)
+    places, back = layer_slices(sizes), []
     for number in range(len(places) - 1, -1, -1):
         for i, d in enumerate(delta):
             w.store(d, "delta", str(starts[number + 1] - n + i))

@@ -216,7 +216,7 @@ def _line(report: dict) -> dict:
 def _scores(law: Law, samples: Samples, config: ControllerConfig) -> dict:
     """NRMSE per part and surface with measured states (`nrmse`) and with smoothed ones (`nrmse_smoothed`), and the noise's own share.
 
-    NRMSE = RMSE / (max - min) of the set-point over the part that is scored (seed, section 6).
+    NRMSE = RMSE / (max - min) of the set-point over the part that is scored (docs/equations.md (30)).
     """
     parts = {"train": samples.train, "validation": samples.validation, "test": samples.test}
     nrmse, clean, noise = {}, {}, {}

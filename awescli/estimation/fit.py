@@ -1,5 +1,5 @@
-"""The fit of parameters to segments of one or several flights (Rositani eq. 11): parameters are shared, or a flight's own; the nuisances of
-every flight are integrated out."""
+"""The fit of parameters to segments of one or several flights (docs/equations.md (21), (23)): parameters are shared, or a
+flight's own; the nuisances of every flight are integrated out."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

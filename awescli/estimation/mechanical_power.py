@@ -18,7 +18,8 @@ def mechanical_power(prediction: Prediction, speed: np.ndarray, loops: np.ndarra
     anew every horizon, and what is left at the end of a stretch is not predicted); error_share: mean_W / measured_mean_W - 1, with
     interval_share over loops (95 %, see `scores.share_interval`); energy_per_loop_J: NRMSE over the range of the measured energies (None
     for loops that are all alike) and RMSE over their mean (relative_rmse), of loops that predictions cover by LEAST_COVERED, each scaled
-    to the whole loop; by_loop: the seconds covered of each, and its energies in them. A diverged prediction goes on with its last error,
+    to the whole loop; by_loop: the seconds covered of each, the line that moved through the winch, and
+    its energies in them. A diverged prediction goes on with its last error,
     as in all other scores.
     """
     dt = float(prediction.time[1])
@@ -32,6 +33,8 @@ def mechanical_power(prediction: Prediction, speed: np.ndarray, loops: np.ndarra
         return None
     E, predicted = (np.array([energy[inside & (of == k)].sum() for k in numbers]) for energy in energies)
     seconds = np.array([(inside & (of == k)).sum() * dt for k in numbers])
+    moved = _trapezoids(np.abs(speed[rows]), dt)
+    reeled = np.array([moved[inside & (of == k)].sum() for k in numbers])
     lasting = (loops[numbers, 1] - loops[numbers, 0]) * dt
     compared = seconds >= LEAST_COVERED * lasting
     whole = (lasting / seconds)[compared]
@@ -44,8 +47,9 @@ def mechanical_power(prediction: Prediction, speed: np.ndarray, loops: np.ndarra
         "seconds": total, "loop_seconds": float(lasting.sum()), "loops": len(numbers),
         "energy_per_loop_J": {**_energy_errors(whole * E[compared], whole * predicted[compared]), "loops": int(compared.sum())},
         "by_loop": [
-            {"loop": int(k) + 1, "seconds": float(covered), "of_seconds": float(whole), "measured_J": float(a), "predicted_J": float(b)}
-            for k, covered, whole, a, b in zip(numbers, seconds, lasting, E, predicted, strict=True)
+            {"loop": int(k) + 1, "seconds": float(covered), "of_seconds": float(whole), "reeled_m": float(m), "measured_J": float(a),
+             "predicted_J": float(b)}
+            for k, covered, whole, m, a, b in zip(numbers, seconds, lasting, reeled, E, predicted, strict=True)
         ],
     }  # fmt: skip
 

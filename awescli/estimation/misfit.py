@@ -1,4 +1,4 @@
-"""The misfit of a simulator to observed segments (Rositani eq. 11a): of parameters, of segment starts, and of processes between."""
+"""The misfit of a simulator to observed segments (docs/equations.md (20), (21)): of parameters, of segment starts, of processes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace

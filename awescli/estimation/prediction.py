@@ -49,7 +49,7 @@ class Prediction:
         return e
 
     def nrmse(self) -> dict[str, float]:
-        """NRMSE per channel, and `mean` over the 12 states (seed, section 6)."""
+        """NRMSE per channel, and `mean` over the 12 states (docs/equations.md (30))."""
         result = {name: scores.nrmse(self.errors(name), self.spans[name]) for name in self.simulated}
         result["mean"] = float(np.mean([result[n] for n in STATES]))
         return result

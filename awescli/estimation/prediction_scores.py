@@ -5,10 +5,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from awescli.estimation.mechanical_power import mechanical_power
+from awescli.estimation.phase_power import flown_ranges, phase_power
+from awescli.estimation.power_interval import Known, Seen, energy_sensitivities, power_interval
 from awescli.estimation.prediction import Prediction, predict, prediction_starts
+from awescli.flightlog.phases import phases
 from awescli.flightlog.split import PARTS, Split
 from awescli.notation.quantities import STATES
 from awescli.simulation import scores
+from awescli.simulation.rollout import Simulator
 
 ONE_STEP_EVERY = 0.25
 """[s] between one-step predictions: each has a start of its own to estimate, and neighbours say the same."""
@@ -18,12 +22,13 @@ Forecast = Callable[..., Prediction]
 
 
 def scored(
-    simulator, log, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float], known_starts: bool = False
+    simulator, log, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float], known_starts: bool = False,
+    told_by: tuple[Simulator, Known] | None = None,
 ) -> tuple[dict, dict[str, Prediction]]:
     """(scores of one model, part -> its prediction).
 
     loops: (K, 2) half-open sample ranges; horizon: seconds predicted ahead in all scores but by_horizon, one_step;
-    known_starts: as in `predict`.
+    known_starts: as in `predict`; told_by: who says how well its power is known (a physical model), default the model as it was declared.
     """
 
     def forecast(ranges, horizon: float, every: float | None = None) -> Prediction:
@@ -31,7 +36,9 @@ def scored(
 
     block, predictions = scores_of(forecast, log, parts, loops, horizon, horizons)
     if power := power_of(simulator.kite, predictions["test"], log, loops):
-        block["power"] = power
+        seen = Seen.of([power_of(simulator.kite, predictions[part], log, loops) for part in PARTS[:2]])
+        test = predictions["test"]
+        block["power"] = power | _power_known(simulator, log, parts, loops, test, power, horizon, known_starts, seen, told_by)
     return block, predictions
 
 
@@ -53,6 +60,23 @@ def scores_of(
         "one_step": ahead(forecast, log, parts.test, log.dt, every=ONE_STEP_EVERY),
         "by_loop": [row for part, p in predictions.items() for row in by_loop(p, log, loops, part)],
     }, predictions
+
+
+def _power_known(simulator, log, parts: Split, loops, test: Prediction, power: dict, horizon: float, known_starts: bool, seen, told_by):
+    """The interval of the test loops' mean power, and power per phase and cycle with theirs."""
+    physical, known = told_by or (simulator, Known.declared(simulator.kite))
+    rows = test.first[:, None] + np.arange(len(test.time) - 1)[None]
+    inside = np.any([(rows >= first) & (rows < last) for first, last in loops], axis=0)
+    J = energy_sensitivities(physical, log, test, known.names)[inside].sum(axis=0) / power["seconds"]
+    reeled = sum(row["reeled_m"] for row in power["by_loop"])
+    told = power_interval(power["mean_W"], power["seconds"], reeled, J, known, seen)
+    labels = phases(log)
+    ranges = flown_ranges(labels, log.valid)
+    if not len(prediction_starts(log, ranges, horizon)):
+        return told
+    flown = predict(simulator, log, ranges, horizon, known_starts=known_starts)
+    fitted, sensitivities = (*parts.train, *parts.validation), energy_sensitivities(physical, log, flown, known.names)
+    return told | phase_power(flown, log["reel_out_speed"], labels, fitted, sensitivities, known, seen)
 
 
 def power_of(kite, prediction: Prediction, log, loops: np.ndarray) -> dict | None:

@@ -26,7 +26,7 @@ class Start:
 class ExportedModel:
     """A model with its controller or without.
 
-    label: which step of the ladder it is (`identified`); kite: what flies, delay and limiter of the law included; law: function
+    label: which of the nested models it is (`identified`); kite: what flies, delay and limiter of the law included; law: function
     (x, u, c) -> set-points, made for this kite, of the `controller`, or both None: set-points are inputs; dt: [s] between samples;
     longest: [s] longest step of RK4; fitted: parameter -> {"std", "interval"} where a flight told them; ranges: flown range of alpha, beta
     [rad], V_a [m/s]; provenance: what it was made from.

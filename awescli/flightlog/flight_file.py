@@ -64,9 +64,9 @@ class Acceleration(Vector):
 class Spherical(_Strict):
     """Position from angles and distance: elevation above the horizon, azimuth clockwise from north, distance from the winch."""
 
-    elevation: Column
-    azimuth: Column
-    distance: Column
+    elevation: Column = Field(description="angle above the horizon, from the winch")
+    azimuth: Column = Field(description="angle in the horizon, clockwise from north")
+    distance: Column = Field(description="straight distance from the winch")
 
 
 class Origin(_Strict):
@@ -80,9 +80,9 @@ class Origin(_Strict):
 class Geodetic(_Strict):
     """Position from latitude, longitude and altitude (WGS84), and where the winch stands."""
 
-    latitude: Column
-    longitude: Column
-    altitude: Column
+    latitude: Column = Field(description="north positive")
+    longitude: Column = Field(description="east positive")
+    altitude: Column = Field(description="above the same zero as that of the origin")
     origin: Origin = Field(description="latitude [deg], longitude [deg], altitude [m] of the winch")
 
 

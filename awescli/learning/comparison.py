@@ -1,4 +1,4 @@
-"""Figure 3 of the seed: Adam alone beside Adam followed by L-BFGS, from the same point, for the same effort.
+"""Rositani (2025), figure 3: Adam alone beside Adam followed by L-BFGS, from the same point, for the same effort.
 
 Adam alone goes on exactly as before (same batches, same step size, starts estimated anew every round) from where L-BFGS took over, until
 it has had as many gradients of all segments as L-BFGS had, and as many seconds. Both keep the weights with the lowest validation error

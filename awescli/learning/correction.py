@@ -1,4 +1,4 @@
-"""The network f_nn (seed section 5): what it adds to d/dt of (u, v, w, p, q, r), where it must keep still, and the kite that has it."""
+"""The network f_nn (docs/equations.md (28)): what it adds to d/dt of (u, v, w, p, q, r), where it is held still, the kite that has it."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

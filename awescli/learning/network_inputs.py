@@ -1,4 +1,4 @@
-"""NETWORK_INPUTS: what the network may see (u_nn of the seed, section 5), each a plain function of the instant that the physics fills."""
+"""NETWORK_INPUTS: what the network may see (u_nn of docs/equations.md (28)), each a function of the instant that the physics fills."""
 
 from collections.abc import Callable, Sequence
 

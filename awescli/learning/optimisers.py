@@ -48,7 +48,7 @@ def lbfgs(
 ) -> tuple[np.ndarray, float, int]:  # fmt: skip
     """(x, cost there, evaluations): scipy's L-BFGS-B without bounds. watch(x) is called after every iteration.
 
-    Its line search (More & Thuente 1994) meets the strong Wolfe conditions; memory as in the seed.
+    Its line search (More & Thuente 1994) meets the strong Wolfe conditions; memory as in Rositani (2025).
     """
     from scipy.optimize import minimize
 

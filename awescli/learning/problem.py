@@ -9,7 +9,7 @@ from awescli.estimation.misfit import DIVERGED_COST
 from awescli.learning.correction import ROWS, Correction, HybridKite, of_physics
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
 from awescli.learning.orthogonality import Parametric
-from awescli.learning.starts import Own, estimated_starts, own_unknowns
+from awescli.learning.starts import Own, estimated_starts, fitted_nuisances
 from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import ANGLES, STATES
@@ -22,7 +22,7 @@ from awescli.simulation.segments import Observed, noise_std, observe
 MEASURED_STATE = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 """The whole state as it is measured: what starts are estimated from."""
 COMPARED = STATES
-"""The whole state (seed section 5): what the cost sees. Velocities in body axes: across the line and along it errors differ by far."""
+"""The whole state (docs/equations.md (29)): what the cost sees. Velocities in body axes: errors across the line and along it differ."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Problem:
         precision is raised by as much.
         """
         excess = float(np.sqrt(((sigma / self.noise) ** 2).mean()))
-        return own_unknowns(self.simulator, observed, self.values(weights), self.kite.declaration.wind.std / excess)
+        return fitted_nuisances(self.simulator, observed, self.values(weights), self.kite.declaration.wind.std / excess)
 
     def values(self, weights: np.ndarray) -> dict[str, float]:
         return {f"network.{i}": float(w) for i, w in enumerate(weights)}

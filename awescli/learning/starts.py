@@ -16,7 +16,7 @@ ITERATIONS = 3
 
 @dataclass(frozen=True)
 class Own:
-    """observed: the segments with their own unknowns at their best; cost: (K,) squared residual there in units of sigma, prior
+    """observed: the segments with their nuisances at their best; cost: (K,) squared residual there in units of sigma, prior
     included; dof: (K,) samples less unknowns."""
 
     observed: Observed
@@ -36,7 +36,7 @@ def head(observed: Observed, steps: int) -> Observed:
     return Observed(cut, observed.outputs, observed.measured[:, : steps + 1], observed.sigma[:, : steps + 1])
 
 
-def own_unknowns(simulator: Simulator, observed: Observed, values=None, wind_std: float = 0.0) -> Own:
+def fitted_nuisances(simulator: Simulator, observed: Observed, values=None, wind_std: float = 0.0) -> Own:
     """Fit the 12 initial states, and with wind_std > 0 [m/s] a constant error of the wind, of each segment to all of its samples.
 
     Always begun from the starts that `observed` holds and null wind, so that the answer depends on the model alone. Segments that
@@ -73,4 +73,4 @@ def own_unknowns(simulator: Simulator, observed: Observed, values=None, wind_std
 
 def estimated_starts(simulator: Simulator, observed: Observed, steps: int, values=None) -> np.ndarray:
     """(K, 12) states from which the first `steps` steps of each segment are met best, weighted by the sensor noise."""
-    return own_unknowns(simulator, head(observed, steps), values).observed.segments.starts
+    return fitted_nuisances(simulator, head(observed, steps), values).observed.segments.starts

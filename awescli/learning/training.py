@@ -1,4 +1,4 @@
-"""Train f_nn (seed section 5.1): Adam over growing horizons to a plateau of the validation error, then L-BFGS; the best weights win.
+"""Train f_nn (docs/equations.md (29)): Adam over growing horizons to a plateau of the validation error, then L-BFGS; the best weights win.
 
 Training is a list of rounds. A round estimates the segments' starts anew with the present weights and runs one optimiser for some
 iterations; at the last horizon it looks at validation after each of them, for L-BFGS passes the best point on its way into the noise.

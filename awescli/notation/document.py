@@ -154,6 +154,7 @@ class Document:
 
 def _read_text(path: Path) -> str:
     """The file's text, or what is wrong with the file."""
+    raw = b""
     try:
         with open_regular(path) as file:
             raw = file.read(4 * MAX_CHARACTERS + 1)
@@ -180,13 +181,13 @@ def _raise(errors: list[BadInput]) -> None:
 # --- overrides ----------------------------------------------------------------------------------------------------------
 
 
-def _override(data: Any, places: dict[Loc, str], model: type[BaseModel], key: str, value: str, omit: tuple[str, ...]) -> None:
-    """Set `key` in `data`, in place, making the mappings on the way where they are missing."""
+def _override(whole: Any, places: dict[Loc, str], model: type[BaseModel], key: str, value: str, omit: tuple[str, ...]) -> None:
+    """Set `key` in `whole`, in place, making the mappings on the way where they are missing."""
     source = f"--set {key}"
     if not all(key.split(".")) or key.count(".") >= MAX_DEPTH:
         raise BadInput("not a dotted key", source, "Write --set KEY=VALUE, for example --set identify.horizon=5.0.")
     placed = parse_yaml(value, source)
-    loc = _loc_of(key, data, model, omit)
+    loc, data = _loc_of(key, whole, model, omit), whole
     for n in range(len(loc)):
         if n:
             data = _step(data, loc[n - 1], places, loc[:n], source)
@@ -197,7 +198,8 @@ def _override(data: Any, places: dict[Loc, str], model: type[BaseModel], key: st
             parent = ".".join(map(str, loc[:n])) or "the file"
             raise BadInput(f"'{parent}' holds a {_kind(data)}, not a mapping", source, "Set the whole value instead.")
     last = int(loc[-1]) if isinstance(data, list) else loc[-1]
-    data[last] = placed.data
+    holder: Any = data
+    holder[last] = placed.data
     loc = (*loc[:-1], last)
     for old in [p for p in places if p[: len(loc)] == loc]:
         del places[old]

@@ -4,7 +4,7 @@ from awescli.notation.scalars import cos, sin
 
 
 def rotation_body_to_ned(phi, theta, psi):
-    """Rows of R_b2i (ZYX Euler angles [rad]); v_ned = R v_body. Seed section 2; Beard & McLain eq. 2.5 transposed."""
+    """Rows of R_b2i (ZYX Euler angles [rad]); v_ned = R v_body. docs/equations.md (1); Beard & McLain eq. 2.5 transposed."""
     s_f, c_f, s_t, c_t, s_p, c_p = sin(phi), cos(phi), sin(theta), cos(theta), sin(psi), cos(psi)
     return (
         (c_t * c_p, s_f * s_t * c_p - c_f * s_p, c_f * s_t * c_p + s_f * s_p),

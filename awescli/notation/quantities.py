@@ -4,7 +4,7 @@ Frames: inertial NED with its origin at the winch; body FRD (x forward, y right,
 """
 
 STATES = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r")
-"""z of the seed, section 2: position NED [m], velocity over ground in body axes [m/s], Euler angles [rad], rates [rad/s]."""
+"""z of docs/equations.md (1) to (4): position NED [m], velocity over ground in body axes [m/s], Euler angles [rad], rates [rad/s]."""
 
 CONTROL_SURFACES = ("aileron", "elevator", "rudder", "flaps")
 """Control surfaces [rad], signs as the kite's aerodynamic table wants them (the kite file states the log's sign)."""

@@ -122,8 +122,8 @@ class _Builder:
         if depth > MAX_DEPTH:
             raise self.error(event, f"nested deeper than {MAX_DEPTH} levels", "Flatten it.")
         before = self._count(event, 1)
-        if getattr(event, "tag", None) is not None:
-            raise self.error(event, f"tag '{event.tag}' is not allowed", "Write plain values; put text in quotes.")
+        if (tag := getattr(event, "tag", None)) is not None:
+            raise self.error(event, f"tag '{tag}' is not allowed", "Write plain values; put text in quotes.")
         if isinstance(event, AliasEvent):
             return self._alias(event)
         if isinstance(event, ScalarEvent):

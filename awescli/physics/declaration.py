@@ -1,12 +1,13 @@
 """The kite file: what a user declares of a kite, checked, and the parameter table that it makes."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from awescli.notation.document import open_document
 from awescli.notation.errors import BadInput, BadInputs
+from awescli.notation.former_names import formerly
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.physics.propeller import Propeller
@@ -19,13 +20,13 @@ class _Frozen(BaseModel):
 class ParameterRow(_Frozen):
     """One parameter of the kite, SI and radians unless `unit` and the aerodynamic table say otherwise."""
 
-    value: float = Field(allow_inf_nan=False)
-    unit: str = "-"
-    lower: float | None = None
-    upper: float | None = None
-    free: bool = False
+    value: float = Field(allow_inf_nan=False, description="declared value, in its unit")
+    unit: str = Field("-", description="unit of value, bounds and std; `-`: none")
+    lower: float | None = Field(None, description="least value that a fit may reach; nothing: no limit")
+    upper: float | None = Field(None, description="largest value that a fit may reach; nothing: no limit")
+    free: bool = Field(False, description="whether identify may change it; a free one is drawn to its value by std")
     std: float | None = Field(None, gt=0, description="prior standard deviation; default a quarter of the bounded range")
-    source: str = ""
+    source: str = Field("", description="where the number comes from")
 
 
 class AerodynamicTable(_Frozen):
@@ -33,7 +34,7 @@ class AerodynamicTable(_Frozen):
 
     frame: Literal["wind", "body"] = Field("wind", description="wind: CD, CY, CL; body: CX, CY, CZ; moments Cl, Cm, Cn always in body axes")
     angles: Literal["rad", "deg"] = Field("rad", description="unit in which alpha, beta and deflections enter the monomials")
-    terms: dict[str, dict[str, str]]
+    terms: dict[str, dict[str, str]] = Field(description="coefficient -> monomial -> name of the parameter that multiplies it")
 
 
 class WindLaw(_Frozen):
@@ -50,9 +51,11 @@ class WindLaw(_Frozen):
 
 
 class TetherLaw(_Frozen):
-    """Which law gives the tension (shared equations 2-8, see physics/effects/tether.py)."""
+    """Which law gives the tension (docs/equations.md (12) to (14))."""
 
-    law: Literal["seed", "exact"] = Field("seed", description="exact: |p| = line length; seed: its published form")
+    law: Annotated[Literal["thesis", "exact"], formerly(seed="thesis")] = Field(
+        "thesis", description="exact: the constraint |p| = line length itself; thesis: its published form, without the path's curvature"
+    )
     tension: Literal["constraint", "measured"] = Field("constraint", description="constraint: from the line; measured: as logged")
 
 
@@ -94,13 +97,15 @@ class Noise(_Frozen):
 class KiteDeclaration(_Frozen):
     """A kite as its user declares it: everything a model needs, and nothing about a flight."""
 
-    name: str
-    description: str = ""
-    parameters: dict[str, ParameterRow]
-    aerodynamics: AerodynamicTable
-    tether: TetherLaw = TetherLaw()
-    wind: WindLaw = WindLaw()
-    surfaces: dict[Literal[*CONTROL_SURFACES], SurfaceDeclaration] = {}
+    name: str = Field(description="what the kite is called")
+    description: str = Field("", description="one line about it")
+    parameters: dict[str, ParameterRow] = Field(description="name -> value, unit, bounds, source, whether it is free")
+    aerodynamics: AerodynamicTable = Field(description="table of terms of the coefficients")
+    tether: TetherLaw = Field(TetherLaw(), description="law of the line's tension; of no meaning to a kite without the effect `tether`")
+    wind: WindLaw = Field(WindLaw(), description="how the recorded wind is carried to the kite's height, and how well it is known")
+    surfaces: dict[Literal[*CONTROL_SURFACES], SurfaceDeclaration] = Field(
+        {}, description="control surface -> its sign and travel in the log; what is not named has sign 1"
+    )
     propellers: tuple[Propeller, ...] = Field((), description="what the effect `thrust` flies with")
     set_point_rate: float = Field(
         50.0, gt=0.1, le=1e4, description="rate at which the flight controller sets the surfaces and holds them [Hz]; a slower log lacks "
@@ -113,7 +118,7 @@ class KiteDeclaration(_Frozen):
     constraints: tuple[str, ...] = Field(
         (), description="linear constraints that identified values keep: `Jx + Jy >= Jz`, `2*CYb + 0.1 <= CYp`; <=, >= or ="
     )
-    noise: Noise = Noise()
+    noise: Noise = Field(Noise(), description="white noise of the sensors")
 
     def table(self) -> ParameterTable:
         """The declared parameters as a table, in file order."""

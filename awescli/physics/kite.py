@@ -84,7 +84,7 @@ def needed_by(declaration: KiteDeclaration) -> tuple[str, ...]:
 
 
 def with_new(known: Sequence[str], new: Sequence[str]) -> tuple[str, ...]:
-    """Keys of effects with new ones added before those whose load answers the sum of all others (the tether, seed eq. 2)."""
+    """Keys of effects with new ones added before those whose load answers the sum of all others (the tether, docs/equations.md (12))."""
     at = next((i for i, key in enumerate(known) if EFFECTS[key.partition(":")[0]].last), len(known))
     return (*known[:at], *new, *known[at:])
 
@@ -303,7 +303,7 @@ class Kite:
 
 
 def aerodynamic_load(at: Instant) -> Load:
-    """f_a and m_a (seed section 2.1; Beard & McLain eqs. 4.6-4.16): qbar S C, moments with span and chord."""
+    """f_a and m_a (docs/equations.md (10), (11); Beard & McLain eqs. 4.6-4.16): qbar S C, moments with span and chord."""
     C, v = at.coefficients, at.values
     pressure_area = at.dynamic_pressure * v["S"]
     force = scale(pressure_area, body_axes(C.CD, C.CY, C.CL, at.alpha, at.beta))

@@ -31,7 +31,7 @@ class SpeedLaw(_Frozen):
     `actuator_lag:throttle`); proportional: throttle times `full`; recorded: the log's motor_speed.
     """
 
-    law: Literal["power", "proportional", "recorded"] = "power"
+    law: Literal["power", "proportional", "recorded"] = Field("power", description="which of the three")
     shaft_power: tuple[Annotated[float, Field(ge=-1e9, le=1e9)], ...] = Field(
         (), max_length=100, description="law power: polynomial in the throttle, lowest power first [W]"
     )
@@ -59,9 +59,9 @@ class Propeller(_Frozen):
     CT: Coefficient = Field(description="thrust coefficient: polynomial in J, lowest power first, or a table [[J, CT], ...]")
     CP: Coefficient = Field(description="power coefficient, likewise")
     windmill: float | None = Field(None, gt=0, le=1e3, description="advance ratio at which it turns freely; default: where CP is zero")
-    speed: SpeedLaw
+    speed: SpeedLaw = Field(description="what makes it turn")
     inertia: float = Field(0.0, ge=0, le=1e6, description="of all that turns with it [kg m2]")
-    source: str = ""
+    source: str = Field("", description="where its numbers come from")
 
     @model_validator(mode="after")
     def _sensible(self):

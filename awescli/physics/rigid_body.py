@@ -1,4 +1,4 @@
-"""Rigid-body motion: loads in, dz/dt out (f_k and f_dy of the seed, section 2)."""
+"""Rigid-body motion: loads in, dz/dt out (docs/equations.md (1) to (5))."""
 
 from awescli.notation.frames import add, dot, rotate, scale
 from awescli.notation.scalars import cos, sin
@@ -48,8 +48,8 @@ def moment_for(body: Body, rates):
 
 
 def state_derivative(z, R, body: Body, acceleration, moment):
-    """dz/dt as a 12-tuple, for the inertial acceleration of the centre of mass and the moment about it, both in body axes. Seed section 2,
-    its four displayed equations."""
+    """dz/dt as a 12-tuple, for the inertial acceleration of the centre of mass and the moment about it, both in body axes. 
+    docs/equations.md (1) to (4)."""
     u, v, w, p, q, r = z.u, z.v, z.w, z.p, z.q, z.r
     (a_x, a_y, a_z), (m_x, m_y, m_z) = acceleration, moment
     G1, G2, G3, G4, G5, G6, G7, G8 = gammas(body.Jx, body.Jy, body.Jz, body.Jxz)

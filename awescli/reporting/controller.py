@@ -9,9 +9,9 @@ from awescli.reporting.plots import Figure, axis, dots, line, stride
 from awescli.reporting.words import COLOURS, listed, number, percent
 
 OUTCOMES = {
-    "flies": "In closed loop with the declared model it flies as long as asked from every start.",
+    "flies": "In closed loop with the declared model it completes the required time from every start.",
     "does_not_fly": "In closed loop with the declared model it does not fly.",
-    "departs": "In closed loop with the declared model it does not fly as long as asked from every start.",
+    "departs": "In closed loop with the declared model it departs before the required time from at least one start.",
 }
 
 
@@ -103,7 +103,7 @@ def survival(evidence: Evidence) -> Body:
         "xaxis": axis("start in the flight [s]", range=[-1.0, float(evidence.log.time[-1])]),
         "yaxis": axis("flown [s]", range=[0, 1.1 * asked]),
         "shapes": [dict(type="line", xref="paper", x0=0, x1=1, y0=asked, y1=asked, line={"color": "@grey", "dash": "dot"})],
-        "annotations": [dict(xref="paper", x=1, y=asked, text="asked", showarrow=False, yanchor="top", xanchor="right")],
+        "annotations": [dict(xref="paper", x=1, y=asked, text="required", showarrow=False, yanchor="top", xanchor="right")],
     }  # fmt: skip
     return Figure(
         "fig-survival", "Closed loop with the declared model", data, layout, split="starts over the whole flight", note=text, height=240
@@ -116,11 +116,11 @@ def steering(evidence: Evidence) -> str:
     found, gains = report.get("steering") or {}, report.get("gain") or {}
     said = []
     if found.get("circle") == "commanded":
-        said.append(f"The circle that is steered for lies {number(found['moved_deg'])}° beside the one that was flown.")
+        said.append(f"The commanded circle is {number(found['moved_deg'])}° away from the flown one.")
     if any(source != "does not steer" for source in (found.get("slopes") or {}).values()):
         said.append(
-            "What a quiet flight cannot tell, the answer to a kite off its circle, is asked to be that of a kite that steers for it, "
-            f"with {number(report.get('hold', 0.0))} of the weight of the log."
+            "The kite hardly left its circle, so the log does not show how the controller corrects it. A law that steers back "
+            f"to it was preferred, with {number(report.get('hold', 0.0))} of the weight of the log."
         )
     for surface, gain in gains.items():
         if gain.get("plant_gain") is not None:

@@ -2,6 +2,7 @@
 
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.marks import Cell, bar, chip, esc, paragraph, table
+from awescli.reporting.terms import tip
 from awescli.reporting.words import effect_words, listed, number, percent
 
 MARKS = {True: ("yes", "good"), False: ("no", "bad"), None: ("not testable", "")}
@@ -16,9 +17,10 @@ def criteria(evidence: Evidence) -> str:
     ]
     if not rows:
         return ""
-    note = "The verdict follows from this table alone. Deviance is -2 log likelihood, all that is not known integrated out."
+    said = tip("deviance")
+    note = f"The verdict follows from this table alone ({said}: -2 log likelihood, all that is not known integrated out)."
     head = ("criterion", "value", "threshold", "met", "source of the threshold")
-    return f'<div id="tab-criteria"><h3>Criteria</h3>{paragraph(note, "soft")}{table(head, rows, sortable=False)}</div>'
+    return f'<div id="tab-criteria"><h3>Criteria</h3>{paragraph(note, "soft")}{table(head, rows)}</div>'
 
 
 def probabilities(evidence: Evidence) -> str:

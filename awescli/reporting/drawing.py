@@ -37,18 +37,23 @@ STYLE = {
 
 def drawn(figure: Figure, colours: Mapping[str, str], shared: Mapping[str, np.ndarray]) -> dict[str, bytes]:
     """{"png": ..., "svg": ...}. colours: name -> #rrggbb for @names; shared: name -> array for $names."""
-    looked_up = _Names(colours, shared)
-    data, layout = looked_up.of(list(figure.data)), looked_up.of(dict(figure.layout))
     with matplotlib.rc_context(STYLE):
         sheet = Sheet(figsize=(NARROW if figure.part else WIDE, figure.height / INCH), layout="constrained")
-        if "scene" in layout:
-            _space(sheet.add_subplot(projection="3d"), data, layout["scene"])
-        else:
-            _plane(sheet.add_subplot(), data, layout)
-        axes = sheet.axes[0]
+        axes = sheet.add_subplot(projection="3d" if "scene" in figure.layout else None)
+        on_axes(axes, figure, colours, shared)
         axes.set_title(f"{figure.title}{chr(10) if figure.part else ' '}({figure.split})", loc="left")
         _legend(sheet, figure.part)
         return {kind: _saved(sheet, kind) for kind in ("png", "svg")}
+
+
+def on_axes(axes, figure: Figure, colours: Mapping[str, str], shared: Mapping[str, np.ndarray]) -> None:
+    """What the figure shows, into axes that are there; for a figure in space they are of matplotlib's 3d kind."""
+    looked_up = _Names(colours, shared)
+    data, layout = looked_up.of(list(figure.data)), looked_up.of(dict(figure.layout))
+    if "scene" in layout:
+        _space(axes, data, layout["scene"])
+    else:
+        _plane(axes, data, layout)
 
 
 def _legend(sheet: Sheet, narrow: bool) -> None:
@@ -176,7 +181,7 @@ def _axis(axis, set_limits, wanted: dict, place: dict[str, int] | None) -> None:
     """Title, scale, ticks and range of an axis."""
     axis.set_label_text(wanted.get("title", {}).get("text", ""))
     if place is not None:
-        axis.set_ticks(list(place.values()), list(place), fontsize=7)
+        axis.set_ticks(list(place.values()), list(place), fontsize=7, rotation=-wanted.get("tickangle", 0))
         set_limits(-0.6, len(place) - 0.4)
     if wanted.get("type") == "log":
         _log(axis)

@@ -15,7 +15,7 @@ from awescli.reporting.words import BASELINE, MODELS, effect_words, listed
 Document = Mapping[str, Any]
 Arrays = Mapping[str, np.ndarray]
 
-LADDER = ("initial", "identified", "with_effects", "hybrid")
+IN_ORDER = ("initial", "identified", "with_effects", "hybrid")
 """Models in the order in which they are made."""
 
 
@@ -24,12 +24,31 @@ EMPTY = ("nothing_to_learn", "too_short", "no_gain", "diverged")
 
 
 @dataclass(frozen=True)
+class Action:
+    """What one effect does in the model that was fitted with it.
+
+    effect: its key; quantity, unit: what it changes most, SI; received, made: what the two lines are called; time: (K, N) s of the flight;
+    without, with_effect: (K, N) the quantity at the same simulated states, with the effect at its null value and as fitted.
+    """
+
+    effect: str
+    quantity: str
+    unit: str
+    received: str
+    made: str
+    time: np.ndarray
+    without: np.ndarray
+    with_effect: np.ndarray
+
+
+@dataclass(frozen=True)
 class Evidence:
     """log, loops, phases, quality, parts: the flight and how it is divided; phases: (N,) names.
 
     scores, predictions: evaluate's metrics.json and predictions.npz; controller: fit-controller's metrics.json;
     commanded: surface -> (N,) rad, what the fitted law commands at the measured states; identify, params: metrics.json and params.json;
-    effects, traced_params, residuals: effects.json, params.json and residuals.npz of trace-residual; hybrid, network, correction:
+    effects, traced_params, residuals: effects.json, params.json and residuals.npz of trace-residual; actions: of the added
+    effects; hybrid, network, correction:
     train-hybrid's metrics.json, network.json and correction.npz; flown, trajectory: simulate's metrics.json and trajectory.npz;
     provenance: stage -> provenance.json; versions: package -> version.
     """
@@ -48,6 +67,7 @@ class Evidence:
     effects: Document | None = None
     traced_params: Document | None = None
     residuals: Arrays | None = None
+    actions: tuple[Action, ...] = ()
     hybrid: Document | None = None
     network: Document | None = None
     correction: Arrays | None = None
@@ -58,10 +78,10 @@ class Evidence:
 
     @property
     def models(self) -> tuple[str, ...]:
-        """Models of the ladder that were scored, in order, without those that are the one before again: nothing added, nothing learned."""
+        """Models that were scored, in order, without those that are the one before again: nothing added, nothing learned."""
         twins = {"with_effects"} if self.effects is not None and not self.tracing_added and "identified" in self.scores else set()
         twins |= {"hybrid"} if (self.hybrid or {}).get("outcome") in EMPTY else set()
-        return tuple(m for m in LADDER if m in self.scores and m not in twins)
+        return tuple(m for m in IN_ORDER if m in self.scores and m not in twins)
 
     @property
     def compared(self) -> tuple[str, ...]:
@@ -69,12 +89,12 @@ class Evidence:
         return *self.models, *(m for m in BASELINE if m in self.scores)
 
     def same_as(self, model: str) -> str:
-        """The model itself, or the one before it on the ladder where it adds nothing to that."""
-        return model if model in self.models else next(m for m in reversed(self.models) if LADDER.index(m) < LADDER.index(model))
+        """The model itself, or the one before it where it adds nothing to that."""
+        return model if model in self.models else next(m for m in reversed(self.models) if IN_ORDER.index(m) < IN_ORDER.index(model))
 
     @property
     def best(self) -> str:
-        """The last model of the ladder."""
+        """The last of the nested models."""
         return self.models[-1]
 
     @property
@@ -98,7 +118,7 @@ class Evidence:
         return bool(self.effects) and chi2.get("train_before") != chi2.get("train_after")
 
     def label(self, model: str) -> str:
-        """A model of the ladder in words; what tracing added, if it added anything, by name."""
+        """A model in words; what tracing added, if it added anything, by name."""
         if model != "with_effects" or self.effects is None:
             return (MODELS | BASELINE).get(model, model)
         if not self.tracing_added:

@@ -7,6 +7,7 @@ from awescli.flightlog.split import PARTS
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.marks import Body, Cell, Section, bullets, chip, esc, folded, paragraph, table
 from awescli.reporting.plots import Figure, axis, grid, line, scene, stride, strip, swatch
+from awescli.reporting.wind_profile import wind_profile
 from awescli.reporting.words import COLOURS, channel, number, percent
 
 PHASE_COLOURS = {
@@ -23,7 +24,8 @@ def flight(evidence: Evidence) -> Section:
         f"{esc(log.name)}: {quality.duration:.1f} s at {quality.rate:.3g} Hz, {quality.samples} samples. {esc(quality.loops)}, "
         f"dealt whole to the three parts: {counts}. Models are fitted to train, chosen on validation, judged on test."
     )
-    body = paragraph(facts), path(evidence), timeline(evidence), wind(evidence), checks(evidence), ranges(evidence), signals(evidence)
+    air = timeline(evidence), wind(evidence), wind_profile(evidence)
+    body = paragraph(facts), path(evidence), *air, checks(evidence), ranges(evidence), signals(evidence)
     return Section("flight", "The flight", body)
 
 
@@ -111,11 +113,11 @@ def turns(degrees: np.ndarray) -> np.ndarray:
 
 
 def checks(evidence: Evidence) -> str:
-    """The named numbers that data must keep."""
+    """The named numbers that data must keep, those that it does not keep first."""
     rows = [
         (c.name, Cell(f"{number(c.value)} {esc(c.unit)}", c.value), Cell(f"{number(c.threshold)} {esc(c.unit)}", c.threshold),
          Cell(chip("passed", "good") if c.ok else chip("look here", "bad"), str(c.ok)), c.sentence)
-        for c in evidence.quality.checks
+        for c in sorted(evidence.quality.checks, key=lambda c: (c.ok, not c.stops))
     ]  # fmt: skip
     body = table(("check", "value", "limit", "", "what it means"), rows)
     left = {k: v for k, v in evidence.quality.left_out.items() if v > 0}

@@ -1,4 +1,4 @@
-"""A model flown on its own: the simulated path beside the measured one (figure 5 of the seed), and how far they come apart."""
+"""A model flown on its own: the simulated path beside the measured one (Rositani (2025), figure 5), and how far they come apart."""
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from awescli.notation.quantities import ANGLES
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.marks import Body, Cell, Section, absent, chip, esc, keys, paragraph, table
 from awescli.reporting.plots import PANEL_POINTS, Figure, Shared, axis, grid, line, scene, stride
+from awescli.reporting.pumping import cycles, earned
 from awescli.reporting.words import COLOURS, channel, listed, number, percent, scale_of
 
 SURFACES = {
@@ -23,19 +24,23 @@ def free_flight(evidence: Evidence) -> Section:
     title = "Flown on its own"
     if evidence.flown is None or evidence.trajectory is None:
         return Section("flown", title, absent("awes simulate", "no model was flown on its own"))
-    body = paragraph(sentence(evidence)), path(evidence), apart(evidence), over_time(evidence), scores(evidence)
+    body = paragraph(sentence(evidence)), *cycles(evidence), path(evidence), apart(evidence), over_time(evidence), scores(evidence)
     return Section("flown", title, body)
 
 
 def sentence(evidence: Evidence) -> str:
     """What flew, on what, how long."""
     f = evidence.flown
+    pumping = bool(f.get("phases"))
+    sees = "the wind" if pumping or not evidence.log.on_line else "winch and wind"
     state = chip("flew on", "good") if f["outcome"] == "flew_on" else chip("departed", "bad")
     text = [
         f"{state} {esc(evidence.label(flying(evidence))).capitalize()}: it set out from the measured state at {number(f['start_s'])} s "
         f"and flew {number(f['survived_s'])} s of {number(f['asked_s'])} s; {SURFACES[f['surfaces']]}. "
-        f"Besides, it sees only {'winch and wind' if evidence.log.on_line else 'the wind'} of the flight."
+        f"Besides, it sees only {sees} of the flight."
     ]
+    if pumping:
+        text.append(f"{esc(earned(f))} Phases, surfaces and winch are the plan's, so the two need not agree.")
     unseen = f.get("unseen_s", f["asked_s"])
     if unseen < min(f["survived_s"], float(evidence.log.time[-1]) - f["start_s"]) - evidence.log.dt:
         text.append(
@@ -71,7 +76,7 @@ def split_of(evidence: Evidence) -> str:
 
 
 def path(evidence: Evidence) -> Figure:
-    """Figure 5 of the seed."""
+    """The flown path as in Rositani (2025), figure 5."""
     arrays, data = evidence.trajectory, []
     for which, name, colour in (("measured", "measured", "@ink"), ("simulated", evidence.label(flying(evidence)), tone(evidence))):
         n, e, d = (arrays[f"{which}_{c}"][:: stride(len(arrays[f"{which}_{c}"]), 4000)] for c in ("p_n", "p_e", "p_d"))

@@ -2,9 +2,11 @@
 
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.linear import beside_linear
-from awescli.reporting.marks import Section, bullets, esc, link, paragraph
+from awescli.reporting.marks import Section, bullets, esc, link, on_screen, paragraph
+from awescli.reporting.phase_power import phase_table
 from awescli.reporting.plots import Figure, dots, log_axis
 from awescli.reporting.power import power_claim, power_figure
+from awescli.reporting.terms import tip
 from awescli.reporting.words import COLOURS, channel, effect_words, listed, number, percent, short, times, with_std
 
 ODDS = {
@@ -24,14 +26,15 @@ UNUSED = {
     "no_gain": "was not used: no weights lowered the error on the validation loops",
     "diverged": "was not used: with every one that was tried the simulation diverged",
 }
-"""Why a trained network is no model of the ladder: outcome (`learning.acceptance.OUTCOMES`) -> what the first screen says."""
+"""Why a trained network is no model of its own: outcome (`learning.acceptance.OUTCOMES`) -> what the first screen says."""
 SCORED = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
 
 
 def headline(evidence: Evidence) -> Section:
-    """Title, verdict, claims, numbers of the ladder, and the ladder per channel."""
+    """Title, verdict, claims, error of every model, and the same per channel."""
     said = paragraph(f"{lead(evidence)} {worth(evidence)}", "lead") if evidence.effects else ""
-    body = poor_data(evidence), said, tiles(evidence), bullets(claims(evidence)), ladder(evidence), power_figure(evidence)
+    power = power_figure(evidence), phase_table(evidence)
+    body = poor_data(evidence), said, tiles(evidence), bullets(claims(evidence)), by_channel(evidence), *power
     return Section("summary", title(evidence), body)
 
 
@@ -62,7 +65,7 @@ def lead(evidence: Evidence) -> str:
 def worth(evidence: Evidence) -> str:
     """How much better the model is now, in a sentence."""
     before, after = (evidence.nrmse(m)["mean"] for m in (evidence.models[0], evidence.best))
-    return f"On unseen {esc(evidence.parts.of)} the error is {link('fig-ladder', times(before, after))} now."
+    return f"On unseen {esc(evidence.parts.of)} the error is {link('fig-models', times(before, after))} now."
 
 
 def title(evidence: Evidence) -> str:
@@ -91,11 +94,11 @@ def tiles(evidence: Evidence) -> str:
     rows = [(evidence.label(m), evidence.nrmse(m)["mean"], COLOURS[m]) for m in evidence.compared]
     rows.append(("noise alone (no model can do better)", evidence.floor["mean"], COLOURS["floor"]))
     cells = "".join(
-        f'<a class="tile" href="#fig-ladder" style="--tone:var(--{colour[1:]})"><b>{percent(value)}</b><span>{esc(label)}</span></a>'
+        f'<a class="tile" href="#fig-models" style="--tone:var(--{colour[1:]})"><b>{percent(value)}</b><span>{esc(label)}</span></a>'
         for label, value, colour in rows
     )
     ahead = f"Prediction error {evidence.horizon:g} s ahead on the test {esc(evidence.parts.of)}"
-    what = f"{ahead}: mean NRMSE of the 12 states, in percent of each state's range."
+    what = f"{ahead}: mean {tip('NRMSE')} of the 12 states, in percent of each state's range."
     return f'<div class="tiles">{cells}</div>' + paragraph(f'<span class="soft">{what}</span>')
 
 
@@ -119,17 +122,18 @@ def _error(evidence: Evidence) -> str:
     count = f"{evidence.parts.counts[2]} {evidence.parts.of}"
     ahead = f"{evidence.horizon:g} s ahead"
     if first == last:
-        return f"On {count} that nothing was fitted to, the model errs by {link('fig-ladder', percent(before))} {ahead}."
+        return f"On {count} that nothing was fitted to, the model errs by {link('fig-models', percent(before))} {ahead}."
     text = (
         f"On {count} that nothing was fitted to, the error {ahead} went from {percent(before)} ({esc(evidence.label(first))}) "
-        f"to {link('fig-ladder', percent(after))} ({esc(evidence.label(last))}): {times(before, after)}"
+        f"to {link('fig-models', percent(after))} ({esc(evidence.label(last))}): {times(before, after)}"
     )
     if "identified" in evidence.models and last != "identified":
         middle = evidence.nrmse("identified")["mean"]
         text += f"; identification alone reaches {link('fig-attitude', percent(middle))}"
     floor = evidence.floor["mean"]
     left = f"{'little more is left than' if after < 1.15 * floor else 'there remains more than'} sensor noise ({percent(floor)})"
-    return f"{text}; {left}. {link('fig-3d-prediction', 'See the paths')}."
+    paths = on_screen(f" {link('fig-3d-prediction', 'See the paths')}.")
+    return f"{text}; {left}.{paths}"
 
 
 def _linear(evidence: Evidence) -> str:
@@ -142,7 +146,7 @@ def _effect(evidence: Evidence, effect: dict) -> str:
     name = esc(effect_words(effect["name"], effect.get("acts_on", "")))
     sizes = ", ".join(f"{esc(k)} = {esc(with_std(p['value'], p['std'], p['unit']))}" for k, p in effect["parameters"].items())
     rivals = [effect_words(r["name"], r.get("acts_on", "")) for r in effect["rivals"]]
-    against = f" Not to be told from {esc(listed(rivals))} on this flight; {link('next', 'what would separate them')}." if rivals else ""
+    against = f" This flight cannot separate it from {esc(listed(rivals))}; {link('next', 'what would')}." if rivals else ""
     doc = f" ({esc(effect['doc'])})" if effect.get("doc") else ""
     if not evidence.tracing_added:
         return f"<b>{name}</b>{doc} is suspected, {sizes} (± 2 std); {link('fig-shifts', 'the parameters')} hint at it.{against}"
@@ -172,8 +176,8 @@ def _gain(evidence: Evidence) -> str:
     before, after = error["before"]["mean"], error["after"]["mean"]
     them = "them" if len(evidence.effects["effects"]) > 1 else "it"
     text = f"Fitted with {them}, the declared model errs by {link('fig-residual', percent(after))} instead of {percent(before)}"
-    repeats = link("fig-phase", "what repeats in every loop, before and after")
-    return f"{text}; {repeats}." if shows_phase(evidence) else f"{text}."
+    repeats = on_screen(f"; {link('fig-phase', 'what repeats in every loop, before and after')}")
+    return f"{text}{repeats if shows_phase(evidence) else ''}."
 
 
 def shows_phase(evidence: Evidence) -> bool:
@@ -187,10 +191,11 @@ def _shifts(evidence: Evidence) -> list[str]:
     if not shifts or not evidence.tracing_added:
         return _bounds(evidence)
     far = {which: sum(abs(s[f"{which}_in_prior_std"]) > 1 for s in shifts.values()) for which in ("before", "after")}
-    swallowed = link("fig-shifts", "parameters had to stand in")
-    text = f"Without what was added, {swallowed}: {far['before']} of {len(shifts)} lay more than one prior std off"
-    text += f", {len(bounded)} at a bound" if bounded else ""
-    return [f"{text}; with it {far['after']}."]
+    moved = link("fig-shifts", "moved by more than one prior standard deviation")
+    added = listed([effect_words(e["name"], e.get("acts_on", "")) for e in evidence.effects["effects"]])
+    text = f"Before adding {esc(added)}, {far['before']} of {len(shifts)} parameters {moved}"
+    text += f", {len(bounded)} to a bound" if bounded else ""
+    return [f"{text}; after it, {far['after']}."]
 
 
 def _bounds(evidence: Evidence) -> list[str]:
@@ -218,11 +223,11 @@ def _flown(evidence: Evidence) -> str:
     f = evidence.flown
     if f is None:
         return ""
-    who = {"controller": "with the fitted controller", "recorded": "on the recorded set-points"}.get(f["surfaces"], "on a built-in law")
+    who = {"controller": "with the fitted controller", "recorded": "on the recorded set-points"}.get(f["surfaces"], "by a built-in law")
     far = list((f.get("path_error_m") or {}).items())
     near = f", {number(far[-1][1])} m (RMS) from the measured path over {esc(far[-1][0])} s" if far else ""
     held = f"{link('fig-3d-flown', number(f['survived_s']) + ' s')} of {number(f['asked_s'])} s"
-    return f"Flown on its own {who}, the model ({esc(evidence.label(evidence.same_as(f['model'])))}) holds for {held}{near}."
+    return f"Simulated from one start {who}, the model ({esc(evidence.label(evidence.same_as(f['model'])))}) flies {held}{near}."
 
 
 def _controller(evidence: Evidence) -> str:
@@ -250,7 +255,7 @@ def _flight(evidence: Evidence) -> str:
     return f"{head}; {link('tab-quality', 'data checks that failed')}: {esc(listed(failed))}."
 
 
-def ladder(evidence: Evidence) -> Figure:
+def by_channel(evidence: Evidence) -> Figure:
     """Error per channel of every model, on a logarithmic axis, with the noise floor."""
     names = [n for n in SCORED if n in evidence.nrmse(evidence.best)]
     labels = [short(n) for n in names]
@@ -275,7 +280,7 @@ def ladder(evidence: Evidence) -> Figure:
         "margin": {"l": 64},
     }
     return Figure(
-        "fig-ladder", f"Prediction error {evidence.horizon:g} s ahead, per channel", data, layout, split=f"test {evidence.parts.of}",
+        "fig-models", f"Prediction error {evidence.horizon:g} s ahead, per channel", data, layout, split=f"test {evidence.parts.of}",
         note="Further left is better; the axis is logarithmic. The grey mark is sensor noise: further left is chance.",
         height=max(60 + 24 * len(names), 260),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The hybrid: what a network on top of physics adds (figures 3 and 4 of the seed), and how it was trained."""
+"""The hybrid: what a network on top of physics adds (Rositani (2025), figures 3 and 4), and how it was trained."""
 
 import math
 from collections.abc import Mapping
@@ -47,7 +47,7 @@ def sentence(evidence: Evidence) -> str:
 
 
 def scores(evidence: Evidence) -> Body:
-    """Figure 4 of the seed, and the same for positions, attitude and rates."""
+    """Errors as in Rositani (2025), figure 4, and the same for positions, attitude and rates."""
     models = [m for m in ("identified", "with_effects", "hybrid") if m in evidence.models]
     panels = []
     for id, title, names in (
@@ -80,7 +80,7 @@ OPTIMISERS = {
 
 
 def optimisers(evidence: Evidence) -> Body:
-    """Figure 3 of the seed: positions with Adam alone against Adam and L-BFGS, where the stage compared them."""
+    """Rositani (2025), figure 3: positions with Adam alone against Adam and L-BFGS, where the stage compared them."""
     found = training(evidence).get("comparison")
     test = (found.get("test") or {}) if isinstance(found, Mapping) else {}
     runs = {k: words for k, words in OPTIMISERS.items() if isinstance(test.get(k), Mapping)}

@@ -1,10 +1,12 @@
-"""Identification: parameters with intervals, prior, shift and flags; errors before and after (figure 2 of the seed)."""
+"""Identification: parameters with intervals, prior, shift and flags; errors before and after (Rositani (2025), figure 2)."""
 
 from collections.abc import Mapping
 
+from awescli.reporting.correlation import correlation
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.marks import Cell, Section, absent, chip, esc, paragraph, table
 from awescli.reporting.plots import Figure, axis, bars, dots
+from awescli.reporting.terms import tip
 from awescli.reporting.words import COLOURS, channel, listed, number, percent, unit_of, with_std
 
 DETERMINED = {"hardly": "hardly seen", "poorly": "poorly determined"}
@@ -19,7 +21,7 @@ def identification(evidence: Evidence) -> Section:
     if evidence.tracing_added and evidence.traced_params is not None:
         title_of = f"Parameters {evidence.label('with_effects')}"
         tables.append(parameters(evidence.traced_params["parameters"], "tab-traced-parameters", esc(title_of)))
-    body = paragraph(sentence(evidence)), attitude(evidence), shifts(evidence), *tables
+    body = paragraph(sentence(evidence)), attitude(evidence), shifts(evidence), *tables, correlation(evidence)
     return Section("identification", title, body)
 
 
@@ -29,7 +31,7 @@ def sentence(evidence: Evidence) -> str:
     chi2 = m.get("chi2")
     text = f"{len(rows)} free parameters, fitted to the train {esc(evidence.parts.of)}; outcome: {esc(m.get('outcome', '?'))}."
     if chi2 is not None:
-        text += f" χ² per degree of freedom {number(chi2)} (1: nothing but noise is left on train)."
+        text += f" {tip('χ²')} per degree of freedom {number(chi2)} (1: nothing but noise is left on train)."
     if along := [f"{name} ({number(p['level'])} {p['unit']})" for name, p in (m.get("processes") or {}).items()]:
         text += f" Estimated along, besides starts: {esc(listed(along))}."
     if off := [f"{name} {number(factor)}" for name, factor in (m.get("noise_factors") or {}).items() if abs(factor - 1) > 0.1]:
@@ -56,7 +58,7 @@ def _parameters(count: int) -> str:
 
 
 def attitude(evidence: Evidence) -> Figure:
-    """Figure 2 of the seed: Euler angles before and after, and the mean of all states beside them."""
+    """Rositani (2025), figure 2: Euler angles before and after, and the mean of all states beside them."""
     names = [n for n in ("phi", "theta", "psi", "mean") if n in evidence.nrmse("initial")]
     data = [
         bars(

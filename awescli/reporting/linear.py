@@ -43,7 +43,7 @@ def briefly(scores: Mapping[str, Any], models: Collection[str]) -> str:
 
 
 def _alike(baseline: Mapping[str, Any], models: Collection[str]) -> list[tuple[list[str], list[str]]]:
-    """(models, horizons at which none of them beats the baseline), in the order of the ladder."""
+    """(models, horizons at which none of them beats the baseline), simplest first."""
     known = {m: at for m, at in baseline["not_beaten"].items() if m in models}
     # what the user declared is no step of ours, but before anything is fitted it is all there is
     fitted = {m: at for m, at in known.items() if m != "initial"} or known

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any, Protocol, Union
 
+from awescli.reporting.terms import tip, title_of
+
 
 def esc(text: Any) -> str:
     """Text as text. Names come from the files of users; this stands at every one of them."""
@@ -65,10 +67,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "",
     for row in rows:
         cells = [_cell(value, first=i == 0) for i, value in enumerate(row)]
         lines.append(f"<tr>{''.join(cells)}</tr>")
-    heads = "".join(
-        f'<th scope="col" aria-sort="none"><button type="button">{esc(h)}</button></th>' if sortable else f'<th scope="col">{esc(h)}</th>'
-        for h in head
-    )
+    heads = "".join(_head(h, sortable) for h in head)
     title = f"<caption>{esc(caption)}</caption>" if caption else ""
     kind = ' class="sortable"' if sortable else ""
     return (
@@ -77,11 +76,17 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "",
     )
 
 
+def _head(text: str, sortable: bool) -> str:
+    if not sortable:
+        return f'<th scope="col">{tip(text)}</th>'
+    return f'<th scope="col" aria-sort="none"><button type="button"{title_of(text)}>{esc(text)}</button></th>'
+
+
 def _cell(value: Any, first: bool) -> str:
-    cell = value if isinstance(value, Cell) else Cell(esc(value), value if isinstance(value, (int, float)) else None)
+    cell = value if isinstance(value, Cell) else Cell(tip(str(value)), value if isinstance(value, (int, float)) else None)
     key = "" if cell.key is None else f' data-v="{esc(cell.key)}"'
     tone = f" {cell.tone}" if cell.tone else ""
-    kind = "num" if isinstance(cell.key, (int, float)) else "tight" if len(cell.html) <= TIGHT else "txt"
+    kind = "num" if isinstance(cell.key, (int, float)) else "tight" if len(cell.html) <= TIGHT or len(str(value)) <= TIGHT else "txt"
     if first:
         return f'<th scope="row" class="{kind}{tone}"{key}>{cell.html}</th>'
     return f'<td class="{kind}{tone}"{key}>{cell.html}</td>'
@@ -111,6 +116,11 @@ def keys(entries: Sequence[tuple[str, str, str]], linked: str = "") -> str:
 def link(target: str, html: str) -> str:
     """A link within the page."""
     return f'<a href="#{esc(target)}">{html}</a>'
+
+
+def on_screen(html: str) -> str:
+    """What makes sense only where it can be clicked: left out on paper."""
+    return f'<span class="screen">{html}</span>'
 
 
 def paragraph(html: str, kind: str = "") -> str:

@@ -23,9 +23,17 @@ def power_claim(evidence: Evidence) -> str:
     told = [f"{esc(evidence.label(m))} {signed(b['error_share'])}" for m, b in found.items()]
     interval = block["interval_share"]
     between = f" ({signed(interval[0])} to {signed(interval[1])} over loops, 95 %)" if interval else ""
+    known = block.get("interval_W")
+    held = known and known[0] <= block["measured_mean_W"] <= known[1]
+    says = (
+        f" From what it knows of parameters, wind and loops, {esc(evidence.label(list(found)[-1]))} says {number(known[0] * KILO)} to "
+        f"{number(known[1] * KILO)} kW (90 %), which {'holds' if held else 'does not hold'} the measured value."
+        if known
+        else ""
+    )
     over = f"{block['seconds']:.0f} of {block['loop_seconds']:.0f} s of {block['loops']} test {esc(evidence.parts.of)}"
     measured = link(FIGURE, f"{number(block['measured_mean_W'] * KILO)} kW")
-    return f"Mean mechanical power over {over}: {measured} measured; predicted power is off by: {', '.join(told)}{between}."
+    return f"Mean mechanical power over {over}: {measured} measured; predicted power is off by: {', '.join(told)}{between}.{says}"
 
 
 def power_figure(evidence: Evidence) -> Figure | str:

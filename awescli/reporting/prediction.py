@@ -1,4 +1,4 @@
-"""Measured against simulated: the paths (figure 5 of the seed), every channel over time, and the error over the horizon."""
+"""Measured against simulated: the paths (Rositani (2025), figure 5), every channel over time, and the error over the horizon."""
 
 import numpy as np
 
@@ -31,7 +31,7 @@ def prediction(evidence: Evidence) -> Section:
 
 
 def paths(evidence: Evidence) -> Figure:
-    """Figure 5 of the seed: measured and simulated paths in space."""
+    """Rositani (2025), figure 5: measured and simulated paths in space."""
     arrays = evidence.predictions
     step = stride(arrays["measured_p_n"].size, 4000)
 

@@ -2,30 +2,30 @@
 
 import numpy as np
 
+from awescli.reporting.candidates import ranking
 from awescli.reporting.criteria import criteria, probabilities
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.headline import lead, shows_phase
-from awescli.reporting.marks import Body, Cell, Section, absent, bar, chip, esc, folded, keys, paragraph, table
+from awescli.reporting.in_action import in_action
+from awescli.reporting.marks import Body, Cell, Section, absent, chip, esc, keys, paragraph, table
 from awescli.reporting.plots import Figure, Shared, axis, bars, dots, grid, line, log_axis
+from awescli.reporting.whiteness import whiteness
 from awescli.reporting.words import COLOURS, channel, effect_words, listed, number, percent, scale_of, short, with_std
 
 PANELS = 6
 """Channels shown over the loop: those whose error before stands highest above the noise."""
 BINS = 24
 """Parts of a loop: 15 degrees each."""
-NO_GAP = 0.02
-"""Excess of the chi-square per degree of freedom over 1 below which there is no gap to explain shares of."""
-RACED = "not fitted"
 
 
 def residual(evidence: Evidence) -> Section:
     title = "The residual, and what it was traced to"
     if evidence.effects is None:
         return Section("residual", title, absent("awes trace-residual", "the residual was not traced"))
-    found = paragraph(f"{verdict_chip(evidence)} {lead(evidence)}"), sizes(evidence), before_after(evidence), over_loop(evidence)
-    found = (*found, roll_gusts(evidence), rolled_parameters(evidence))
-    why = criteria(evidence), probabilities(evidence)
-    return Section("residual", title, (found, unexplained(evidence), why, ranking(evidence), shifts(evidence)))
+    found = paragraph(f"{verdict_chip(evidence)} {lead(evidence)}"), sizes(evidence), in_action(evidence), before_after(evidence)
+    found = (*found, over_loop(evidence), roll_gusts(evidence), rolled_parameters(evidence))
+    why = criteria(evidence), probabilities(evidence), ranking(evidence)
+    return Section("residual", title, (found, unexplained(evidence), why, whiteness(evidence), shifts(evidence)))
 
 
 def verdict_chip(evidence: Evidence) -> str:
@@ -164,69 +164,15 @@ def unexplained(evidence: Evidence) -> str:
     return f'<div id="unexplained"><h3>Without a name in the library</h3>{told}</div>'
 
 
-def ranking(evidence: Evidence) -> str:
-    """Every candidate: how much of the residual it explains, and what it gains on unseen loops."""
-    effects = evidence.effects
-    accepted = effects["effects"] if evidence.tracing_added else []
-    # a share of next to nothing says nothing
-    gap = (effects.get("chi2") or {}).get("train_before", 2.0) - 1 > NO_GAP
-    rivals = [r for e in effects["effects"] for r in e["rivals"]]
-    rows = []
-    for place, c in enumerate(effects["ranking"], 1):
-        known = [a for a in effects["ranking"] if a["name"] == c["name"]]
-        state = chip("accepted", "good") if _among(c, accepted, known) else chip("rival", "bad") if _among(c, rivals, known) else ""
-        raced = c.get("outcome") != RACED
-        gain = c["test_gain"] if raced else None
-        rows.append((
-            Cell(str(place), place), Cell(f"{esc(effect_words(c['name'], c.get('acts_on', '')))} {state}", c["name"]),
-            bar(c["explained_share"], percent(c["explained_share"])) if gap else Cell("–"), Cell(percent(gain) if raced else "–", gain),
-            Cell(number(c["score"]), c["score"]), Cell(number(c["p_value"], 2), c["p_value"]),
-            "yes" if c["plausible_size"] else "no", str(c.get("outcome", "")).replace("_", " "),
-        ))  # fmt: skip
-    if not rows:
-        return ""
-    head = ("", "candidate", "share of the gap it explains", "χ² gain on validation", "score", "p value", "plausible size", "race")
-    note = (
-        "Every effect of the library, tried on the residual of the declared model, fitted without it. Score: by how much it lowers χ² on "
-        "train, to first order; the best were fitted in full and raced on validation loops. The gap is by how much χ² per degree of "
-        "freedom lies above 1 on train: what noise does not explain."
-    )
-    seen = effects.get("detectable") or {}
-    units = effects.get("detectable_units") or {}
-    shown = {k: units.get(k, {}).get("unit", "-") for k in seen}
-    small = [(effect_words(*_key(k)), Cell(f"{number(v)} {'' if shown[k] == '-' else esc(shown[k])}", v)) for k, v in seen.items()]
-    more = (
-        folded(
-            "What this flight would have shown: smallest size of each effect that stands out",
-            table(("effect", "smallest size"), small),
-        )
-        if small
-        else ""
-    )
-    return f'<div id="tab-ranking"><h3>Candidates</h3>{paragraph(note, "soft")}{table(head, rows)}<div id="detectable">{more}</div></div>'
-
-
-def _among(candidate: dict, named: list, same_name: list) -> bool:
-    """Whether a candidate is one of `named`. Its target decides only where several candidates bear the name (actuator_lag on two surfaces):
-    elsewhere the two tell different things, the surface here, the place in the model there."""
-    hits = [e for e in named if e["name"] == candidate["name"]]
-    return any(len(same_name) == 1 or e.get("acts_on", "") == candidate.get("acts_on", "") for e in hits)
-
-
-def _key(key: str) -> tuple[str, str]:
-    name, _, target = key.partition(":")
-    return name, target
-
-
 def shifts(evidence: Evidence) -> Body:
-    """How far each parameter lay from its prior before and after: what parameters had swallowed returns."""
+    """How far each parameter lay from its prior before and after: parameters that compensated for the effect move back."""
     moved = evidence.effects.get("parameter_shifts") or {}
     note = (
-        "A parameter that stood in for the missing effect goes back towards its prior once the effect is there. "
+        "A parameter that compensated for the missing effect moves back towards its prior when the effect is added. "
         "Shaded: ± 1 prior standard deviation."
     )
     note = note if evidence.tracing_added else "Nothing was added, so nothing moved."
-    return _shifted("fig-shifts", "What the parameters had swallowed", moved, evidence.tracing_added, note) if moved else ""
+    return _shifted("fig-shifts", "Parameters before and after adding it", moved, evidence.tracing_added, note) if moved else ""
 
 
 def _shifted(id: str, title: str, moved: dict, added: bool, note: str) -> Figure:
@@ -277,8 +223,8 @@ def rolled_parameters(evidence: Evidence) -> Body:
     if not roll:
         return ""
     note = (
-        "The controller answers roll gusts. A model without them sees surfaces move, a kite that does not follow, and takes its "
-        "derivatives for small. After: fitted with roll gusts. The kite file keeps the values before, which predict recorded flight "
-        "better: recorded surfaces hold the answer to gusts that nobody can predict. Shaded: ± 1 prior standard deviation."
+        "The controller reacts to roll gusts. To a model without them the surfaces move and the kite does not follow, so the fit reduces "
+        "the control derivatives. After: fitted with roll gusts. The kite file keeps the values before, which predict recorded flight "
+        "better: recorded surfaces contain the reaction to gusts that cannot be predicted. Shaded: ± 1 prior standard deviation."
     )
     return _shifted("fig-rolled", "What roll gusts do to the derivatives", roll["parameter_shifts"], True, note)

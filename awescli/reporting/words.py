@@ -32,7 +32,7 @@ GROUPS = {
 
 MODELS = {"initial": "as declared", "identified": "identified", "with_effects": "with the traced effect", "hybrid": "hybrid"}
 BASELINE = {"linear": "linear (ARX)"}
-"""What stands beside the ladder, and is no step of it."""
+"""What stands beside the nested models, and is none of them."""
 
 COLOURS = {
     "measured": "@ink", "initial": "@orange", "identified": "@blue", "with_effects": "@green", "hybrid": "@purple", "linear": "@brown",

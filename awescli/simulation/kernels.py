@@ -1,7 +1,7 @@
 """Step compiled programs through time: classical RK4, LANES segments abreast, groups of lanes on all cores.
 
 The loops know addresses of programs and sizes, no kite. x = [states, held set-points]; exogenous inputs run linearly between samples,
-set-points are held over a step at least (seed eq. 9e as flown: sample and hold; `stepping.Stepping` says where they are taken).
+set-points are held over a step at least (sample and hold, docs/equations.md (19); `stepping.Stepping` says where they are taken).
 
 They are printed as LLVM IR like the programs they call, with sizes as arguments: one compiled loop serves every kite, and costs a tenth
 of a second once. Loops that do more (`sensitivities`, `hybrid_kernels`) are this one with some of its parts printed otherwise.
@@ -215,7 +215,9 @@ _C_TYPES = {"ptr": ctypes.c_void_p, "i64": ctypes.c_int64, "double": ctypes.c_do
 
 
 @cache
-def _rollout() -> Callable:
+def rollout_loop() -> Callable:
+    """The loop of a rollout, with arguments COMMON; one that ends before the last sample goes on from what it left in `work`: first the
+    rows of x."""
     return compile_loop(Loop().text("loop", COMMON), COMMON)
 
 
@@ -241,7 +243,7 @@ def rollout(f, g, initial, law, n_s, X0, SP, U, C, h, stepping: Stepping, X, Y) 
     f, g, initial, law: addresses of `value` functions; g: [derivative, outputs]; law = 0: recorded set-points. Fills X (K, N+1, n_x) and
     Y (K, N+1, n_y); returns (K,) the number of samples before divergence.
     """
-    return on_segments(_rollout(), (f, g, initial, law), n_s, (X0, SP, U, C), h, stepping, X, Y)
+    return on_segments(rollout_loop(), (f, g, initial, law), n_s, (X0, SP, U, C), h, stepping, X, Y)
 
 
 def on_segments(loop, programs, n_s, inputs, h, stepping, X, Y, more_rows: int = 0, more: Callable[[slice], tuple] | None = None):

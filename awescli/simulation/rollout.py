@@ -147,6 +147,12 @@ class Simulator:
         other._longest = self.step
         return other
 
+    def flown_by(self, law: Callable | None) -> "Simulator":
+        """The same compiled simulator with another law."""
+        other = copy(self)
+        other.law = self._compiled(law) if law else None
+        return other
+
     def stepping(self, segments: Segments) -> Stepping:
         """The steps between two samples of segments; the poles are looked at once, at the starts of the first segments."""
         if self._longest is None:

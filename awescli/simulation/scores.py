@@ -25,7 +25,7 @@ def span(measured: np.ndarray) -> float:
 
 
 def nrmse(e: np.ndarray, measured_span: float) -> float:
-    """RMSE / (y_max - y_min) (seed, section 6)."""
+    """RMSE / (y_max - y_min) (docs/equations.md (30))."""
     return rmse(e) / measured_span
 
 

@@ -68,7 +68,7 @@ class LoggedReelOut:
 
 
 @dataclass(frozen=True)
-class _Commanded:
+class Commanded:
     """What `rollout.inputs_of` reads of a log, before there is one."""
 
     time: np.ndarray
@@ -175,13 +175,13 @@ def simulate_flight(
     samples = lead + int(round(duration / dt)) + 1
     time = (np.arange(samples) - lead) * dt
     line = {} if kite.tether is None else dict(zip(("tether_length", "reel_out_speed"), reel_out.at(time), strict=True))
-    inputs = inputs_of(_Commanded(time, dt, line, wind), kite)
+    inputs = inputs_of(Commanded(time, dt, line, wind), kite)
     at = {n: i for i, n in enumerate(kite.input_names)}
     inputs[:, at["time"]] += begins
     if start is None:
         if pattern is None:
             raise BadInput("without a start the kite needs a pattern to be put on")
-        starts = _starts(pattern, kite, inputs[0], at)
+        starts = circle_starts(pattern, kite, inputs[0], at)
     else:
         starts = np.asarray(start, dtype=float)[None]
     K = len(starts)
@@ -193,7 +193,7 @@ def simulate_flight(
     rows = slice(lead, max(last, lead + 1))
     if "turbulence.sigma" in kite.parameters:
         # a frozen field of gusts is crossed at the airspeed at which this kite flies the same way in still air
-        columns, gusts = _gusts(kite, samples, dt, float(flown["V_a"][best, rows].mean()), seed, at)
+        columns, gusts = gusts_for(kite, samples, dt, float(flown["V_a"][best, rows].mean()), seed, at)
         flown = simulator.rollout(segments.with_inputs(columns, gusts))
         best, last = _best(flown, pattern, lead, dt)
         rows = slice(lead, max(last, lead + 1))
@@ -228,7 +228,7 @@ def as_recorded(
     return FlightLog(name, epoch, flown.dt, flown.time, measured, inputs, np.ones(len(flown.time), bool), wind, notes=notes)
 
 
-def _gusts(kite, samples: int, dt: float, airspeed: float, seed: int, at: Mapping[str, int]) -> tuple[list[int], np.ndarray]:
+def gusts_for(kite, samples: int, dt: float, airspeed: float, seed: int, at: Mapping[str, int]) -> tuple[list[int], np.ndarray]:
     """(their input columns, (samples, 4) gusts of unit variance) for a kite that flies at `airspeed` [m/s]."""
     rows = dryden(samples, dt, airspeed, seed + 1, kite.parameters["turbulence.L"].value)
     roll = roll_gust(samples, dt, airspeed, kite.parameters["b"].value, seed + 2)
@@ -258,7 +258,7 @@ def _last(flown: Trajectories, k: int, away: np.ndarray, height: np.ndarray, loo
     return int(np.argmax(gone)) if gone.any() else samples
 
 
-def _starts(pattern: Pattern, kite: Kite, inputs: np.ndarray, at: Mapping[str, int]) -> np.ndarray:
+def circle_starts(pattern: Pattern, kite: Kite, inputs: np.ndarray, at: Mapping[str, int]) -> np.ndarray:
     """(16, 12) states on the circle: 8 phases, 2 speeds over ground, flying along the circle with the belly to the winch."""
     length = inputs[at["tether_length"]] + kite.parameters["dl"].value
     wind = _mean_wind(kite, inputs, at)

@@ -1,4 +1,4 @@
-"""The linear baseline beside the ladder: fitted anew for every evaluation, for it takes seconds and belongs to no stage before it."""
+"""The linear baseline beside the nested models, fitted anew for every evaluation: it takes seconds and belongs to no stage before it."""
 
 from awescli.stages.base import Context
 
@@ -11,7 +11,7 @@ def score_baseline(metrics: dict, arrays: dict, context: Context, log, parts, co
     from awescli.flightlog.loops import find_loops
     from awescli.physics.declaration import read_kite
     from awescli.physics.kite import Kite
-    from awescli.stages.ladder import MADE_BY, enter
+    from awescli.stages.nested_models import MADE_BY, enter
 
     task.update("linear")
     kite = Kite(read_kite(context.kite), log.wind.height)

@@ -15,16 +15,17 @@ class EvaluateConfig(HandedOnConfig):
 
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
     horizons: tuple[Seconds, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
-    report: bool = Field(True, description="write report.html, one self-contained page")
+    wind_profile: bool = Field(True, description="tell the wind against height that the last fitted kite needs, beside the station")
+    report: bool = Field(True, description="write report.html, one self-contained page, and summary.pdf, one sheet of it")
     thesis: bool = Field(False, description="print the numbers that Rositani (2025) published beside these (another flight)")
     figures: bool = Field(False, description="write every figure of the page as PNG and SVG, and the data behind it as CSV")
 
 
 class Evaluate(Stage):
-    """Score every model of the ladder alike."""
+    """Score every model of a run alike."""
 
     name = "evaluate"
-    help = "Score every model of the ladder on unseen loops; --report writes the page, --figures DIR its figures as files."
+    help = "Score every model of the run on unseen loops; --report writes the page, --figures DIR its figures as files."
     Config = EvaluateConfig
     makes = ("metrics.json", "predictions.npz")
 
@@ -56,16 +57,19 @@ class Evaluate(Stage):
         from awescli.stages.ahead import horizon_within
         from awescli.stages.baseline import score_baseline
         from awescli.stages.flight_parts import flight_parts
-        from awescli.stages.ladder import ladder, score_ladder
+        from awescli.stages.nested_models import nested_models, score_models
         from awescli.stages.page import FIGURES, REPORT, gather, write_figures, write_report
+        from awescli.stages.wind_profile import wind_line, wind_seen
 
         log, parts = flight_parts(context)
         config = config.model_copy(update={"horizon": horizon_within(context, config, config.horizon, [(log, parts)])})
         closed = config.closes_the_loop(context)
-        models = ladder(context, log, closed)
+        models = nested_models(context, log, closed)
         task = context.progress.task("scoring", total=len(models) + 1)
-        metrics, arrays = score_ladder(models, context, log, parts, config, task)
+        metrics, arrays = score_models(models, context, log, parts, config, task)
         score_baseline(metrics, arrays, context, log, parts, config, closed, task)
+        if config.wind_profile and (seen := wind_seen(context, models, log)):
+            metrics["wind_profile"] = seen
         metrics |= {"surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states}
         left = {stage: left_by(context, stage) for stage in ("fit-controller", "identify", "trace-residual", "train-hybrid")}
         metrics["outcomes"] = {stage: found["outcome"] for stage, found in left.items() if found and found.get("outcome")}
@@ -96,7 +100,10 @@ class Evaluate(Stage):
             answer.append(f"identify has not converged ({ended}): its parameters are no estimates")
         if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
             summary["power"] = power
-            answer.append(f"mean power on test loops: {power}")
+            cycles = cycle_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]})
+            answer.append(f"mean power on test loops: {power}" + (f"; energy of cycles: {cycles}" if cycles else ""))
+        if "wind_profile" in metrics:
+            summary["wind"] = wind_line(metrics["wind_profile"]["rows"])
         for wanted, key, place in ((config.report, "report", REPORT), (config.figures, "figures", FIGURES)):
             if wanted:
                 summary[key] = str(context.out / self.name / place)
@@ -114,10 +121,23 @@ def left_by(context, stage: str) -> dict | None:
 
 
 def power_line(powers: dict[str, dict]) -> str:
-    """Measured mean power of the test loops, and every model's error of it, the last one's with its interval; empty where there is none."""
+    """Measured mean power of the test loops, and every model's error of it, the last one's with the interval of what is known of the model
+    (90 %), where that is not known over loops; empty where there is none."""
     if not powers:
         return ""
     said = [f"{model} {100 * p['error_share']:+.1f} %" for model, p in powers.items() if p["error_share"] is not None]
     *_, last = powers.values()
-    between = " ({:+.1f} to {:+.1f})".format(*(100 * share for share in last["interval_share"])) if last["interval_share"] else ""
+    interval = [w / last["measured_mean_W"] - 1 for w in last["interval_W"]] if last.get("interval_W") else last["interval_share"]
+    between = " ({:+.1f} to {:+.1f})".format(*sorted(100 * share for share in interval)) if interval else ""
     return "; ".join([f"{last['measured_mean_W'] / 1000:.3g} kW measured", *([f"{', '.join(said)}{between}"] if said else [])])
+
+
+def cycle_line(powers: dict[str, dict]) -> str:
+    """Measured energy of all cycles together and the error of every model; empty for a flight without cycles."""
+    of = {model: [row["measured_J"] for row in p["by_cycle"]] for model, p in powers.items() if p.get("by_cycle")}
+    if not of:
+        return ""
+    measured = sum(next(iter(of.values())))
+    predicted = {model: sum(row["predicted_J"] for row in powers[model]["by_cycle"]) for model in of}
+    said = ", ".join(f"{model} {100 * (E / measured - 1):+.1f} %" for model, E in predicted.items()) if measured else ""
+    return "; ".join([f"{measured / 1000:.3g} kJ measured in {len(next(iter(of.values())))}", *([said] if said else [])])

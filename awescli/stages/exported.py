@@ -1,4 +1,4 @@
-"""RUN or KITE.yaml -> the model that `awes export` hands out: which step of the ladder, from where it starts, who moves its surfaces."""
+"""RUN or KITE.yaml -> the model that `awes export` hands out: which of its models, from where it starts, who moves its surfaces."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 from awescli.artifacts import PROVENANCE, file_hash, read_json, versions
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.stages.base import KITE_FILE, Split, Stage
-from awescli.stages.ladder import MADE_BY, network
+from awescli.stages.nested_models import MADE_BY, network
 
 MODELS = ("newest", "initial", *MADE_BY)
 SURFACES_BY = ("inputs", "controller")

@@ -106,7 +106,8 @@ class FitController(Stage):
         test = fitted.report["nrmse"].get("test", {})
         summary = {f"test NRMSE {surface}": value for surface, value in test.items()}
         summary |= {"laws": rows} if rows else {}
-        return summary | {"non-zeros": fitted.report["nonzeros"], "closed loop": proof["outcome"], ANSWER: told(fitted.report, proof)}
+        answer = answer_lines(fitted.report, proof)
+        return summary | {"non-zeros": fitted.report["nonzeros"], "closed loop": proof["outcome"], ANSWER: answer}
 
 
 def row_of(line: dict) -> dict:
@@ -118,7 +119,7 @@ def row_of(line: dict) -> dict:
     }  # fmt: skip
 
 
-def told(report: dict, proof: dict) -> list[str]:
+def answer_lines(report: dict, proof: dict) -> list[str]:
     """The answer of the stage, in a few lines."""
     test, noise = (report[key].get("test", {}) for key in ("nrmse", "noise_nrmse"))
     errors = ", ".join(f"{s} {number(e)} (noise alone {number(noise.get(s))})" for s, e in test.items())

@@ -2,8 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
+from awescli.notation.former_names import formerly
 from awescli.stages.ahead import AheadConfig, Surfaces
 from awescli.stages.answers import ANSWER, change, number, plural, sized
 from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage
@@ -18,7 +19,7 @@ class IdentifyConfig(AheadConfig):
     surfaces: Surfaces = Field(
         "recorded", description="replay the recorded set-points, or close the loop with the fitted controller (Rositani eq. 11d)"
     )
-    weights: Annotated[Literal["noise", "range"], BeforeValidator(lambda w: "range" if w == "seed" else w)] = Field(
+    weights: Annotated[Literal["noise", "range"], formerly(seed="range")] = Field(
         "noise", description="what an error of a channel is counted in: its noise, or its range (Rositani eq. 11a)"
     )
     outputs: Names | None = Field(
@@ -114,7 +115,7 @@ class Identify(Stage):
             "outcome": fitted.solution.outcome, "chi2": chi2,
             "test NRMSE before": metrics["initial"]["nrmse"]["test"]["mean"], "after": metrics["nrmse"]["test"]["mean"],
             "noise floor": metrics["noise_floor"]["mean"], "parameters": {name: shown(row) for name, row in answer["parameters"].items()},
-            ANSWER: told(answer, metrics, context.out / self.name / KITE_FILE),
+            ANSWER: answer_lines(answer, metrics, context.out / self.name / KITE_FILE),
         }  # fmt: skip
 
 
@@ -136,7 +137,7 @@ def shown(row: dict) -> dict:
     }  # fmt: skip
 
 
-def told(answer: dict, metrics: dict, kite_file) -> list[str]:
+def answer_lines(answer: dict, metrics: dict, kite_file) -> list[str]:
     """The answer of the stage, in a few lines."""
     rows = answer["parameters"]
     seen, bounded = (sum(row[flag] for row in rows.values()) for flag in ("excited", "at_bound"))

@@ -9,16 +9,18 @@ OWN = "evaluate"
 UPSTREAM = ("fit-controller", "identify", "trace-residual", "train-hybrid", "simulate")
 
 
-REPORT, FIGURES = "report.html", "figures"
-"""The page, and the folder of its figures as files."""
+REPORT, SUMMARY, FIGURES = "report.html", "summary.pdf", "figures"
+"""The page, its sheet of paper, and the folder of its figures as files."""
 
 
 def write_report(context: Context, evidence) -> None:
-    """report.html in the stage's folder."""
-    from awescli.artifacts import write_text
+    """report.html and summary.pdf in the stage's folder."""
+    from awescli.artifacts import write_content, write_text
     from awescli.reporting.html import page
+    from awescli.reporting.one_page import one_page
 
     write_text(context.folder / REPORT, page(evidence))
+    write_content(context.folder / SUMMARY, one_page(evidence))
 
 
 def write_figures(context: Context, evidence) -> None:
@@ -38,16 +40,18 @@ def gather(context: Context, log, parts, metrics: dict, arrays: dict):
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.phases import phases
     from awescli.reporting.evidence import Evidence
+    from awescli.stages.in_action import actions
 
     law, identified, traced, trained, simulated = (context.upstream(stage) for stage in UPSTREAM)
-    labels = phases(log)
+    labels, effects = phases(log), _json(traced, "effects.json")
     records = {stage: _json(context.upstream(stage), PROVENANCE) for stage in UPSTREAM} | {OWN: {"stamp": context.stamp}}
     return Evidence(
         log=log, loops=find_loops(log, labels), phases=labels, quality=context.inputs.quality, parts=parts,
         scores=metrics, predictions=arrays,
         controller=_json(law, "metrics.json"), commanded=_commanded(law, log),
         identify=_json(identified, "metrics.json"), params=_json(identified, "params.json"),
-        effects=_json(traced, "effects.json"), traced_params=_json(traced, "params.json"), residuals=_arrays(traced, "residuals.npz"),
+        effects=effects, actions=actions(effects, traced, log, parts), traced_params=_json(traced, "params.json"),
+        residuals=_arrays(traced, "residuals.npz"),
         hybrid=_json(trained, "metrics.json"), network=_json(trained, "network.json"), correction=_arrays(trained, "correction.npz"),
         flown=_json(simulated, "metrics.json"), trajectory=_arrays(simulated, "trajectory.npz"),
         provenance={stage: record for stage, record in records.items() if record}, versions=versions(),

@@ -2,16 +2,20 @@
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from awescli.stages.answers import ANSWER, number
 from awescli.stages.base import Context, Need, Stage, StageConfig
-from awescli.stages.ladder import MADE_BY
+from awescli.stages.nested_models import MADE_BY
+from awescli.stages.power_curve import PowerCurve
+from awescli.stages.pumping import Drum, PhaseConfig
 
 BY = {"controller": "the fitted controller", "recorded": "the log", "path_following": "a built-in law"}
 """Who moves the surfaces, in words."""
 HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0)
 """[s] after the start at which the simulated flight is compared with the measured one."""
+CYCLE, LONGEST = 300.0, 3600.0
+"""[s] for a pumping cycle where only their number is asked for; no flight is longer than LONGEST."""
 
 
 class Wind(BaseModel):
@@ -37,22 +41,41 @@ class SimulateConfig(StageConfig):
     start: float | None = Field(
         None, ge=0, description="where in the flight it sets out [s]; default where the longest test stretch begins"
     )
-    duration: float = Field(60.0, ge=0.5, le=3600, description="how long it flies [s]; beyond the log, winch and wind go on as they were")
+    duration: float = Field(60.0, ge=0.5, le=LONGEST, description="how long it flies [s]; beyond the log winch and wind go on as they were")
+    phases: tuple[PhaseConfig, ...] = Field(
+        (), description="phases of a pumping cycle, flown in this order again and again: name, law, pattern, surfaces, winch, until"
+    )
+    cycles: int | None = Field(None, ge=1, le=1000, description="pumping cycles it flies; default as many as `duration` holds")
+    draws: int = Field(
+        12, ge=0, le=1000, description="kites drawn from what is known of the parameters, for the interval of the mean cycle power; 0: none"
+    )
+    drum: Drum = Field(Drum(), description="the winch of pumping cycles: tau, v_max, a_max")
+    power_curve: PowerCurve | None = Field(
+        None, description="mean cycle power against wind speed, of every physical model: {speeds: [6, 8, 10], draws: 12, cycles: 3}"
+    )
     noise: bool = Field(True, description="add the kite file's sensor noise to the written log")
     seed: int | None = Field(None, ge=0, description="seed of noise and turbulence; default the plan's")
     step: float = Field(0.01, ge=1e-4, le=0.02, description="longest step of the integration [s]")
+
+    @model_validator(mode="after")
+    def _phases_can_be_flown(self):
+        if self.phases and self.model == "hybrid":
+            raise ValueError("phases are flown by physical models, a network was not trained in a retraction: use with_effects")
+        if self.power_curve and not self.phases:
+            raise ValueError("a power curve is that of pumping cycles: give their phases")
+        return self
 
 
 class Simulate(Stage):
     """Set out from a measured state, fly on, write what the sensors would say."""
 
     name = "simulate"
-    help = "Fly any model of the ladder in closed loop (or with replayed surfaces) and write the flight as a log."
+    help = "Fly any model of the run in closed loop (or with replayed surfaces) and write the flight as a log."
     Config = SimulateConfig
     makes = ("flight/kite.csv", "flight/wind.csv", "trajectory.npz", "metrics.json")
 
     def needs(self, config):
-        upstream = [Need("fit-controller")] if config.surfaces == "controller" else []
+        upstream = [Need("fit-controller")] if steered_by_controller(config) else []
         upstream += [Need(s, required=config.model == model) for model, s in MADE_BY.items() if config.model in (model, "newest")]
         return tuple(upstream)
 
@@ -60,6 +83,7 @@ class Simulate(Stage):
         from awescli.notation.errors import BadInput
         from awescli.physics.kite import has_line
         from awescli.simulation.synthetic import refuse_measured, with_effects
+        from awescli.stages.pumping import check_phases
 
         log, _ = inputs.log, inputs.parts
         if config.start is not None and int(round(config.start / log.dt)) >= len(log) - 1:
@@ -68,6 +92,7 @@ class Simulate(Stage):
         if config.surfaces == "path_following" and not has_line(inputs.declared):
             what = "path_following flies a circle around a winch, and this kite flies free"
             yield "surfaces", BadInput(what, do="Use recorded or controller.")
+        yield from check_phases(config.phases, inputs.declared, log)
         refuse_measured(inputs.declared)
         for key, values in config.effects.items():
             try:
@@ -87,25 +112,35 @@ class Simulate(Stage):
         from awescli.simulation.synthetic import EPOCH, LoggedReelOut, as_recorded, simulate_flight
         from awescli.stages.controller_artifact import read_controller
         from awescli.stages.flight_parts import flight_parts
+        from awescli.stages.nested_models import known_of
+        from awescli.stages.power_curve import told_of_curve, write_power_curve
+        from awescli.stages.pumping import fly_phases, told_of_cycles
 
         log, parts = flight_parts(context)
         log = in_wanted_wind(log, config.wind)
         first = max(parts.test, key=lambda r: r[1] - r[0])[0] if config.start is None else int(round(config.start / log.dt))
-        fitted = read_controller(context.upstream("fit-controller")) if config.surfaces == "controller" else None
+        fitted = read_controller(context.upstream("fit-controller")) if steered_by_controller(config) else None
         model, kite = kite_to_fly(context, config, log.wind.height, fitted)
         duration = config.duration
-        if config.surfaces == "recorded":
+        if config.surfaces == "recorded" and not config.phases:
             duration = min(duration, (len(log) - 1 - first) * log.dt)
-        law, pattern = law_to_fly(config, log, kite, fitted)
+        if config.phases and config.cycles and "duration" not in config.model_fields_set:
+            duration = min(CYCLE * config.cycles, LONGEST)
         samples = int(round(duration / log.dt)) + 1
         recorded = setpoints_of(log)[[min(first + k, len(log) - 1) for k in range(samples)]]
         wind = replace(log.wind, time=log.wind.time - log.time[first])
         seed = context.seed if config.seed is None else config.seed
         context.progress.task(f"flying {duration:g} s, {model}")
-        flown = simulate_flight(
-            kite, law, wind, LoggedReelOut(log, first) if kite.tether else None, pattern=pattern, duration=duration, dt=log.dt,
-            start=smooth_states(log)[first], setpoints=recorded, seed=seed, step=config.step, begins=float(log.time[first]),
-        )  # fmt: skip
+        how = {"duration": duration, "dt": log.dt, "start": smooth_states(log)[first], "seed": seed}
+        how["begins"] = float(log.time[first])
+        if config.phases:
+            known = known_of(context, model, kite)
+            flown, pumped = fly_phases(config, log, first, kite, fitted, wind, how, known)
+            duration = min(duration, flown.time[-1]) if pumped["cycles_flown"] == config.cycles else duration
+        else:
+            law, pattern = law_to_fly(config, log, kite, fitted)
+            reel_out, pumped = LoggedReelOut(log, first) if kite.tether else None, {}
+            flown = simulate_flight(kite, law, wind, reel_out, pattern=pattern, setpoints=recorded, step=config.step, **how)
         # a log that knows no date (seconds since boot) gets one that the format can hold
         epoch = (0.0 if log.start > YEARS[0] else EPOCH) + log.start + float(log.time[first])
         written = as_recorded(flown, kite.declaration, wind, seed=seed, noise=config.noise, name="flight", epoch=epoch)
@@ -119,9 +154,13 @@ class Simulate(Stage):
             "start_s": float(log.time[first]),
             # how long it is compared with flight that no stage was fitted to
             "unseen_s": max(((b - first) * log.dt for a, b in parts.test if a <= first < b), default=0.0),
-            "seed": seed, "model": model, "surfaces": config.surfaces, "effects": config.effects, "wind": config.wind.model_dump(),
-            **compared(log, first, flown, HORIZONS),
+            "seed": seed, "model": model, "surfaces": moved_by(config), "effects": config.effects, "wind": config.wind.model_dump(),
+            **compared(log, first, flown, HORIZONS), **pumped,
         }  # fmt: skip
+        curve = {}
+        if config.power_curve:
+            curve = write_power_curve(context, config, log, fitted)
+            metrics["power_curve"] = curve
         write_json(context.folder / "metrics.json", metrics)
         errors = {f"error over {horizon} s": block["mean"] for horizon, block in metrics["nrmse"].items()}
         flew = f"{survived:.1f} of {duration:g} s"
@@ -129,11 +168,28 @@ class Simulate(Stage):
         return {
             "model": model, "outcome": metrics["outcome"], "flew": flew, **errors,
             ANSWER: [
-                f"{metrics['outcome'].replace('_', ' ')}: the {model} model flew {flew}, surfaces by {BY[config.surfaces]}",
-                *([f"error against the measured flight: {shown}"] if shown else []),
+                f"{metrics['outcome'].replace('_', ' ')}: the {model} model flew {flew}, surfaces by {steered(config)}",
+                *([f"error against the measured flight: {shown}"] if shown and not pumped else []),
+                *told_of_cycles(pumped), *told_of_curve(curve),
                 f"flight as a log: {context.out / self.name / 'flight'}",
             ],
         }  # fmt: skip
+
+
+def moved_by(config: SimulateConfig) -> str:
+    """Who moves the surfaces; of phases, the fitted controller where it flies in one of them."""
+    steering = [p.law for p in config.phases] or [config.surfaces]
+    return "controller" if "controller" in steering else steering[0]
+
+
+def steered_by_controller(config: SimulateConfig) -> bool:
+    """Whether the fitted controller moves surfaces."""
+    return moved_by(config) == "controller"
+
+
+def steered(config: SimulateConfig) -> str:
+    """Who moves the surfaces, in words."""
+    return " and ".join(dict.fromkeys(BY[p.law] for p in config.phases)) if config.phases else BY[config.surfaces]
 
 
 def in_wanted_wind(log, wanted: Wind):
@@ -150,18 +206,22 @@ def in_wanted_wind(log, wanted: Wind):
 
 
 def kite_to_fly(context: Context, config: SimulateConfig, heights, fitted=None):
-    """(name on the ladder, the kite for a wind known at `heights`), with the effects that are switched on and the delay and limiter
+    """(name of the model, the kite for a wind known at `heights`), with the effects that are switched on and the delay and limiter
     through which the `fitted` law acts."""
     from awescli.learning.correction import kite_from_artifact
     from awescli.physics.declaration import read_kite
     from awescli.physics.kite import Kite
     from awescli.simulation.closed_loop import with_setpoint_dynamics
     from awescli.simulation.synthetic import with_effects
-    from awescli.stages.ladder import kite_files, network
+    from awescli.stages.nested_models import kite_files, network
+    from awescli.stages.pumping import on_winch
 
     files = kite_files(context)
-    model = list(files)[-1] if config.model == "newest" else config.model
+    newest = [name for name in files if not (config.phases and name == "hybrid")][-1]
+    model = newest if config.model == "newest" else config.model
     declaration = with_setpoint_dynamics(with_effects(read_kite(files[model]), config.effects), fitted)
+    if config.phases:
+        declaration = on_winch(declaration, config.drum)
     if model == "hybrid":
         return model, kite_from_artifact(*network(files[model].parent), declaration, heights)
     return model, Kite(declaration, heights)
@@ -171,6 +231,7 @@ def law_to_fly(config: SimulateConfig, log, kite, fitted):
     """(law for the simulator or None, pattern or None)."""
     from awescli.simulation.closed_loop import loop
     from awescli.stages.controller_artifact import wind_direction
+    from awescli.stages.follower import follower_of
 
     if config.surfaces == "controller":
         return loop(fitted, kite, wind_direction(log)), fitted.pattern
@@ -178,19 +239,3 @@ def law_to_fly(config: SimulateConfig, log, kite, fitted):
         law = follower_of(log, kite.declaration)
         return law.setpoints, law.pattern
     return None, None
-
-
-def follower_of(log, declaration):
-    """The path-following law on the circle that the log flies, other surfaces at their medians there."""
-    import numpy as np
-
-    from awescli.control.law import state_mapping
-    from awescli.control.path_following import PathFollowing
-    from awescli.estimation.controller_pattern import fit_pattern
-    from awescli.notation.quantities import SURFACES
-
-    rudder = declaration.surfaces.get("rudder")
-    trims = {name: float(np.median(log[name])) for name in SURFACES if name in log.inputs and name != "rudder"}
-    limit = min(-rudder.lower, rudder.upper) if rudder else 0.5
-    span = declaration.parameters["b"].value
-    return PathFollowing(fit_pattern(state_mapping(log), log.valid), semi_span=span / 2, limit=limit, trims=trims)

@@ -113,7 +113,7 @@ class TraceResidual(Stage):
             "verdict": effects["verdict"], "effect": ", ".join(named(e) for e in effects["effects"]) or "-",
             "test NRMSE before": error.get("before", {}).get("mean"), "after": error["after"]["mean"], "noise floor":
             error["noise_floor"]["mean"], **detectable(effects), **seen_alone(effects),
-            ANSWER: told(effects, context.out / self.name / KITE_FILE), **failure(finding),
+            ANSWER: answer_lines(effects, context.out / self.name / KITE_FILE), **failure(finding),
         }  # fmt: skip
 
 
@@ -130,7 +130,7 @@ def kinematics(log) -> list[dict]:
     """What the sensors of a flight contradict each other in, without any model of forces: a witness beside the verdict, not part of it.
     Each as the effect of the library that it is, with size and standard deviation [SI]."""
     from awescli.flightlog.reconstruction.flight_path import reconstruct
-    from awescli.flightlog.reconstruction.told import said
+    from awescli.flightlog.reconstruction.tables import said
     from awescli.physics.effects import EFFECTS
 
     return [
@@ -178,7 +178,7 @@ def detectable(effects: dict) -> dict:
     return {"would have been seen from": {key: {"size": size, **units[key]} for key, size in effects["detectable"].items()}}
 
 
-def told(effects: dict, kite_file) -> list[str]:
+def answer_lines(effects: dict, kite_file) -> list[str]:
     """The answer of the stage, in a few lines: all sizes where they fit, else the first of each effect, else the effects' names."""
     error, left, verdict = effects["error"], effects["left"], effects["verdict"]
     before, after = error.get("before", {}).get("mean"), error["after"]["mean"]

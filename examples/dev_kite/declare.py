@@ -54,7 +54,7 @@ def kite_of(nominal: dict) -> dict:
             "angles": "rad",
             "terms": {c: terms(nominal["aerodynamics"][c]) for c in ("CL", "CD", "CY", "Cl", "Cm", "Cn")},
         },
-        "tether": {"law": "seed", "tension": "constraint"},
+        "tether": {"law": "thesis", "tension": "constraint"},
         "wind": law,
         "surfaces": {s: {"sign": 1} for s in ("aileron", "elevator", "rudder", "flaps")},
         **held(nominal.get("control_hold", "")),

@@ -98,7 +98,7 @@ def test_everything_shows_itself_as_table_picture_and_html(played):
             assert picture.png.startswith(b"\x89PNG") and "<svg" in picture._repr_html_() and result.figures
             with pytest.raises(BadInput, match="there is no figure 'x'"):
                 result.plot("x")
-    assert played["page"].html.startswith("<!doctype html>") and "ladder" in played["page"].figures
+    assert played["page"].html.startswith("<!doctype html>") and "models" in played["page"].figures
     assert set(played["flight"].to_frame().columns) >= {"time", "phi", "rudder", "valid"}
     assert played["found"].to_frame()["parameter"].to_list() == list(played["found"].parameters)
 
@@ -266,3 +266,14 @@ def test_a_flight_that_is_not_testable_is_a_result(tmp_path):
     assert traced.verdict == "not_testable" and traced.effects == () and dict(traced.errors.before) == {}
     assert not traced.criteria().filter(polars.col("name").str.starts_with("null_"))["pass"].all()
     assert "not_testable" in repr(traced) and traced._repr_html_() and traced.kite.effects == found.kite.effects
+
+
+def test_pumping_cycles_need_no_controller_where_none_steers():
+    """Guards phases from Python: those of a plan, as mappings; a phase that the fitted controller is to steer asks for one."""
+    root = Path(awescli.__file__).parents[1]
+    kite, flight = read_kite(root / "data" / "kites" / "km1_identified.yaml"), read_flight(root / "data" / "km1_demo")
+    settings = parse_yaml((root / "examples" / "pumping" / "stages.yaml").read_text(), "").data["stages"]["simulate"]
+    flown = simulate(kite, flight, **settings | {"cycles": 1, "draws": 0})
+    assert flown.metrics["cycles_flown"] == 1 and flown.metrics["mean_cycle_W"] == flown.metrics["cycles"][0]["mean_W"]
+    with pytest.raises(BadInput, match="no controller to fly by"):
+        simulate(kite, flight, phases=[{**settings["phases"][0], "law": "controller"}])

@@ -15,7 +15,7 @@ from awescli.flightlog.reconstruction.gauss_markov import FAR, BandedLikelihood,
 from awescli.flightlog.reconstruction.levels import Known, estimate_levels
 from awescli.flightlog.reconstruction.motion_of import motion_of, turn, turned_by
 from awescli.flightlog.reconstruction.solve import thinned
-from awescli.flightlog.reconstruction.told import error_table, noise_table, said
+from awescli.flightlog.reconstruction.tables import error_table, noise_table, said
 
 DEG = np.pi / 180
 SHARED = Path(__file__).parents[2].parent / "shared" / "flights"

@@ -19,7 +19,7 @@ from awescli.learning.correction import hybrid_from_artifact
 from awescli.notation.errors import BadInput
 from awescli.physics.declaration import kite_text, read_kite
 from awescli.simulation.campaign_flights import dev_like
-from awescli.stages.ladder import network
+from awescli.stages.nested_models import network
 
 PLAN = """flight: flight
 kite: kite.yaml

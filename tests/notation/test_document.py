@@ -19,7 +19,7 @@ class Strict(BaseModel):
 
 class Identify(Strict):
     horizon: float = Field(5.0, gt=0, description="seconds between re-initialisations")
-    law: Literal["seed", "exact"] = "seed"
+    law: Literal["thesis", "exact"] = "thesis"
     weight: float | Literal["auto"] = "auto"
     start: dict[str, float] = {}
     hidden: tuple[int, ...] = (32, 32)

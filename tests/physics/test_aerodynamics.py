@@ -70,7 +70,7 @@ def test_a_surface_with_the_other_sign():
 
 
 def test_wind_axes_and_body_axes_there_and_back():
-    """Guards the inverse of the seed's matrix of f_a, which body-axes tables (AP2) need."""
+    """Guards the inverse of the matrix of f_a, which body-axes tables (AP2) need."""
     random = np.random.default_rng(0)
     for _ in range(20):
         C, alpha, beta = random.standard_normal(3), random.uniform(-1, 1), random.uniform(-1, 1)

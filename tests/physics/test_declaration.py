@@ -34,7 +34,7 @@ def test_a_declared_effect_survives_the_file(key, tmp_path):
 
 
 def test_the_tether_stands_last_among_the_loads():
-    """Guards the order: the line must see every other load (seed eq. 2), wherever a candidate is named."""
+    """Guards the order: the line must see every other load (docs/equations.md (12)), wherever a candidate is named."""
     kite = Kite(DEVELOPMENT, extra=("tether_weight", "custom_term:f_z*alpha"))
     assert [e.key for e in kite.effects][-1] == "tether"
 

@@ -10,7 +10,7 @@ from awescli.notation.quantities import STATES
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Segments, Simulator, inputs_of, setpoints_of
 
-LAWS = ("seed", "exact")
+LAWS = ("thesis", "exact")
 
 
 def with_law(law, **values) -> Kite:
@@ -32,7 +32,7 @@ def at_rest(kite: Kite, **changes):
 def test_a_taut_line_leaves_no_pull_along_itself(law, seed):
     """Guards the sign of eq. 2, which as printed doubles the pull: with the spring at rest nothing accelerates along the line.
 
-    seed law: no acceleration of the body-frame velocity along the line; exact law: the second derivative of the range itself is the
+    thesis law: no acceleration of the body-frame velocity along the line; exact law: the second derivative of the range itself is the
     winch's acceleration (0.3 m/s2 here: 15 N of a 50 kg kite). The line's drag is off (it tilts the force away from the line).
     """
     random = np.random.default_rng(seed)
@@ -43,7 +43,7 @@ def test_a_taut_line_leaves_no_pull_along_itself(law, seed):
     assert at.tension > 100  # the line is taut: the case is not empty
     R, p_hat = body_to_ned(*x[6:9]), np.array(x[:3]) / at.distance
     velocity, omega, rate = np.array(x[3:6]), np.array(x[9:12]), np.array(at.derivative[3:6])
-    if law == "seed":
+    if law == "thesis":
         along = p_hat @ R @ rate
     else:
         v_ned = R @ velocity
@@ -67,7 +67,7 @@ def test_the_spring_and_the_damper_pull_back(law):
 
 def test_the_line_pulls_towards_the_winch():
     """Guards -T phat: without drag the load on the kite is exactly the tension, along the line, and its moment is r_t x f_t."""
-    kite, free = with_law("seed", CtD=0.0), Kite(declared(CtD=0.0).model_copy(update={"effects": ("gravity", "aerodynamics")}))
+    kite, free = with_law("thesis", CtD=0.0), Kite(declared(CtD=0.0).model_copy(update={"effects": ("gravity", "aerodynamics")}))
     x, u, c = at_rest(kite)
     with_line, without = kite.instant(x, u, c), free.instant(x, inputs_of_one_for(free, kite, u), c)
     force = np.subtract(with_line.applied.force, without.applied.force)
@@ -79,7 +79,7 @@ def test_the_line_pulls_towards_the_winch():
 
 def test_drag_tilts_the_force_and_keeps_its_size():
     """Guards eq. 6: |f_t| = T, tilted about body y by arcsin(F_tD / T), and against the flow."""
-    kite, straight = with_law("seed"), with_law("seed", CtD=0.0)
+    kite, straight = with_law("thesis"), with_law("thesis", CtD=0.0)
     x, u, c = at_rest(kite)
     untied = Kite(DEVELOPMENT.model_copy(update={"effects": ("gravity", "aerodynamics")}))
     free = untied.instant(x, inputs_of_one_for(untied, kite, u), c)
@@ -116,19 +116,19 @@ def test_a_slack_line_only_drags():
 def test_the_drag_does_not_jump_where_a_line_goes_slack():
     """Guards the way from the tilt of a taut line to the drag of a slack one: in steps of 1 N of tension from 0 past the drag, the force on
     the kite changes by a few N at most, and is finite with no drag and no tension at all."""
-    kite = Kite(declared(tether={"law": "seed", "tension": "measured"}))
+    kite = Kite(declared(tether={"law": "thesis", "tension": "measured"}))
     forces = np.array([kite.instant(*at_point(kite, tension=float(T))).applied.force for T in range(0, 700)])
     at = kite.instant(*at_point(kite))
     drag = 1.22 * 0.004 * 1.04 * at.line.length * at.V_a**2 / 8
     assert 200 < drag < 600
     assert np.abs(np.diff(forces, axis=0)).max() < 8.0
-    bare = Kite(declared(CtD=0.0, tether={"law": "seed", "tension": "measured"}))
+    bare = Kite(declared(CtD=0.0, tether={"law": "thesis", "tension": "measured"}))
     assert np.isfinite(bare.instant(*at_point(bare, tension=0.0)).applied.force).all()
 
 
 def test_a_measured_tension_is_taken_as_it_is():
     """Guards `tension: measured`: the load cell's value is the force, whatever the constraint says."""
-    kite = Kite(declared(tether={"law": "seed", "tension": "measured"}))
+    kite = Kite(declared(tether={"law": "thesis", "tension": "measured"}))
     at = kite.instant(*at_point(kite, tension=1234.0))
     assert at.tension == 1234.0
 

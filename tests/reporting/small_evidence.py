@@ -7,7 +7,7 @@ from awescli.flightlog.loops import Loops
 from awescli.flightlog.quality import data_quality
 from awescli.flightlog.split import PARTS, split
 from awescli.notation.quantities import MEASURED, STATES
-from awescli.reporting.evidence import Evidence
+from awescli.reporting.evidence import Action, Evidence
 
 DT, LOOP, COUNT = 0.1, 80, 10
 SCORED = (*STATES, "V_a", "tension")
@@ -40,7 +40,17 @@ def power(share: float) -> dict:
         "mean_W": 280 * (1 + share), "measured_mean_W": 280.0, "error_share": share, "interval_share": [share - 0.01, share + 0.01],
         "seconds": 22.5, "loop_seconds": 24.0, "loops": 3, "by_loop": rows,
         "energy_per_loop_J": {"nrmse": abs(share), "relative_rmse": abs(share), "loops": 3},
+        "interval_W": [270 * (1 + share), 290 * (1 + share)], "interval_level": 0.9,
+        "std_W": {"parameters": 4.0, "wind": 3.0, "loops": 2.0},
+        "by_phase": [told(share, phase="traction"), told(share, phase="retraction")],
+        "by_cycle": [told(share, cycle=1, from_s=0.0, to_s=40.0, unseen_share=0.25)],
     }  # fmt: skip
+
+
+def told(share: float, **place) -> dict:
+    """What evaluate says of the power of a part of the flight."""
+    means = {"measured_mean_W": 280.0, "mean_W": 280 * (1 + share), "interval_W": [270 * (1 + share), 290 * (1 + share)]}
+    return {**place, "seconds": 30.0, "of_seconds": 40.0, "measured_J": 8400.0, "predicted_J": 8400.0 * (1 + share), **means}
 
 
 def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, horizon: int = 50, hybrid: bool = True) -> Evidence:
@@ -88,7 +98,16 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
     for n in SCORED:
         residuals[f"test_before_{n}"] = predictions[f"identified_{n}"] - predictions[f"measured_{n}"]
         residuals[f"test_after_{n}"] = predictions[f"with_effects_{n}"] - predictions[f"measured_{n}"]
+    frequency = np.linspace(0, 1, 17)
+    for which, height in (("before", 9.0), ("after", 1.0)):
+        residuals[f"study_{which}_frequency"] = frequency
+        residuals |= {f"study_{which}_spectrum_{n}": 1 + (height - 1) * np.exp(-4 * frequency) for n in SCORED}
     error = {n: 0.03 for n in (*SCORED, "mean")}
+    late = np.sin(np.outer(np.ones(len(first)), residuals["time"]) - 0.2)
+    action = Action(
+        f"actuator_lag:rudder{evil}", f"rudder{evil}", "rad", "set-point", "deflection, inferred",
+        (first[:, None] + np.arange(horizon + 1)[None]) * DT, np.sin(np.outer(np.ones(len(first)), residuals["time"])), late,
+    )  # fmt: skip
     effects = {
         "verdict": "found", "sentence": f"An effect explains it.{evil}", "unexplained": None, "gust_m_s": 0.4,
         "not_testable": ["air_density"],
@@ -112,6 +131,8 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
         ],
         "probability": {f"actuator_lag:rudder{evil}": 0.9, "something_else": 0.1},
         "chi2": {"train_before": 2.0, "train_after": 1.0}, "detectable": {"wind_shear": 0.001}, "separate": [f"fly otherwise{evil}"],
+        "left": {"chi2": 1.0, "channels": {n: 1.02 for n in ("p_n", "phi")}},
+        "residual": {which: {"loop_averaged_share": {"p_n": share, "phi": share}} for which, share in (("before", 0.7), ("after", 0.02))},
         "parameter_shifts": {f"Ca{evil}": {"prior": 1, "before": 2, "after": 1.1, "before_in_prior_std": 2.0, "after_in_prior_std": 0.1}},
         "roll_gusts": {
             "std_rad_s": 0.14, "worth": 45.0, "lasts_s": 0.3, "split": "test", "chi2": {"before": 49.0, "after": 18.0},
@@ -159,8 +180,13 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
                             "starts_s": [0.0, 20.0], "path_error_5s_m": 2.0},
         },
         commanded={"rudder": log["rudder"] + 0.001}, identify=identify,
-        params={"parameters": {f"Ca{evil}": row}}, traced_params={"parameters": {f"lag{evil}.tau": row}},
-        effects=effects, residuals=residuals,
+        params={"parameters": {f"Ca{evil}": row}},
+        traced_params={
+            "parameters": {f"lag{evil}.tau": row, f"Ca{evil}": row, "Cb": row},
+            "correlation": {"names": [f"lag{evil}.tau", f"Ca{evil}", "record.speed_0", "Cb"],
+                            "matrix": [[1, 0.97, 0, 0.1], [0.97, 1, 0, -0.7], [0, 0, 1, 0], [0.1, -0.7, 0, 1]]},
+        },
+        effects=effects, residuals=residuals, actions=(action,),
         hybrid=trained if hybrid else None, network=network if hybrid else None,
         correction=correction if hybrid else None, flown=flown, trajectory=trajectory,
         provenance={"identify": {

@@ -67,8 +67,8 @@ def test_what_went_wrong_with_it_is_said():
     assert beside_linear({"baseline": {"outcome": "too_short"}}, ()).startswith("There is no linear model") and beside_linear({}, ()) == ""
 
 
-def test_it_is_on_the_page_and_no_step_of_the_ladder():
-    """Guards the report: tile, ladder, table of horizons and the sentence; the best model is still one of ours."""
+def test_it_is_on_the_page_and_is_none_of_the_nested_models():
+    """Guards the report: tile, nested models, table of horizons and the sentence; the best model is still one of ours."""
     shown = evidence()
     text = page(shown)
     assert text.count("linear (ARX)") >= 4 and "Identified does not beat a linear model of the same inputs" in text

@@ -51,8 +51,8 @@ def test_every_figure_of_the_page_is_there_as_picture_and_table():
 
 def test_the_numbers_in_a_table_are_those_of_the_artifacts():
     e = evidence()
-    ladder = {(r["series"], r["category"]): float(r["NRMSE [% of range]"]) for r in rows("ladder.csv")}
-    assert ladder["as declared", "u"] == 100 * e.nrmse("initial")["u"] and ladder["hybrid", "φ"] == 100 * e.nrmse("hybrid")["phi"]
+    models = {(r["series"], r["category"]): float(r["NRMSE [% of range]"]) for r in rows("models.csv")}
+    assert models["as declared", "u"] == 100 * e.nrmse("initial")["u"] and models["hybrid", "φ"] == 100 * e.nrmse("hybrid")["phi"]
     measured = [r for r in rows("p_n.csv") if r["series"] == "measured"]
     values = np.array([float(r["position north [m]"] or "nan") for r in measured])
     truth = e.predictions["measured_p_n"]
@@ -62,7 +62,7 @@ def test_the_numbers_in_a_table_are_those_of_the_artifacts():
 
 
 def test_units_stand_on_the_axes():
-    assert "NRMSE [% of range]" in texts(usual()["ladder.svg"]) and "[m/s]" in texts(usual()["u.svg"])
+    assert "NRMSE [% of range]" in texts(usual()["models.svg"]) and "[m/s]" in texts(usual()["u.svg"])
     assert {"east [m]", "north [m]", "up [m]"} <= set(rows("3d-flight.csv")[0])
 
 
@@ -74,8 +74,8 @@ def test_names_from_files_stay_text_on_paper_too():
 
 
 def test_equal_evidence_makes_equal_files():
-    again = drawn(figures_of(evidence())["fig-ladder"], light_colours(), {})
-    assert again == {kind: usual()[f"ladder.{kind}"] for kind in ("png", "svg")}
+    again = drawn(figures_of(evidence())["fig-models"], light_colours(), {})
+    assert again == {kind: usual()[f"models.{kind}"] for kind in ("png", "svg")}
 
 
 def test_bars_stand_where_their_numbers_say():
@@ -99,4 +99,4 @@ def test_what_cannot_be_drawn_is_an_error(trace):
 def test_flights_without_a_controller_or_tracing():
     whole = evidence()
     some = replace(whole, controller=None, commanded={}, effects=None, residuals=None)
-    assert "fig-ladder" in figures_of(some) and "fig-residual" not in figures_of(some)
+    assert "fig-models" in figures_of(some) and "fig-residual" not in figures_of(some)

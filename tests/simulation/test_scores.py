@@ -10,7 +10,7 @@ from awescli.simulation.segments import noise_std
 
 
 def test_nrmse_is_the_error_over_the_range():
-    """Guards the seed's definition: RMSE / (max - min) of the measured signal."""
+    """Guards the definition of docs/equations.md (30): RMSE / (max - min) of the measured signal."""
     e = np.array([[3.0, -4.0], [0.0, 0.0]])
     assert scores.rmse(e) == 2.5 and scores.nrmse(e, 10.0) == 0.25
     assert scores.span(np.array([-2.0, 8.0])) == 10.0

@@ -12,7 +12,7 @@ from awescli.stages.base import FAILURE, KITE_FILE, Need, Stage, StageConfig
 
 class FitConfig(StageConfig):
     horizon: float = Field(5.0, gt=0, description="seconds between re-initialisations")
-    law: Literal["seed", "exact"] = Field("seed", description="tether law")
+    law: Literal["thesis", "exact"] = Field("thesis", description="tether law")
     end: Literal["good", "diverge", "fault", "interrupt", "no answer"] = Field("good", description="how the stage ends")
     weights: Path | None = Field(None, description="a file")
 

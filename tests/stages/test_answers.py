@@ -11,7 +11,7 @@ from awescli.artifacts import read_json
 from awescli.cli import build_app
 from awescli.stages import STAGES
 from awescli.stages.answers import lines_of, number, sized
-from awescli.stages.trace_residual import SAYS, detectable, told
+from awescli.stages.trace_residual import SAYS, answer_lines, detectable
 
 APP = build_app(STAGES)
 
@@ -123,7 +123,7 @@ def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen):
         "unexplained": unexplained,
         "kinematics": [{"sentence": "position late by 0.2603 s +- 0.0004"}] * seen,
     }
-    lines = lines_of("trace-residual", told(effects, "out/trace-residual/kite.yaml"))
+    lines = lines_of("trace-residual", answer_lines(effects, "out/trace-residual/kite.yaml"))
     assert max(map(len, lines)) <= 80 and len(lines) <= 6, lines
     assert "0.0123 -> 0.0123 (noise alone 0.0123)" in " ".join(lines) and verdict in lines[0] and "kite.yaml" in lines[-1]
     assert ("kinematics alone: position late by 0.2603 s" in " ".join(lines)) == (seen > 0)

@@ -43,6 +43,7 @@ from awescli.physics.effects.thrust import Thrust
 from awescli.physics.effects.turbulence import Turbulence
 from awescli.physics.effects.unsteady_lift import UnsteadyLift
 from awescli.physics.effects.vane_bias import VaneBias
+from awescli.physics.effects.winch_control import WinchControl
 from awescli.physics.effects.winch_length import WinchLength
 from awescli.physics.effects.winch_tracking import WinchTracking
 from awescli.physics.effects.wind_offset import WindOffset
@@ -54,7 +55,8 @@ EFFECTS = {
     for e in (
         Gravity, Aerodynamics, Thrust, Tether,
         WindShear, WindVeer, WindOffset, AirDensity, Turbulence,
-        TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment, WinchLength, WinchTracking, ClockOffset,
+        TetherDrag, TetherWeight, TetherElasticity, TetherSag, TetherAttachment,
+        WinchControl, WinchLength, WinchTracking, ClockOffset,
         MassOffset, AddedMass,
         ParasiticDrag, SideslipDrag, ReynoldsDrag, LiftStall, LiftDrift, PitchCurvature, UnsteadyLift, DownwashLag,
         AeroelasticTwist, SurfaceBias,

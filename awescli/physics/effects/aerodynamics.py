@@ -27,7 +27,8 @@ def parse_monomial(text: str) -> list[tuple[str, bool, int]]:
 
 
 class Aerodynamics(Effect):
-    """C_j = sum over the table's terms of parameter * monomial; rates as p b/2V_a, q c/2V_a, r b/2V_a (Beard & McLain, ch. 4).
+    """C_j = sum over the table's terms of parameter * monomial; rates as p b/2V_a, q c/2V_a, r b/2V_a: docs/equations.md (9); Beard &
+    McLain, ch. 4.
 
     The kite file's `aerodynamics` is the table; its `surfaces` turn the log's signs into the table's.
     """
@@ -81,7 +82,7 @@ def wind_axes(CX, CY, CZ, alpha, beta):
 
 
 def body_axes(CD, CY, CL, alpha, beta):
-    """(C_X, C_Y, C_Z): the seed's matrix of f_a (section 2.1) applied to (-C_D, C_Y, -C_L)."""
+    """(C_X, C_Y, C_Z) of (C_D, C_Y, C_L): docs/equations.md (10)."""
     s_a, c_a, s_b, c_b = sin(alpha), cos(alpha), sin(beta), cos(beta)
     return (
         -CD * c_b * c_a - CY * s_b * c_a + CL * s_a,

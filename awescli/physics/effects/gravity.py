@@ -6,7 +6,7 @@ from awescli.physics.instant import Load
 
 
 class Gravity(Effect):
-    """f_g = R^T (0, 0, m g) (seed, section 2.1). Acts at the centre of mass."""
+    """f_g = R^T (0, 0, m g), docs/equations.md (6). Acts at the centre of mass."""
 
     name = "gravity"
     doc = "weight"

@@ -1,4 +1,4 @@
-"""The tether: line constraint, virtual spring, drag sag, attachment moment (seed eqs. 2-8, made consistent)."""
+"""The tether: line constraint, virtual spring, drag sag, attachment moment: docs/equations.md (12) to (17)."""
 
 from awescli.notation.frames import add, cross, dot, rotate, rotate_back, scale
 from awescli.notation.scalars import maximum, select, sqrt
@@ -6,15 +6,16 @@ from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Line, Load
 
 STEEPEST = 0.95
-"""sin(theta_t) is kept below this: a line that goes slack cannot carry its drag by a tilt of eq. 6 (see `Tether._force`)."""
+"""sin(theta_t) is kept below this: a line that goes slack cannot carry its drag by a tilt, docs/equations.md (16) (see `Tether._force`)."""
 LEAST = 1e-9
 """[N] keeps a quotient of forces finite where both vanish."""
 
 
-def seed_pull(at, f, m):
-    """F_1 = phat . R^T (f_a + f_g + m (rv-qw, pw-ru, qu-pv)), eq. 2 with the sign that cancels the pull along the line.
+def thesis_pull(at, f, m):
+    """F_1 = phat . R^T (f_a + f_g + m (rv-qw, pw-ru, qu-pv)): docs/equations.md (13), Rositani (2025) eq. (2) with the sign that
+    cancels the pull along the line.
 
-    As printed, eq. 2 adds the pull instead of cancelling it: requiring no acceleration along the line in the body frame
+    As printed, it adds the pull instead of cancelling it: requiring no acceleration along the line in the body frame
     gives this sign (tests/physics/test_tether.py shows the net pull to be zero).
     """
     z = at.z
@@ -23,13 +24,13 @@ def seed_pull(at, f, m):
 
 
 def exact_pull(at, f, m):
-    """F_1 of the constraint |p| = l_t itself: phat . R^T f + m (|pdot|^2 - (phat . pdot)^2) / |p| - m l_t_ddot."""
+    """F_1 of the constraint |p| = l_t itself, docs/equations.md (14): phat . R^T f + m (|pdot|^2 - (phat . pdot)^2) / |p| - m l_t_ddot."""
     along = dot(at.p_hat, at.v_ned)
     inertial = (dot(at.v_ned, at.v_ned) - along * along) / at.distance - at.line.acceleration
     return dot(at.p_hat, rotate(at.R, f)) + m * inertial
 
 
-LAWS = {"seed": seed_pull, "exact": exact_pull}
+LAWS = {"thesis": thesis_pull, "exact": exact_pull}
 
 
 class Tether(Effect):

@@ -5,7 +5,7 @@ from awescli.physics.effects.base import Effect
 
 
 class TetherDrag(Effect):
-    """C_tD += dC, and `lateral` times the drag's part across the kite, -F_tD v_r / V_a along body y (the seed's eq. 7 has none)."""
+    """C_tD += dC, and `lateral` times the drag's part across the kite, -F_tD v_r / V_a along body y (docs/equations.md (17) has none)."""
 
     name = "tether_drag"
     doc = "tether drag coefficient and its lateral part"

@@ -36,7 +36,8 @@ class WinchTracking(Effect):
         """(speed, acceleration) of the drum where `line` is asked for."""
         speed, _ = self.own_states(at)
         v = lagged(clipped(speed, own.v_max), line.speed, own.tau)
-        return v, clipped((line.speed - speed) / lag_time(own.tau), own.a_max)
+        # towards what it can reach: a drum at its fastest has no acceleration left, and none to take back
+        return v, clipped((clipped(line.speed, own.v_max) - speed) / lag_time(own.tau), own.a_max)
 
     def line(self, line, at, own):
         _, ahead = self.own_states(at)

@@ -1,4 +1,4 @@
-"""The ladder of models: initial, identified, with_effects, hybrid; each step adds what the stage before it found."""
+"""The nested models of a run: initial, identified, with_effects, hybrid; each adds what one more stage found."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ MADE_BY = {"identified": "identify", "with_effects": "trace-residual", "hybrid":
 """Model -> the stage that hands it on; `initial` is what the user declared."""
 
 
-def ladder(context: Context, log, closed: bool = False) -> dict:
+def nested_models(context: Context, log, closed: bool = False) -> dict:
     """name -> Simulator of every model that exists, in the order in which they were made; closed: the fitted law moves the surfaces."""
     return {name: model_of(name, file, log, context if closed else None) for name, file in kite_files(context).items()}
 
@@ -38,7 +38,7 @@ def network(folder: Path) -> tuple[dict, dict]:
     return read_json(folder / "network.json"), read_tensors(folder / "network.safetensors")
 
 
-def score_ladder(models: dict, context: Context, log, parts, config, task) -> tuple[dict, dict]:
+def score_models(models: dict, context: Context, log, parts, config, task) -> tuple[dict, dict]:
     """(metrics.json, arrays of predictions.npz): every model predicted alike on train, validation and test."""
     from awescli.estimation.prediction_scores import scored
     from awescli.flightlog.loops import find_loops
@@ -51,7 +51,9 @@ def score_ladder(models: dict, context: Context, log, parts, config, task) -> tu
     arrays: dict = {}
     for name, simulator in models.items():
         task.update(name)
-        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts)
+        if name != "hybrid":  # a network is on top of the physics whose parameters were fitted
+            told_by = simulator, known_of(context, name, simulator.kite)
+        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts, told_by)
         enter(name, block, predictions, context, log, metrics, arrays)
         metrics["noise_floor"] = predictions["test"].noise_floor()
         task.advance()
@@ -67,6 +69,16 @@ def enter(name: str, block: dict, predictions: dict, context: Context, log, metr
     for n in test.simulated:
         arrays[f"measured_{n}"] = test.measured[n]
         arrays[f"{name}_{n}"] = test.measured[n] - test.errors(n)
+
+
+def known_of(context: Context, name: str, kite):
+    """What the fit behind a model says of its parameters; of one that nothing was fitted to, what is declared."""
+    from awescli.artifacts import read_json
+    from awescli.estimation.power_interval import Known
+
+    folder = context.upstream(MADE_BY[name]) if name in MADE_BY else None
+    file = folder / "params.json" if folder else None
+    return Known.fitted(read_json(file), kite) if file and file.is_file() else Known.declared(kite)
 
 
 def surface_errors(context: Context, log, prediction) -> dict:

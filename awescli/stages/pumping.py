@@ -1,0 +1,216 @@
+"""Pumping cycles in a plan: what `simulate` is told of phases, and the flight through them."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from awescli.notation.errors import BadInput
+
+Degrees = float
+
+
+class Settings(BaseModel):
+    """Base of the blocks of a phase."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Circle(Settings):
+    """The pattern that path_following flies in a phase."""
+
+    elevation: Degrees | None = Field(None, ge=0, le=90, description="of the centre, seen from the winch [deg]; default as the log flies")
+    azimuth: Degrees | None = Field(
+        None, ge=-360, le=360, description="of the centre, from north over east [deg]; default as the log flies"
+    )
+    radius: float | None = Field(None, gt=1, le=1000, description="along the sphere [m]; default as the log flies")
+
+
+class WinchLaw(Settings):
+    """How fast the winch is asked to pay out: v + kv sqrt(load) + k (load above f_high - load below f_low)."""
+
+    v: float = Field(0.0, ge=-20, le=20, description="reel-out speed, negative inwards [m/s]")
+    kv: float = Field(0.0, ge=0, le=1, description="further speed per root of the load [m/s/sqrt(N)]")
+    k: float = Field(0.0, ge=0, le=0.1, description="further speed per load beyond a limit [m/s/N]")
+    f_low: float = Field(0.0, ge=0, le=1e6, description="load below which it reels in [N]")
+    f_high: float = Field(1e6, ge=0, le=1e6, description="load above which it pays out [N]")
+    tau: float = Field(0.3, ge=0.02, le=10, description="lag of the load that it answers [s]")
+
+    @model_validator(mode="after")
+    def _limits_in_order(self):
+        if self.f_low > self.f_high:
+            raise ValueError(f"f_low {self.f_low:g} lies above f_high {self.f_high:g}")
+        return self
+
+
+class Limit(Settings):
+    """A limit that a quantity passes upwards or downwards."""
+
+    above: float | None = Field(None, description="ends the phase where it comes to this from below")
+    below: float | None = Field(None, description="ends the phase where it comes to this from above")
+
+    @model_validator(mode="after")
+    def _one_way(self):
+        if (self.above is None) == (self.below is None):
+            raise ValueError("give above or below")
+        return self
+
+
+Ending = Literal["time_in_phase", "tether_length", "height", "elevation", "tension", "V_a"]
+
+
+class PhaseConfig(Settings):
+    """One phase of a cycle."""
+
+    name: Literal["traction", "transition", "retraction"] = Field(description="what it is")
+    law: Literal["path_following", "controller"] = Field(
+        "path_following", description="who steers: a built-in law on the circle, or the fitted controller"
+    )
+    pattern: Circle = Field(Circle(), description="circle of path_following: elevation, azimuth, radius")
+    surfaces: dict[str, Degrees] = Field({}, description="surfaces held [deg], e.g. {elevator: 3, flaps: 0}; default as the log's median")
+    winch: WinchLaw = Field(WinchLaw(), description="winch law: v, kv, k, f_low, f_high, tau")
+    until: dict[Ending, Limit] = Field(
+        min_length=1, description="what ends it, the first that is passed: {tether_length: {above: 400}}; m, s, N, m/s, deg"
+    )
+
+
+class Drum(Settings):
+    """The winch that follows its reference: lag and limits of `winch_tracking`."""
+
+    tau: float = Field(0.3, ge=0.02, le=3, description="lag [s]")
+    v_max: float = Field(10.0, gt=0, le=100, description="fastest line [m/s]")
+    a_max: float = Field(5.0, gt=0, le=100, description="torque over inertia [m/s2]")
+
+
+def check_phases(phases: tuple[PhaseConfig, ...], declared, log) -> Iterator[tuple[str, BadInput]]:
+    """What cannot be flown of a plan's phases."""
+    from awescli.physics.kite import has_line, surfaces_used
+
+    if phases and not has_line(declared):
+        yield "phases", BadInput("phases pay a line out and reel it in, and this kite flies free", do="Leave them out.")
+        return
+    for i, phase in enumerate(phases):
+        for surface in phase.surfaces:
+            if surface not in surfaces_used(declared) | set(log.inputs):
+                known = ", ".join(sorted(surfaces_used(declared)))
+                yield (
+                    "phases",
+                    BadInput(f"phase {i + 1} ({phase.name}) holds '{surface}', which this kite does not have", do=f"It has {known}."),
+                )
+        for name, limit in phase.until.items():
+            if name == "time_in_phase" and limit.above is None:
+                yield "phases", BadInput(f"phase {i + 1} ({phase.name}): time in a phase only grows", do="Use above.")
+
+
+def guards_of(until: Mapping[str, Limit]):
+    """The guards of a phase, SI."""
+    from awescli.simulation.switching import Guard
+
+    scale = {"elevation": math.pi / 180}
+    return tuple(
+        Guard(name, scale.get(name, 1.0) * (limit.above if limit.above is not None else limit.below), limit.above is not None)
+        for name, limit in until.items()
+    )
+
+
+def laws_of(phases: tuple[PhaseConfig, ...], log, declaration, fitted):
+    """A law (`deflections`) for each phase: who steers, and what is held."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from awescli.control.held import Held
+    from awescli.notation.quantities import SURFACES
+    from awescli.stages.follower import follower_of
+
+    follower = follower_of(log, declaration) if any(p.law == "path_following" for p in phases) else None
+    medians = {name: float(np.median(log[name])) for name in SURFACES if name in log.inputs}
+    for phase in phases:
+        held = {name: math.radians(value) for name, value in phase.surfaces.items()}
+        if phase.law == "controller":
+            rest = {n: v for n, v in medians.items() if n not in (*fitted.surfaces, *fitted.constants)}
+            yield Held(fitted, rest | held)
+            continue
+        circle = {n: v if n == "radius" else math.radians(v) for n, v in phase.pattern.model_dump().items() if v is not None}
+        yield Held(replace(follower, pattern=replace(follower.pattern, **circle)), held)
+
+
+def pumping_phases(phases: tuple[PhaseConfig, ...], log, kite, fitted):
+    """The phases as the simulation flies them, made for a kite."""
+    from awescli.simulation.closed_loop import loop
+    from awescli.simulation.pumping import PumpingPhase
+    from awescli.stages.controller_artifact import wind_direction
+
+    laws = laws_of(phases, log, kite.declaration, fitted)
+    return [
+        PumpingPhase(p.name, loop(law, kite, wind_direction(log)), p.winch.model_dump(), guards_of(p.until), law.pattern)
+        for p, law in zip(phases, laws, strict=True)
+    ]
+
+
+def on_winch(declaration, drum: Drum):
+    """The kite on the plan's winch; what a kite file says of its own drum stays, unless the plan says otherwise."""
+    from awescli.simulation.pumping import DRUM, with_winch
+
+    return with_winch(declaration, drum.model_dump(exclude_unset=DRUM in declaration.effects))
+
+
+def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping, known=None):
+    """(the flight through the plan's phases, what metrics.json says of it), from sample `first` of the log, its line and its load on.
+
+    known: of the parameters (`power_interval.Known`), for the interval of the mean power of all cycles that were asked for: 5 to 95 % of
+    those drawn kites that fly them.
+    """
+    from awescli.flightlog.cycles import cycles
+    from awescli.flightlog.phases import phases
+    from awescli.simulation.pumping import Pumping, energies
+
+    line = {"length": float(log["tether_length"][first]), "speed": float(log["reel_out_speed"][first])}
+    line["load"] = max(float(log["tension"][first]), 0.0) if "tension" in log else 0.0
+    pumping = Pumping.of(kite, pumping_phases(config.phases, log, kite, fitted), config.step)
+    pumped = pumping.fly(wind, cycles=config.cycles, **line, **how)
+    names = [p.name for p in config.phases]
+    rows, whole = energies(pumped, names)
+    told = {"phases": rows, "cycles": whole, "cycles_flown": pumped.done, "mean_cycle_W": mean_power(whole)}
+    if known is not None and config.draws and config.cycles == pumped.done:
+        kites = known.draws(kite, config.draws, how["seed"])
+        flown = [pumping.fly(wind, cycles=config.cycles, **line, **how, values=values) for values in kites]
+        told |= {"mean_cycle_interval_W": band([mean_power(energies(f, names)[1]) for f in flown if f.ended]), "draws": config.draws}
+        told["draws_flown"] = sum(f.ended is not None for f in flown)
+    power = log["tension"] * log["reel_out_speed"] if "tension" in log else None
+    measured = [float(power[a:b].mean()) for a, b in cycles(phases(log))] if power is not None else []
+    return pumped.flown, told | ({"measured_cycle_W": measured} if measured else {})
+
+
+def band(means: list[float]) -> list[float] | None:
+    """[low, high] of the BAND of some means; None of fewer than two."""
+    import numpy as np
+
+    from awescli.simulation.power_curve import BAND
+
+    return np.quantile(means, BAND).tolist() if len(means) > 1 else None
+
+
+def mean_power(whole: list[dict]) -> float | None:
+    """[W] over whole cycles; None where none was flown."""
+    seconds = sum(row["to_s"] - row["from_s"] for row in whole)
+    return sum(row["energy_J"] for row in whole) / seconds if seconds else None
+
+
+def told_of_cycles(pumped: Mapping) -> list[str]:
+    """What was earned, in a line: mean cycle power and the power of each phase; nothing for a flight without phases."""
+    if not pumped:
+        return []
+    if pumped["mean_cycle_W"] is None:
+        return ["no pumping cycle came to its end"]
+    whole = pumped["cycles_flown"]
+    of: dict[str, list[dict]] = {}
+    for row in pumped["phases"]:
+        if row["cycle"] <= whole:
+            of.setdefault(row["phase"], []).append(row)
+    shares = ", ".join(f"{name} {mean_power(rows) / 1000:.3g}" for name, rows in of.items())
+    seconds = sum(row["to_s"] - row["from_s"] for row in pumped["cycles"]) / whole
+    interval = pumped.get("mean_cycle_interval_W")
+    between = " (90 %: {:.3g} to {:.3g})".format(*(w / 1000 for w in interval)) if interval else ""
+    return [f"{whole} pumping cycles of {seconds:.0f} s: mean power {pumped['mean_cycle_W'] / 1000:.3g} kW{between}; {shares}"]
