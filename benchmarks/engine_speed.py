@@ -211,11 +211,11 @@ def jacobians(report: Report, problem: Problem, rounds: int, folder: Path) -> No
     runs[name], scale[name] = lambda: scalar.jacobian(part), SEGMENTS / len(part)
     extra[name] = ("150 / 300", _difference(scalar.jacobian(part)[:, :, theirs], J[[SEGMENTS // 2]][:, :, rows]), "-")
     lanes = ScipyPeer(problem, ARRAYS)
-    name = "scipy, all segments and perturbed copies in one solve_ivp"
+    name = together = "scipy, all segments and perturbed copies in one solve_ivp"
     runs[name] = lambda: lanes.jacobian_in_one(s)
     extra[name] = ("-", _difference(lanes.jacobian_in_one(s)[:, :, theirs], J[:, :, rows]), "-")
     missing, rolled = [], {}
-    noted = {slow: slow.partition(",")[0]}
+    noted = {slow: slow, together: together}
     if importlib.util.find_spec("casadi"):
         gcc = shutil.which("gcc")
         ways = {"forward": "its forward sensitivities", "recursion": "dS/dt = A S + B written by hand"}

@@ -190,3 +190,12 @@ def test_plans_of_the_examples_are_valid(file, tmp_path):
 @pytest.mark.parametrize("file", sorted([*ROOT.glob("data/kites/*.yaml"), *ROOT.glob("examples/*/kite.yaml")]), ids=lambda f: f.stem)
 def test_kite_files_are_valid(file):
     assert read_kite(file).parameters
+
+
+def test_the_speed_table_names_the_faster_way_of_every_peer():
+    """Guards a figure against the slowest way alone: scipy's many solutions in one call stand beside one call each, with the numbers of the
+    whole table."""
+    whole = (ROOT / "benchmarks" / "results" / "engine_speed.md").read_text()
+    shown = dict(re.findall(r"^\| Jacobian, times (scipy[^|]*) \| \*\*([^*]+)\*\*", (ROOT / "README.md").read_text(), re.M))
+    told = dict(re.findall(r"^\| (scipy[^|]*) \|[^|]*\| \*\*([^*]+)\*\*", whole, re.M))
+    assert shown == told and any("in one solve_ivp" in who for who in shown)

@@ -57,6 +57,13 @@ def test_every_room_has_a_floor(file):
     assert room_of(file) in FLOORS
 
 
+@pytest.mark.parametrize("room", [r for r in FLOORS if (PACKAGE / r).is_dir()])
+def test_a_room_says_its_floor(room):
+    """Guards what a reader is told first: the number in a room's first words is its floor's."""
+    words = ast.get_docstring(ast.parse((PACKAGE / room / "__init__.py").read_text()))
+    assert words.startswith(f"Floor {FLOORS[room]}: "), words[:40]
+
+
 def test_no_import_goes_up_or_sideways(file, tree):
     own = room_of(file)
     for line, name in imports(tree):

@@ -1,4 +1,4 @@
-"""What stages leave behind: the only room of awes that writes files, and the readers of what it wrote.
+"""Floor 1: what stages leave behind: the only room of awes that writes files, and the readers of what it wrote.
 
 `files.py`: one file, whole or not at all; `folders.py`: a stage's folder, whole or not at all, and nothing lost that awes did not make;
 `journal.py`: the log file; `forms.py`: what each JSON artifact must hold (checked by `form_check.py`); `origins.py`: hashes, versions,

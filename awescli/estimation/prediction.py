@@ -118,7 +118,7 @@ def beside(log, simulated: dict[str, np.ndarray], alive: np.ndarray, first: np.n
     rows = first[:, None] + np.arange(count)[None]
     measured = {n: log[n][rows] for n in simulated}
     part = np.concatenate([np.arange(a, b) for a, b in ranges])
-    spans = {n: scores.span(log[n][part], n) for n in simulated}
+    spans = {n: scores.span(log[n][part]) for n in simulated}
     return Prediction(np.arange(count) * log.dt, first, measured, simulated, alive, spans, noise_floor(log, spans, part, noise))
 
 

@@ -17,6 +17,7 @@ from awescli.estimation.processes.base import Process
 from awescli.flightlog.reconstruction.wind import wind_of_airspeed
 from awescli.flightlog.split import segments as segment_starts
 from awescli.flightlog.wind_at import wind_ned
+from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import MEASURED
 from awescli.physics.airflow import declared_wind, wind_vector
@@ -112,7 +113,7 @@ def _by_height(log, rows: np.ndarray, best: np.ndarray, drawn: np.ndarray, stati
             "height_m": float(heights[i]), "seconds": float(here.sum() * log.dt), "speed_m_s": speed,
             "direction_deg": np.degrees(direction),
             "speed_std": float(np.sqrt(np.mean((speeds - speed) ** 2))),
-            "direction_std": float(np.degrees(np.sqrt(np.mean(_turned(directions - direction) ** 2)))),
+            "direction_std": float(np.degrees(np.sqrt(np.mean(wrap(directions - direction) ** 2)))),
             "station_speed_m_s": _polar(record)[0], "station_direction_deg": float(np.degrees(_polar(record)[1])),
         }  # fmt: skip
         if pitot is not None:
@@ -128,8 +129,3 @@ def _by_height(log, rows: np.ndarray, best: np.ndarray, drawn: np.ndarray, stati
 def _polar(wind: np.ndarray) -> tuple[float, float]:
     """(speed [m/s], direction it comes from [rad, 0..2 pi))."""
     return float(np.hypot(*wind)), float(np.arctan2(-wind[1], -wind[0]) % (2 * np.pi))
-
-
-def _turned(angle: np.ndarray) -> np.ndarray:
-    """Differences of directions, within half a turn."""
-    return (angle + np.pi) % (2 * np.pi) - np.pi

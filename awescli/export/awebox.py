@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from awescli.export.model import ExportedModel
 from awescli.notation.errors import BadInput
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.effects.aerodynamics import parse_monomial
+from awescli.physics.effects.aerodynamics import COEFFICIENTS, parse_monomial
 
 _INPUTS = {
     "alpha": "alpha", "beta": "beta", "p_hat": "p", "q_hat": "q", "r_hat": "r",
@@ -19,7 +19,7 @@ _INPUTS = {
 }  # fmt: skip
 _ANGLES = ("alpha", "beta", "aileron", "elevator", "rudder", "flaps")
 _WIND_FRAME = {"CD": "CD", "CY": "CS", "CL": "CL", "Cl": "Cl", "Cm": "Cm", "Cn": "Cn"}
-_BODY_FRAME = {name: name for name in ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}
+_BODY_FRAME = {name: name for name in COEFFICIENTS["body"]}
 _WIND = {"power": "power", "log": "log_wind", "uniform": "uniform", "table": "uniform"}
 
 Derivatives = dict[str, dict[str, list[float]]]

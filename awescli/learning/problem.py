@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from awescli.estimation.misfit import DIVERGED_COST
 from awescli.learning.correction import ROWS, Correction, HybridKite, of_physics
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
 from awescli.learning.orthogonality import Parametric
@@ -22,8 +23,6 @@ MEASURED_STATE = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi
 """The whole state as it is measured: what starts are estimated from."""
 COMPARED = STATES
 """The whole state (docs/equations.md (29)): what the cost sees. Velocities in body axes: errors across the line and along it differ."""
-DIVERGED_COST = 25.0
-"""Cost of a sample that a diverged rollout never reached: five times the physics' own error, squared."""
 
 
 @dataclass(frozen=True)

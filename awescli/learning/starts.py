@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from awescli.estimation.misfit import DIVERGED_COST
 from awescli.notation.quantities import STATES
 from awescli.physics.disturbances import GUSTS, even
 from awescli.simulation.rollout import Columns, Simulator
@@ -65,7 +66,7 @@ def fitted_nuisances(simulator: Simulator, observed: Observed, values=None, wind
         step = np.where(good[:, None], step, 0.0)
         starts, wind = starts + step[:, :12], wind + step[:, 12:]
     missing = (np.arange(steps + 1)[None, :, None] >= trajectories.alive[:, None, None]) & (weight > 0)
-    cost = (observed.residual(trajectories) ** 2).sum((1, 2)) + 25.0 * missing.sum((1, 2)) + (prior[12:] * wind**2).sum(1)
+    cost = (observed.residual(trajectories) ** 2).sum((1, 2)) + DIVERGED_COST * missing.sum((1, 2)) + (prior[12:] * wind**2).sum(1)
     dof = np.maximum((weight > 0).sum((1, 2)) - 12, 1)
     return Own(Observed(now, observed.outputs, observed.measured, observed.sigma), cost, dof)
 

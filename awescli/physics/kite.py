@@ -17,7 +17,7 @@ from awescli.physics.declaration import KiteDeclaration, parameter_of
 from awescli.physics.disturbances import DISTURBANCES, FORCES, GUSTS, MOMENTS, PHASE, ROLL_GUST, disturbances
 from awescli.physics.disturbances import parameters as nuisance_parameters
 from awescli.physics.effects import EFFECTS
-from awescli.physics.effects.aerodynamics import body_axes, parse_monomial
+from awescli.physics.effects.aerodynamics import COEFFICIENTS, body_axes, parse_monomial
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Body, Coefficients, Instant, Load
 from awescli.physics.rigid_body import acceleration, state_derivative
@@ -106,7 +106,7 @@ def check_declaration(declaration: KiteDeclaration, where: Callable[..., str]) -
         if effect.of_line and not has_line(declaration):
             what = f"effect '{key}' acts on a line, and no effect gives the kite one"
             errors.append(BadInput(what, where("effects", i), "Add `tether` to the effects, or leave this one out."))
-    known = {"wind": ("CD", "CY", "CL", "Cl", "Cm", "Cn"), "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}[declaration.aerodynamics.frame]
+    known = COEFFICIENTS[declaration.aerodynamics.frame]
     for coefficient, terms in declaration.aerodynamics.terms.items():
         place = ("aerodynamics", "terms", coefficient)
         if coefficient not in known:
@@ -148,6 +148,10 @@ def _wrong_constraints(declaration: KiteDeclaration, where: Callable[..., str]) 
     return errors
 
 
+STATION = (10.0,)
+"""[m] height of the one station of a wind record of which nothing else is known: where weather services measure."""
+
+
 class Kite:
     """A declared kite as three functions of vectors: `derivative`, `outputs`, `initial`.
 
@@ -157,7 +161,7 @@ class Kite:
     heights: heights of the wind record [m].
     """
 
-    def __init__(self, declaration: KiteDeclaration, heights: Sequence[float] = (10.0,), extra: Sequence[str] = ()):
+    def __init__(self, declaration: KiteDeclaration, heights: Sequence[float] = STATION, extra: Sequence[str] = ()):
         self.declaration = declaration
         self.heights = tuple(float(h) for h in heights)
         keys = [k for k in declaration.effects if k not in extra]

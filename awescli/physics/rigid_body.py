@@ -34,6 +34,19 @@ def acceleration(body: Body, load: Load, along):
     return add(of_f, scale(m_l * dot(along, of_f) / (1 - m_l * dot(along, of_n)), of_n))
 
 
+def force_for(body: Body, load: Load, a, along):
+    """Force [N] that gives the inertial acceleration a [m/s2, body axes]: (m 1 + m_z e_z e_z' + m_l (1 - n n')) a, see `acceleration`."""
+    m, m_l = body.mass, load.mass_across
+    own = (m * a[0], m * a[1], (m + body.added_z) * a[2])
+    return add(own, scale(m_l, add(a, scale(-dot(along, a), along))))
+
+
+def moment_for(body: Body, rates):
+    """J rates: moment [N m] that changes the body rates by `rates` [rad/s2] beside what they do of themselves (- J^-1 omega x J omega)."""
+    x, y, z = rates
+    return body.Jx * x - body.Jxz * z, body.Jy * y, body.Jz * z - body.Jxz * x
+
+
 def state_derivative(z, R, body: Body, acceleration, moment):
     """dz/dt as a 12-tuple, for the inertial acceleration of the centre of mass and the moment about it, both in body axes. 
     docs/equations.md (1) to (4)."""

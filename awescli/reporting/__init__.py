@@ -1,1 +1,1 @@
-"""Shows artifacts: data in, an HTML string out. Computes no score, writes no file, prints nothing."""
+"""Floor 6: shows artifacts: data in, an HTML string out. Computes no score, writes no file, prints nothing."""

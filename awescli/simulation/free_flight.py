@@ -45,7 +45,7 @@ def compared(log: FlightLog, first: int, flown: Flown, horizons: Sequence[float]
     for horizon in [*(h for h in horizons if h < longest), longest]:
         count = int(round(horizon / log.dt)) + 1
         errors = {n: scores.error(log[n][first : first + count], flown.outputs[n][:count], n) for n in _names(log)}
-        block = {n: scores.nrmse(e, scores.span(log[n], n)) for n, e in errors.items()}
+        block = {n: scores.nrmse(e, scores.span(log[n])) for n, e in errors.items()}
         nrmse[f"{horizon:g}"] = block | {"mean": float(np.mean([block[n] for n in STATES]))}
         path[f"{horizon:g}"] = float(np.sqrt(sum(scores.rmse(errors[n]) ** 2 for n in ("p_n", "p_e", "p_d"))))
     return {"nrmse": nrmse, "path_error_m": path}

@@ -42,12 +42,6 @@ def roll_corner(airspeed: float, span: float) -> float:
     return np.pi * airspeed / (4 * span)
 
 
-def roll_level(span: float, vertical_length: float) -> float:
-    """[rad/m] standard deviation of the roll gust over that of the vertical gust: the integral of MIL-F-8785C's spectrum
-    0.8 (pi L/4 b)^(1/3) / (V L (1 + (4 b w/pi V)^2))."""
-    return float(np.sqrt(0.8 * (np.pi * vertical_length / (4 * span)) ** (1 / 3) * np.pi**2 / (8 * span * vertical_length)))
-
-
 def longitudinal(time, a: float):
     """Correlation over a time difference >= 0 [s]; a = V/L [1/s]."""
     return np.exp(-a * time)

@@ -18,8 +18,9 @@ def rmse(e: np.ndarray) -> float:
     return float(np.sqrt(np.mean(e * e)))
 
 
-def span(measured: np.ndarray, name: str) -> float:
-    """y_max - y_min of the measured signal; of an angle that wraps around, of its unwrapped-to-one-turn values (2 pi at most)."""
+def span(measured: np.ndarray) -> float:
+    """y_max - y_min of the measured signal, 1 for one that never moves. An angle stands in a log within (-pi, pi]: one that passes half a
+    turn spans 2 pi."""
     return float(np.ptp(measured)) or 1.0
 
 

@@ -1,4 +1,4 @@
-"""Floor 6: STAGES, the table of all stages, in the order data flows through them."""
+"""Floor 7: STAGES, the table of all stages, in the order data flows through them."""
 
 from awescli.stages.base import Stage
 from awescli.stages.evaluate import Evaluate

@@ -71,7 +71,7 @@ def _model(
     from awescli.flightlog.read import read_flight
     from awescli.learning.correction import HybridKite, kite_from_artifact
     from awescli.physics.declaration import read_kite
-    from awescli.physics.kite import Kite
+    from awescli.physics.kite import STATION, Kite
     from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
     from awescli.stages.controller_artifact import read_controller, wind_direction
 
@@ -79,7 +79,7 @@ def _model(
     law = read_controller(controller) if controller else None
     declaration = read_kite(file)
     driven = with_setpoint_dynamics(declaration, law) if law else declaration
-    heights = log.wind.height if log is not None and log.wind is not None else (10.0,)
+    heights = log.wind.height if log is not None and log.wind is not None else STATION
     kite = kite_from_artifact(*network(file.parent), driven, heights) if label == "hybrid" else Kite(driven, heights)
     values = kite.parameters
     fitted = {n: row for n, row in told.items() if n in values and abs(values[n].value - row["value"]) <= 1e-9 * abs(row["value"])}

@@ -245,7 +245,10 @@ def tell(progress, answer: dict, metrics: dict) -> None:
     for factor in answer["common_factors"]:
         progress.note(f"{factor['says']}; the prior sets the factor")
     if starts := metrics.get("starts"):
-        others = sum(starts["outcomes"][i] == "converged" and c >= 1.0 for i, c in enumerate(starts["cost_above_best"]))
+        from awescli.estimation.staged_fit import SAME_OPTIMUM
+
+        ends = zip(starts["outcomes"], starts["cost_above_best"], strict=True)
+        others = sum(outcome == "converged" and cost >= SAME_OPTIMUM for outcome, cost in ends)
         progress.note(f"{starts['same_optimum']} of {starts['starts']} starts led to the best optimum, {others} to others that are worse")
 
 

@@ -100,4 +100,4 @@ def surface_errors(context: Context, log, prediction) -> dict:
     z["wind_direction"] = wind_direction(log)
     commanded = deflections_of_states(law, z)
     flown = {s: log.inputs[s][rows] for s in law.surfaces}
-    return {s: scores.nrmse(commanded[s].reshape(rows.shape) - flown[s], scores.span(flown[s], s)) for s in law.surfaces}
+    return {s: scores.nrmse(commanded[s].reshape(rows.shape) - flown[s], scores.span(flown[s])) for s in law.surfaces}

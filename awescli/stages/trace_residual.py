@@ -89,7 +89,9 @@ class TraceResidual(Stage):
         )  # fmt: skip
         progress("scoring on unseen loops")
         models = {"before": finding.before(), "after": finding.after()}
-        predictions = {which: predicted(simulator, log, parts, config.horizon) for which, simulator in models.items()}
+        before = predicted(models["before"], log, parts, config.horizon)
+        after = before if finding.model is finding.null else predicted(models["after"], log, parts, config.horizon)
+        predictions = {"before": before, "after": after}
         effects = account(finding, log, config.horizon, *(p["test"] for p in predictions.values()))
         effects["kinematics"] = kinematics(log)
         for seen in effects["kinematics"]:

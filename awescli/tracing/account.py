@@ -1,6 +1,6 @@
 """The account of a trace: effects.json and the arrays behind its pictures."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import log as ln
 
 import numpy as np
@@ -14,7 +14,9 @@ from awescli.simulation.rollout import Simulator
 from awescli.tracing.investigate import Finding
 from awescli.tracing.models import FittedModel
 from awescli.tracing.residuals import residual_study
+from awescli.tracing.rest import Rest
 from awescli.tracing.search import Tried
+from awescli.tracing.separate import separate
 from awescli.tracing.when import InFlight
 
 SLIP = 0.08
@@ -60,7 +62,7 @@ def account(finding: Finding, log, horizon: float, before: Prediction, after: Pr
             "train_before": evidence.bare.fit.chi2, "train_after": _alone(finding).fit.chi2,
             "validation_before": evidence.bare.chi2, "validation_after": _alone(finding).chi2,
         },
-        "left": _left(finding),
+        "left": left(evidence.rest, evidence.bare.chi2),
         "flights": [_in_flight(finding, f) for f in finding.flights],
         "gust_m_s": max(evidence.gusts.values(), default=0.0),
         "processes": _processes(model), "noise_factors": dict(model.problems[0].factors),
@@ -69,7 +71,7 @@ def account(finding: Finding, log, horizon: float, before: Prediction, after: Pr
         "detectable_units": {key: _unit(finding, key, name) for key, (name, _) in evidence.search.detectable.items()},
         "not_testable": list(evidence.search.rounds[0].untestable) if evidence.search.rounds else [],
         "parameter_shifts": _shifts(null, model),
-        "separate": _separate(effects),
+        "separate": separate(effects),
     }  # fmt: skip
 
 
@@ -78,11 +80,11 @@ def _alone(finding: Finding) -> FittedModel:
     return finding.model if finding.model is not finding.null else finding.evidence.bare
 
 
-def _left(finding: Finding) -> dict:
+def left(rest: Rest, before: float) -> dict:
     """What the final model still leaves on validation loops: chi-square per degree of freedom (1: noise), the share of what was there, and
-    the largest of a channel."""
-    rest, before = finding.evidence.rest, max(finding.evidence.bare.chi2 - 1, 0.0)
-    share = float(min(max(rest.chi2 - 1, 0.0) / before, 1.0)) if before > 0.02 else 0.0
+    the largest of a channel. before: chi-square of the declared model."""
+    # nothing but noise before: there is nothing of which something could be left
+    share = float(min(max(rest.chi2 - 1, 0.0) / (before - 1), 1.0)) if before > rest.floors()[0] else 0.0
     again = rest.repetition
     return {
         "chi2": rest.chi2, "share": share, "channels": rest.channels, "worth": rest.worth, "levels": rest.levels,
@@ -268,28 +270,6 @@ def _began(finding: Finding) -> str:
     return " ".join(told.format(what, a, b, where) for what, where, a, b in begun)
 
 
-def _separate(effects: Sequence[Mapping]) -> list[str]:
-    """For every pair of rivals: what would tell them apart."""
-    return [
-        f"{e['name']} and {r['name']}: fly so that what they act on differs: {_what(e)} against {_what(r)}."
-        for e in effects
-        for r in e["rivals"]
-    ]
-
-
-def _what(entry: Mapping) -> str:
-    advice = {
-        "parameter": "move the surface whose derivative this is",
-        "airflow": "other heights and directions of flight, or a wind profile measured at height",
-        "coefficients": "other airspeeds and angles of attack or sideslip at the same tension",
-        "line": "another tether length and low tension",
-        "load": "another tether length",
-        "body": "another loading of the kite",
-        "report": "a second sensor of the same quantity",
-    }
-    return advice.get(entry["acts_on"], "steps of that surface, sharp enough to see phase and amplitude")
-
-
 def residual_arrays(
     log, parts, loops, models: Mapping[str, Simulator], predictions: Mapping[str, Mapping[str, Prediction]], horizon: float
 ) -> tuple[dict, dict[str, np.ndarray]]:
@@ -305,6 +285,6 @@ def residual_arrays(
             arrays[f"{part}_first"], arrays["time"] = prediction.first, prediction.time
             for name in prediction.simulated:
                 arrays[f"{part}_{which}_{name}"] = prediction.errors(name)
-        summary[which], series = residual_study(simulator, log, parts, loops, horizon)
+        summary[which], series = residual_study(simulator, log, parts, loops, predictions[which]["test"], horizon)
         arrays |= {f"study_{which}_{name}": a for name, a in series.items()}
     return summary, arrays

@@ -3,9 +3,6 @@
 from dataclasses import dataclass
 from itertools import product
 
-import numpy as np
-
-from awescli.notation.quantities import OUTPUTS
 from awescli.physics.effects.base import Effect
 
 
@@ -38,10 +35,3 @@ def variants(effect: Effect) -> list[Variant]:
         moving = tuple(f"{effect.key}.{n}" for n in strong if not secant or n in names)
         result.append(Variant(effect.key, moving, at, secant))
     return result
-
-
-def outputs_at(problem, segments, x: np.ndarray, values: dict[str, float]):
-    """Simulated outputs (K, N+1, n_out) of the compared channels with further parameter values, and which samples were reached."""
-    trajectories = problem.simulator.rollout(segments, {**problem.values(x), **values})
-    index = [OUTPUTS.index(n) for n in problem.observed.outputs]
-    return trajectories.outputs[:, :, index], trajectories.alive

@@ -34,8 +34,8 @@ BANK_ROUNDS, BANK_COMPETITORS = 3, 3
 
 @dataclass(frozen=True)
 class RollGusts:
-    """Gusts that roll the kite. model, without: the declared one, fitted with and without them; worth: deviance; channels: chi-square of
-    each on validation loops, without and with them."""
+    """Gusts that roll the kite. model, without: the declared one, fitted with and without them; worth: deviance;
+    channels_before, channels_after: chi-square of each channel on validation loops, without and with them."""
 
     model: FittedModel
     without: FittedModel

@@ -1,13 +1,15 @@
 """What a model leaves of a flight, seen in five ways: forces and moments, short and long predictions, loops, spectra, clocks."""
 
 import numpy as np
-from scipy.signal import savgol_filter, welch
+from scipy.signal import welch
 
 from awescli.estimation.prediction import Prediction, predict
 from awescli.flightlog.clocks import clock_offset
 from awescli.flightlog.phases import range_rate
-from awescli.notation.frames import dot
+from awescli.flightlog.smoothing import local_quadratic
+from awescli.notation.frames import dot, rotate_back
 from awescli.notation.quantities import SURFACES
+from awescli.physics.rigid_body import force_for, moment_for
 from awescli.simulation.rollout import Simulator, inputs_of
 from awescli.simulation.segments import smooth_states
 
@@ -19,8 +21,9 @@ RATE_WINDOW = 0.3
 """[s] window of the local quadratic that gives angular accelerations."""
 
 
-def residual_study(simulator: Simulator, log, parts, loops, horizon: float) -> tuple[dict, dict]:
-    """(summary for effects.json, arrays for residuals.npz) of one model on the whole flight.
+def residual_study(simulator: Simulator, log, parts, loops, ahead: Prediction, horizon: float) -> tuple[dict, dict]:
+    """(summary for effects.json, arrays for residuals.npz) of one model on the whole flight. ahead: its prediction of the test loops,
+    `horizon` seconds long.
 
     summary: equation_error (RMS of force [N] and moment [N m] left, and of the tension model against the load cell [N]), innovation
     (NRMSE at 0.5 s and at `horizon`, test loops), loop_averaged_share (channel -> share of the innovation's variance that repeats from
@@ -34,21 +37,20 @@ def residual_study(simulator: Simulator, log, parts, loops, horizon: float) -> t
     arrays |= {f"innovation_{n}": short.errors(n)[:, -1] for n in short.simulated}
     arrays |= {"innovation_first": short.first + len(short.time) - 1, "frequency": frequency}
     arrays |= {f"averaged_{n}": a for n, a in averaged.items()} | {f"spectrum_{n}": p for n, p in power.items()}
-    on_test = {f"{h:g}": predict(simulator, log, parts.test, h).nrmse()["mean"] for h in (SHORT, horizon)}
+    on_test = {f"{SHORT:g}": predict(simulator, log, parts.test, SHORT).nrmse()["mean"], f"{horizon:g}": ahead.nrmse()["mean"]}
     return {"equation_error": forces, "innovation": on_test, "loop_averaged_share": share, "clock": _clock(log)}, arrays
 
 
 def equation_error(simulator: Simulator, log) -> tuple[dict, dict]:
     """Force and moment that the log shows and the model does not, at the (smoothed) measured states: (RMS by component, series).
 
-    Force: m a - f, with the measured acceleration where the log has one, else from the velocity; moment: J omega_dot + omega x J omega - M
-    (Klein & Morelli, ch. 5). tension: load cell less the model's constraint force. Regressing on these is biased in closed loop:
-    they are looked at, not fitted to.
+    Force: M a - f, with the measured acceleration where the log has one, else from the velocity, and what moves with the kite in M
+    (`rigid_body.force_for`); moment: J omega_dot + omega x J omega - M, with the whole J (Klein & Morelli, ch. 5). tension: load cell less
+    the model's constraint force. Regressing on these is biased in closed loop: they are looked at, not fitted to.
     """
     kite = simulator.kite
     z = smooth_states(log)
-    window = max(5, 2 * int(round(RATE_WINDOW / log.dt / 2)) + 1)
-    rates = savgol_filter(z[:, 9:12], window, 2, deriv=1, delta=log.dt, axis=0).T
+    rates = local_quadratic(z[:, 9:12], log.dt, RATE_WINDOW, derivative=1).T
     states = [*z.T, *(np.zeros(len(log)) for _ in kite.state_names[12:])]
     setpoints = [log.inputs.get(s, np.zeros(len(log))) for s in SURFACES]
     c, u = list(kite.parameters.vector()), list(inputs_of(log, kite).T)
@@ -58,14 +60,14 @@ def equation_error(simulator: Simulator, log) -> tuple[dict, dict]:
     if "a_x" in log:
         acceleration = [log[n] for n in ("a_x", "a_y", "a_z")]
     else:
-        d = savgol_filter(z[:, 3:6], window, 2, deriv=1, delta=log.dt, axis=0).T
+        d = local_quadratic(z[:, 3:6], log.dt, RATE_WINDOW, derivative=1).T
         w = z[:, 9:12].T
         v = z[:, 3:6].T
         acceleration = [d[0] + w[1] * v[2] - w[2] * v[1], d[1] + w[2] * v[0] - w[0] * v[2], d[2] + w[0] * v[1] - w[1] * v[0]]
-    model = at.derivative[9:12]
-    inertia = (at.body.Jx, at.body.Jy, at.body.Jz)
-    series = {f"force_{axis}": at.body.mass * acceleration[i] - at.applied.force[i] for i, axis in enumerate("xyz")}
-    series |= {f"moment_{axis}": inertia[i] * (rates[i] - model[i]) for i, axis in enumerate("xyz")}
+    needed = force_for(at.body, at.applied, acceleration, rotate_back(at.R, at.p_hat))
+    lacking = moment_for(at.body, [rate - model for rate, model in zip(rates, at.derivative[9:12], strict=True)])
+    series = {f"force_{axis}": needed[i] - at.applied.force[i] for i, axis in enumerate("xyz")}
+    series |= {f"moment_{axis}": moment for axis, moment in zip("xyz", lacking, strict=True)}
     if "tension" in log:
         series["tension"] = log["tension"] - at.tension
         # along the line, with the load cell instead of the model's tension: what the aerodynamic model alone gets wrong

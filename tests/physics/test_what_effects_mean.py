@@ -1,5 +1,7 @@
 """Each effect does what its row of the table says: sizes and signs against formulae written out here, one instant or a short flight."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from kites import DEVELOPMENT, at_point, declared, lively, sizes
@@ -7,7 +9,8 @@ from oracles import body_to_ned
 
 from awescli.notation.quantities import MEASURED, OUTPUTS, STATES, SURFACES
 from awescli.physics.effects.custom_term import FEATURES
-from awescli.physics.kite import Kite
+from awescli.physics.instant import Line
+from awescli.physics.kite import Kite, make_effect
 from awescli.simulation.rollout import Simulator
 
 HEIGHTS = (10.0, 100.0, 200.0)
@@ -104,6 +107,18 @@ def test_tether_sag_takes_length():
     pull = without.tension - 8000 * 0.02 - 900 * rate  # F_1, of which the spring and the damper are free
     sag = 0.3**2 * without.line.length**3 / (24 * pull**2)
     assert with_it.tension - without.tension == pytest.approx(8000 * sag)
+
+
+def test_a_line_that_hardly_pulls_sags_as_much_as_it_weighs_against_the_pull():
+    """Guards against one kite's forces in generic code: a kite whose line is pulled by 20 N has the sag of 20 N, not of the 50 N that were
+    the least of any line; down to the weight of the line, where a parabola ends."""
+    for F_1, w, length in ((20.0, 0.07, 100.0), (5.0, 0.03, 60.0)):
+        line = Line(length, 0.0, 0.0, 1.1, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, w)
+        tether = make_effect("tether", DEVELOPMENT)
+        tether.pull = lambda at, f, m, F_1=F_1: F_1
+        at = SimpleNamespace(distance=length, p_hat=(0.0, 0.0, -1.0), v_ned=(0.0, 0.0, 0.0), applied=SimpleNamespace(force=(0.0, 0.0, 0.0)))
+        pulled = tether._tension(at, {"dl": 0.0, "k_v": 100.0, "c_v": 0.0}, line, 50.0)
+        assert pulled == pytest.approx(F_1 + 100.0 * w**2 * length**3 / (24 * F_1**2))
 
 
 def test_attachment_winch_and_clock():

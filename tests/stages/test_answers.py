@@ -60,6 +60,12 @@ def test_the_answers_are_those_of_the_artifacts(run):
     evaluated = " ".join(" ".join(ending(stdout, "evaluate")).split())
     assert f"with_effects {number(scores['with_effects']['nrmse']['test']['mean'])}" in evaluated
     assert "report: out/evaluate/report.html" in evaluated and (folder / "out" / "evaluate" / "report.html").is_file()
+    # one model has one error, whoever tells it
+    shown = [scores[m]["nrmse"]["test"]["mean"] for m in ("identified", "with_effects")]
+    metrics = [read_json(folder / "out" / stage / "metrics.json") for stage in ("identify", "trace-residual")]
+    assert shown == pytest.approx([m["nrmse"]["test"]["mean"] for m in metrics], rel=1e-6)
+    assert shown[1] == pytest.approx(effects["error"]["after"]["mean"], rel=1e-6)
+    assert effects["error"]["before"]["mean"] < 1.25 * shown[0]
     table = stdout[stdout.index("evaluate: errors") :].splitlines()
     assert [line.split()[0] for line in table[2:17]] == [n for n in scores["initial"]["nrmse"]["test"] if n != "rudder"]
     assert {"p", "q", "r", "V_a", "tension"} <= {line.split()[0] for line in table[2:17]}

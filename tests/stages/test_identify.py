@@ -15,7 +15,7 @@ from awescli.simulation.synthetic import with_effects
 from awescli.stages import STAGES, controller_artifact
 from awescli.stages.base import Inputs, Split
 from awescli.stages.flight_parts import score_parts
-from awescli.stages.identify import IdentifyConfig, flown
+from awescli.stages.identify import IdentifyConfig, flown, tell
 from awescli.stages.plan import read_plan
 from awescli.stages.runner import run_plan
 
@@ -73,6 +73,15 @@ def test_several_starts_reach_one_optimum(folder):
     said = metrics["starts"]
     assert said["starts"] == 2 and len(said["cost_above_best"]) == 2 and min(said["cost_above_best"]) == 0
     assert said["same_optimum"] == 2 and said["largest_distance_within_optimum_std"] < 0.5
+
+
+def test_a_start_counts_for_one_optimum_only():
+    """Guards what is said of several starts: one that led to the best optimum (3 above it, which is within) is none of "others that are
+    worse", and one that ended elsewhere for good is."""
+    notes = []
+    starts = {"starts": 4, "same_optimum": 2, "cost_above_best": [0.0, 3.0, 50.0, 80.0], "outcomes": [*["converged"] * 3, "no_progress"]}
+    tell(SimpleNamespace(note=notes.append), {"parameters": {}, "constraints": [], "common_factors": []}, {"starts": starts})
+    assert notes == ["2 of 4 starts led to the best optimum, 1 to others that are worse"]
 
 
 @pytest.mark.parametrize(

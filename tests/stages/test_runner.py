@@ -2,10 +2,12 @@
 
 import os
 import shutil
+from pathlib import Path
 
 import pytest
 from stages.dummy_stages import DUMMIES, make_folder
 
+import awescli
 from awescli.artifacts import read_json
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.stages import runner
@@ -96,6 +98,22 @@ def test_why_it_runs(file, change, expected, monkeypatch):
     assert reasons["trace-residual"] == "upstream identify ran"
     assert reasons["evaluate"] == "upstream identify, trace-residual ran"
     assert go(file, overrides=overrides)[0] == UNCHANGED
+
+
+@pytest.mark.parametrize("name", ["page.js", "page.css", "fmi3.c"])
+def test_a_change_of_any_file_of_the_package_is_a_change_of_code(name, tmp_path, monkeypatch):
+    """Guards a stale report: the script of the page, its style, the C that is exported count as well as Python does; what an editor leaves
+    does not."""
+    source = Path(awescli.__file__).parent
+    package = tmp_path / "awescli"
+    shutil.copytree(source, package, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(awescli, "__file__", str(package / "__init__.py"))
+    before = runner.code_hash.__wrapped__()
+    (file,) = package.rglob(name)
+    (package / "page.js~").write_text("an editor's copy")
+    assert runner.code_hash.__wrapped__() == before
+    file.write_text(file.read_text() + " ")
+    assert runner.code_hash.__wrapped__() != before
 
 
 def test_force_and_from(file):

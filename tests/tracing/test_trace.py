@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 import pytest
-from tracing.traced import short_flight, traced, traced_flight
+from tracing.annotated import wrongly_annotated
+from tracing.traced import short_flight, thinned, traced, traced_flight
 
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
@@ -40,8 +41,11 @@ def test_a_clean_flight_has_nothing_missing():
 )  # fmt: skip
 def test_one_missing_effect_is_named_with_its_size(key, values, seed):
     """Guards the heart of the product: name, place and size of one undeclared effect, and the error back at the noise."""
-    account, _ = traced({key: values}, seed, **SHORT)
+    account, finding = traced({key: values}, seed, **SHORT)
+    assert not list(wrongly_annotated(finding))
     assert account["verdict"] in ("found", "cannot_tell")
+    ranked = [(e["name"], e["acts_on"]) for e in account["ranking"]]
+    assert {(e["name"], e["acts_on"]) for e in account["effects"]} <= set(ranked)  # one name for one effect, with and without a target
     best = account["effects"][0]
     assert best["name"] == key.partition(":")[0] and len(best["rivals"]) <= 2
     for name, value in values.items():
@@ -79,12 +83,6 @@ def test_the_verdict_does_not_depend_on_the_loggers_rate():
         assert abs(size["value"] - 0.2) < 3.5 * size["std"], (every, size)
         found.append(account["verdict"])
     assert len(set(found)) == 1
-
-
-def thinned(log, every: int):
-    """Every so many samples of a log, as a slower logger would have kept them."""
-    cut = {"measured": {n: v[::every] for n, v in log.measured.items()}, "inputs": {n: v[::every] for n, v in log.inputs.items()}}
-    return replace(log, dt=every * log.dt, time=log.time[::every], valid=log.valid[::every], **cut)
 
 
 @pytest.mark.slow

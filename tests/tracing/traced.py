@@ -43,6 +43,12 @@ def traced_flight(declared: KiteDeclaration, log: FlightLog, parts: Split, horiz
     return account(finding, log, horizon, before, after), finding
 
 
+def thinned(log: FlightLog, every: int) -> FlightLog:
+    """Every so many samples of a log, as a slower logger would have kept them."""
+    cut = {"measured": {n: v[::every] for n, v in log.measured.items()}, "inputs": {n: v[::every] for n, v in log.inputs.items()}}
+    return replace(log, dt=every * log.dt, time=log.time[::every], valid=log.valid[::every], **cut)
+
+
 @cache
 def null_model(effects: tuple = (), seed: int = 31, duration: float = 50.0, horizon: float = 2.0):
     """(frame, fitted declared model) of a short flight of few unknowns. effects: ((key, ((short name, value), ...)), ...)"""

@@ -23,7 +23,7 @@ PER_RADIAN = 180 / math.pi
 
 @dataclass(frozen=True)
 class Turning:
-    """entries: quantity -> entry; angles, rates: (N,) SI where known; notes: what bears them out."""
+    """entries: quantity -> entry; angles: (N,) rad where known; notes: what bears them out."""
 
     entries: Mapping[str, Entry]
     angles: Mapping[str, np.ndarray]

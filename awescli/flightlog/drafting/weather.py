@@ -22,7 +22,7 @@ DENSITIES = (0.6, 1.5)
 @dataclass(frozen=True)
 class Weather:
     """The wind of a draft. file: None for columns of the log; kitemill: it is in Kitemill's weather format and needs no columns; time: its
-    own clock; entries: part -> entry; height: [m] where no column tells; left: parts that were not mapped, and why; notes."""
+    own clock; entries: part -> entry; left: parts that were not mapped, and why; notes."""
 
     file: Path | None = None
     kitemill: bool = False

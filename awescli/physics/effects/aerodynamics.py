@@ -10,7 +10,8 @@ from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Coefficients
 
 VARIABLES = ("alpha", "beta", "p_hat", "q_hat", "r_hat", *CONTROL_SURFACES)
-_COEFFICIENTS = {"wind": ("CD", "CY", "CL", "Cl", "Cm", "Cn"), "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}
+COEFFICIENTS = {"wind": ("CD", "CY", "CL", "Cl", "Cm", "Cn"), "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}
+"""Frame of the forces in a kite file -> its coefficients."""
 _FACTOR = re.compile(r"^(abs\()?([a-z_]+)(\))?(?:\^(\d))?$")
 
 
@@ -58,7 +59,7 @@ class Aerodynamics(Effect):
             **{name: self.signs.get(name, 1) * unit * at.deflections[name] for name in CONTROL_SURFACES},
         }
         C = []
-        for coefficient in _COEFFICIENTS[self.table.frame]:
+        for coefficient in COEFFICIENTS[self.table.frame]:
             total = 0.0
             for monomial, parameter in self.table.terms.get(coefficient, {}).items():
                 term = at.values[parameter]

@@ -1,0 +1,58 @@
+"""The search of the library: a candidate whose fit fails is fitted again from elsewhere, and one that stays failed is not forgotten."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from awescli.tracing import search as searching
+from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.search import STARTS, Search
+
+SEGMENTS = 4
+
+
+def fitted(gain: float, flies: int = SEGMENTS):
+    """What the search asks of a fit: deviance, cost of every train segment, segments that fly."""
+    model = SimpleNamespace(
+        deviance=100.0 - gain, train=np.full(SEGMENTS, 25.0 - gain / SEGMENTS), flies=flies, strengths=(), rest={"force_z": 1.0},
+        fit=SimpleNamespace(solution=SimpleNamespace(outcome="converged")),
+    )  # fmt: skip
+    model.light = lambda: model
+    return model
+
+
+BASE, FAILED, LOST, GOOD = fitted(0.0), fitted(-23.0), fitted(30.0, flies=3), fitted(40.0)
+
+
+def raced(monkeypatch, ends):
+    """(what the round says of its one significant candidate, (share, alone) of every start). ends: of its fits, in their order."""
+    begun, ends = [], iter(ends)
+
+    def fit_added(frame, base, key, strengths, shapes, alone):
+        begun.append((strengths["share"], alone))
+        return next(ends)
+
+    monkeypatch.setattr(searching, "fit_added", fit_added)
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(abrupt=False))
+    score = SimpleNamespace(key="pitch_curvature", p_value=1e-154, drop=700.0, start=lambda rows, share: ({"share": share}, {}))
+    screening = SimpleNamespace(scores=(score,), rows={}, cosine=lambda a, b: 0.0)
+    frame = SimpleNamespace(declared=None)
+    (found,) = searching._race(frame, BASE, screening, CRITERIA, lambda text: None)
+    return found, begun
+
+
+@pytest.mark.parametrize("ends", [[GOOD], [FAILED, GOOD], [FAILED, LOST, GOOD]])
+def test_a_fit_that_fails_is_begun_elsewhere(monkeypatch, ends):
+    """Guards A4: a fit that ends far above the model without the effect, or loses a segment, has failed, and the next start is tried."""
+    found, begun = raced(monkeypatch, ends)
+    assert begun == list(STARTS[: len(ends)]) and len(set(STARTS)) == 3
+    assert found.outcome == "converged" and found.gain == 40.0
+
+
+def test_a_significant_candidate_that_stays_failed_is_not_forgotten(monkeypatch):
+    """Guards A4's other half: its name stands in `failed`, which forbids `none` (test_verdict.py)."""
+    found, begun = raced(monkeypatch, [FAILED, FAILED, LOST])
+    assert begun == list(STARTS) and found.significant and found.outcome == "failed" and found.model is None
+    record = searching.Round(BASE, (found,), "", ())
+    assert Search(BASE, BASE, (record,)).failed == ("pitch_curvature",)
