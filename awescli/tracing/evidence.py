@@ -54,6 +54,16 @@ class Evidence:
         return max(self.model.deviance - self.bank.final.deviance, 0.0)
 
     @property
+    def outdone(self) -> float:
+        """Deviance by which another effect that was fitted beside the answer's last one leads it, be its size as implausible as it may, or
+        its gain on some loops only; 0 where none does."""
+        last = next((r for r in reversed(self.search.rounds) if r.accepted), None)
+        gains = {t.key: t.gain for t in last.contenders} if last and self.model.keys else {}
+        if len(gains) < 2 or last.accepted not in gains:
+            return 0.0
+        return max(max(gains.values()) - gains[last.accepted], 0.0)
+
+    @property
     def deviances(self) -> dict[str, float]:
         """Cause -> deviance of the model that stands for it: "none", "something_else" (model error alone; where none is seen, at the price
         that it would have to be worth), every effect that was fitted in the round of the answer's last one, the answer and its rivals."""

@@ -31,7 +31,8 @@ def verdict(table: Sequence[Criterion]) -> str:
 
     A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient, steady
     and alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats, and so is an effect
-    whose size drifts. That nothing is missing is said in calm air, and where all that could be missing was tried.
+    whose size drifts, or which another one outdoes that cannot be. That nothing is missing is said in calm air, and where all that could
+    be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
@@ -42,7 +43,7 @@ def verdict(table: Sequence[Criterion]) -> str:
     if not passed["sensors_plausible"]:
         return "unexplained"
     if passed["effect_likelier"] and passed["effect_on_unseen_loops"]:
-        if not (passed["no_better_empirical_term"] and passed["effect_steady"]):
+        if not (passed["no_better_empirical_term"] and passed["effect_leads"] and passed["effect_steady"]):
             return "unexplained"
         return "found" if passed["no_rival"] else "cannot_tell"
     if not passed["no_parameter_hides_it"]:
@@ -119,6 +120,14 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             there and unseen > 0,
             "its deviance gained on loops it was not fitted to",
             "set on development flights",
+        ),
+        Criterion(
+            "effect_leads",
+            e.outdone,
+            c.decisive,
+            e.outdone < c.decisive,
+            "deviance by which another effect, of an implausible size maybe, leads it",
+            "Kass & Raftery 1995",
         ),
         Criterion(
             "effect_steady",

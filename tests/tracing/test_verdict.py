@@ -18,7 +18,8 @@ from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, ta
 
 ANSWER = ("effect_likelier", "effect_on_unseen_loops")
 REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
-OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "no_better_empirical_term", "calm_air", "effect_steady")
+ALONE = ("no_better_empirical_term", "effect_leads", "effect_steady")
+OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "calm_air", *ALONE)
 ROWS = {
     (name, passed): Criterion(name, 0.0, 0.0, passed, "", "")
     for name in (*NULL, *ANSWER, *REST, "rest_repeats", *OTHERS)
@@ -50,6 +51,7 @@ LEFT = dict.fromkeys(REST, False)
         ("cannot_tell", {"no_parameter_hides_it": False}),
         ("unexplained", {**FOUND, "no_better_empirical_term": False}),
         ("unexplained", {**FOUND, "effect_steady": False}),
+        ("unexplained", {**FOUND, "effect_leads": False}),
         ("none", {"effect_steady": False}),
         ("unexplained", LEFT),
         ("unexplained", {**FOUND, **LEFT}),
@@ -71,7 +73,7 @@ def test_every_verdict_is_reached_by_its_table(expected, passed):
 
 
 def test_what_holds_for_every_table():
-    """Guards the promises of each verdict over all 2^17 tables: `found` and `none` promise a null model that stands, a rest that is noise,
+    """Guards the promises of each verdict over all 2^18 tables: `found` and `none` promise a null model that stands, a rest that is noise,
     and no other explanation; `none` also that every significant candidate was fitted (A2, A3, A4)."""
     reached = set()
     names = (*NULL, *ANSWER, *REST, "rest_repeats", *OTHERS)
@@ -86,11 +88,11 @@ def test_what_holds_for_every_table():
         if said in ("found", "cannot_tell", "none"):
             assert at_floor
         if said == "found":
-            assert effect and p["no_rival"] and p["no_better_empirical_term"] and p["effect_steady"]
+            assert effect and p["no_rival"] and all(p[n] for n in ALONE)
         if said == "none":
             assert not effect and p["all_candidates_fitted"] and p["no_parameter_hides_it"] and p["calm_air"]
         if said == "unexplained" and at_floor:
-            assert effect and not (p["no_better_empirical_term"] and p["effect_steady"])
+            assert effect and not all(p[n] for n in ALONE)
     assert reached == set(VERDICTS)
 
 
@@ -115,13 +117,16 @@ NOISE = Rest(0.0, 1.0, {"p": 1.01, "tension": 0.99}, {}, None, MANY)
 NULL_MODEL = model(1000.0, validation=300.0, rest={"force_z": 0.3})
 
 
-def evidence(answer=None, null=NULL_MODEL, bare=None, rest=NOISE, failed=(), **more) -> Evidence:
-    """Evidence of a search that ended with `answer` (default: with nothing); failed: significant candidates that could not be fitted."""
+def evidence(answer=None, null=NULL_MODEL, bare=None, rest=NOISE, failed=(), beside=None, **more) -> Evidence:
+    """Evidence of a search that ended with `answer` (default: with nothing); failed: significant candidates that could not be fitted;
+    beside: gain of an implausible one that was fitted too."""
     bare = bare or model(1200.0, validation=400.0)
     tried = [SimpleNamespace(key=k, significant=True, outcome="failed", model=None, gain=0.0) for k in failed]
     if answer is not None:
         gain = null.deviance - answer.deviance
         tried.append(SimpleNamespace(key=answer.keys[-1], significant=True, outcome="converged", model=answer, gain=gain))
+    if beside is not None:
+        tried.append(SimpleNamespace(key="air_density", significant=True, outcome="converged", model=bare, gain=beside))
     contenders = [t for t in tried if t.model is not None]
     record = SimpleNamespace(base=null, tried=tried, contenders=contenders, accepted=answer.keys[-1] if answer else "")
     return Evidence(Search(null, answer or null, (record,)), bare, answer or bare, rest, **more)
@@ -137,7 +142,7 @@ GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 17
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 18
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
@@ -168,6 +173,7 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
             "no_better_empirical_term", {"answer": GOOD, "bank": Search(NULL_MODEL, model(891.0, ("custom_term:f_x*beta",)), ())},
             {"answer": GOOD, "bank": Search(NULL_MODEL, model(889.0, ("custom_term:f_x*beta",)), ())},
         ),
+        ("effect_leads", {"answer": GOOD, "beside": 109.0}, {"answer": GOOD, "beside": 111.0}),
         ("effect_steady", {"answer": GOOD, "steadiness": 2e-4}, {"answer": GOOD, "steadiness": 5e-5}),
         ("calm_air", {"gusts": {"vertical gusts": 0.19}}, {"gusts": {"vertical gusts": 0.21}}),
     ],
