@@ -8,6 +8,7 @@ import numpy as np
 from awescli.flightlog.clocks import clock_offset, moving_average
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.phases import range_rate
+from awescli.flightlog.units import GRAVITY
 from awescli.flightlog.wind_at import wind_ned
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 
@@ -16,8 +17,6 @@ AVERAGE = 1.0
 
 STEEP = np.deg2rad(75.0)
 """Pitch beyond which Euler rates are not compared: their noise grows without bound at 90 deg."""
-
-GRAVITY = 9.80665
 
 NOT_THIS = 0.5
 """Share of its own RMS by which a rate, a velocity may miss what it is the derivative of: beyond, it is not that derivative. A position
