@@ -48,10 +48,12 @@ class Evidence:
 
     @property
     def empirical_lead(self) -> float:
-        """Deviance by which as few or fewer empirical terms (one at least) lead the answer; 0 where none do."""
-        if self.bank is None or not self.bank.final.keys or len(self.bank.final.keys) > max(len(self.model.keys), 1):
+        """Deviance by which as few or fewer empirical terms (one at least) lead the answer, each name more than they have terms counted as
+        `decisive`; 0 where none do."""
+        if self.bank is None or not self.bank.final.keys:
             return 0.0
-        return max(self.model.deviance - self.bank.final.deviance, 0.0)
+        more = max(len(self.model.keys), 1) - len(self.bank.final.keys)
+        return max(self.model.deviance - self.bank.final.deviance + CRITERIA.decisive * more, 0.0) if more >= 0 else 0.0
 
     @property
     def outdone(self) -> float:

@@ -219,7 +219,7 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             e.empirical_lead,
             c.empirical,
             e.empirical_lead < c.empirical,
-            "deviance by which as few empirical terms lead the answer",
+            "deviance by which as few empirical terms lead the answer, each name more counted",
             "set on development flights",
         ),
         Criterion(

@@ -194,6 +194,15 @@ def test_more_empirical_terms_than_effects_do_not_beat_them():
     assert passed(evidence(GOOD, bank=more))["no_better_empirical_term"] is True
 
 
+def test_more_names_than_empirical_terms_must_be_worth_it():
+    """Guards against names that only mend the form of another one: three effects that two empirical terms lead, be it by little, are not
+    found (a rudder rigged beside neutral, flown by JSBSim: surface_bias, load_cell_scale and reynolds_drag)."""
+    three = model(900.0, ("surface_bias:yaw", "load_cell_scale", "reynolds_drag"), validation=250.0)
+    for terms, holds in ((894.0, False), (901.0, True)):
+        two = Search(NULL_MODEL, model(terms, ("custom_term:m_z*1", "custom_term:f_y*1")), ())
+        assert passed(evidence(three, bank=two))["no_better_empirical_term"] is holds, terms
+
+
 RIVALLED = {"sideslip_drag": (Rival("parasitic_drag", model(901.0), 1.0),)}
 
 
