@@ -19,11 +19,16 @@ from engine_problem import COMPARED, Problem
 from awescli.control.features import evaluate
 from awescli.control.gaussian_law import LOWEST_EXPONENT
 from awescli.engine.record import record
-from awescli.notation.quantities import OUTPUTS, STATES
+from awescli.notation.quantities import OUTPUTS, STATES, SURFACES
 from awescli.simulation.closed_loop import loop
 from awescli.simulation.rollout import Segments
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+
+
+def driven(recorded, rudder) -> list:
+    """The recorded set-points (in the order of SURFACES), the rudder's by the law."""
+    return [rudder if name == "rudder" else setpoint for name, setpoint in zip(SURFACES, recorded, strict=True)]
 
 
 def seconds_of(run: Callable) -> float:
@@ -54,8 +59,7 @@ class TorchPeer:
         X = (torch.stack(torch.broadcast_tensors(*f), -1) - self.centre) / self.scale
         e = X @ self.slope.T + self.offset - self.g * (X * X).sum(-1, keepdim=True)
         rudder = torch.exp(e.clamp(min=LOWEST_EXPONENT)) @ self.weights + self.affine[0] + X @ self.affine[1:]
-        aileron, elevator, _, flaps = self.SP[:, k].unbind(-1)
-        return [aileron, elevator, rudder.clamp(*self.p.law.limits["rudder"]), flaps]
+        return driven(self.SP[:, k].unbind(-1), rudder.clamp(*self.p.law.limits["rudder"]))
 
     def __call__(self) -> np.ndarray:
         N, dt, held = self.s.steps, self.s.dt, {}
@@ -141,7 +145,7 @@ class ScipyPeer:
             k = min(int(t / dt), N - 1)
             x, sp = x.tolist(), recorded[k]
             rudder = float(self.rudder(np.array(self.features(x))))
-            return self.f([*x, sp[0], sp[1], rudder, sp[3]], (U[k] + (t / dt - k) * differences[k]).tolist(), c)
+            return self.f([*x, *driven(sp, rudder)], (U[k] + (t / dt - k) * differences[k]).tolist(), c)
 
         found = solve_ivp(right_hand_side, (0, N * dt), start, t_eval=dt * np.arange(N + 1), rtol=1e-6, atol=1e-8)
         self.evaluations = found.nfev
@@ -185,8 +189,7 @@ class ScipyPeer:
             k = min(int(t / dt), N - 1)
             x = x.reshape(12, lanes)
             rudder = self.rudder(np.stack(np.broadcast_arrays(*self.features(x)), -1))
-            aileron, elevator, _, flaps = SP[k]
-            rates = self.f([*x, aileron, elevator, rudder, flaps], U[k] + (t / dt - k) * (U[k + 1] - U[k]), c)
+            rates = self.f([*x, *driven(SP[k], rudder)], U[k] + (t / dt - k) * (U[k + 1] - U[k]), c)
             return np.concatenate([np.broadcast_to(r, lanes) for r in rates])
 
         start = np.tile(s.starts, (P + 1, 1)).T.ravel()
@@ -244,7 +247,7 @@ class CasadiPeer:
     def _step(self):
         ca, kite, n_u, P = self.ca, self.p.kite, len(self.p.kite.input_names), self.P
         z = ca.SX.sym("z", 12 if self.way == "rollout" else 12 * (1 + P))
-        v, p = ca.SX.sym("v", 2 * n_u + 4), ca.SX.sym("p", P)
+        v, p = ca.SX.sym("v", 2 * n_u + len(SURFACES)), ca.SX.sym("p", P)
         c = ca.SX(self.p.c)
         for j, place in enumerate(self._places()):
             c[place] = p[j]
@@ -252,7 +255,7 @@ class CasadiPeer:
         X, S = z[:12], ca.reshape(z[12:], 12, P) if self.way != "rollout" else None
         h = self.s.dt
         # the derivative once, as a function: the step calls it four times
-        x, sp, u = ca.SX.sym("x", 12), ca.SX.sym("sp", 4), ca.SX.sym("u", n_u)
+        x, sp, u = ca.SX.sym("x", 12), ca.SX.sym("sp", len(SURFACES)), ca.SX.sym("u", n_u)
         rates = self._replay(kite.derivative, x=ca.vertcat(x, sp), u=u, c=c)
         law = ca.Function("law", [x, sp, u], [self._replay(loop(self.p.law, kite, 0.0), x=ca.vertcat(x, sp), u=u, c=ca.SX(self.p.c))])
         held, um = law(X, recorded, u0), (u0 + u1) / 2
