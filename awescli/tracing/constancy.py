@@ -15,6 +15,7 @@ from awescli.estimation.fit import Fit
 from awescli.estimation.links import Gram
 from awescli.notation.parameters import Parameter
 from awescli.tracing.models import FittedModel
+from awescli.tracing.screen import firm
 
 FEWEST = 3
 """Segments of which no course in time is asked."""
@@ -42,7 +43,7 @@ def _gain(fit: Fit, strengths: Sequence[int], prior: Sequence[Parameter]) -> flo
     H[:n, :n] += np.diag(precision)
     absorbed = np.linalg.solve(H[:n, :n], H[:n, n:])
     left = b[n:] - absorbed.T @ (b[:n] + pull)
-    A = H[n:, n:] - H[n:, :n] @ absorbed
+    A = firm(H[n:, n:] - H[n:, :n] @ absorbed)
     return float(left @ np.linalg.solve(A, left))
 
 

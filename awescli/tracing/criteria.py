@@ -40,7 +40,7 @@ class Criteria:
 
     steady: float = 1e-4
     """Probability with which chance would make an effect's size drift so much through a flight: below, no one size is what is there. True
-    effects of the development flights come to 0.1 and more, sensors that drift in JSBSim to 1e-7 and less."""
+    effects of the development flights come to 0.1 and more, sensors that drift in JSBSim to 2e-7 and less."""
 
     at_bound: float = 4.0
     """Cost (chi-square) that a candidate must gain which brings a parameter back from its bound: a bound lies two standard deviations from
