@@ -5,8 +5,12 @@ plain threads do.
 """
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
+from threading import Lock
 
 from awescli.engine.machine import LANES
 
@@ -33,30 +37,25 @@ def parts(samples: int) -> list[tuple[int, int]]:
 
 
 def each_group(work: Callable[[int], Iterator], groups: int) -> None:
-    """Run work(0), ..., work(groups - 1) to their ends, on all cores.
+    """Run work(0), ..., work(groups - 1) to their ends, on all cores; the calling thread works too.
 
     The last ones, if threads would be left without one, are shared out by their parts, in turns: three groups take two threads one and a
     half times as long as one group, not twice. Threads live for one call: a pool that is kept would not survive a fork.
     """
     threads = min(groups, cores())
+    shared = threads + groups % threads if threads > 1 and groups % threads else 0
+    turns = deque(partial(_finish, work(group), nullcontext()) for group in range(groups - shared))
+    begun = [(work(group), Lock()) for group in range(groups - shared, groups)]
+    for part in (_take_up,) * (threads - 1) + (_finish,):
+        turns.extend(partial(part, *group) for group in begun)
     if threads <= 1:
-        for group in range(groups):
-            _finish(work(group))
+        _take_turns(turns)
         return
-    shared = threads + groups % threads if groups % threads else 0
-    with ThreadPoolExecutor(threads) as pool:
-        whole = [pool.submit(_finish, work(group)) for group in range(groups - shared)]
-        begun = {group: work(group) for group in range(groups - shared, groups)}
-        before: dict[int, Future | None] = dict.fromkeys(begun)
-        for _ in range(threads - 1):
-            before = {group: pool.submit(_take_up, begun[group], before[group]) for group in begun}
-        last = [pool.submit(_finish, begun[group], before[group]) for group in begun]
-        try:
-            for future in (*whole, *last):
-                future.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    with ThreadPoolExecutor(threads - 1) as pool:
+        others = [pool.submit(_take_turns, turns) for _ in range(threads - 1)]
+        _take_turns(turns)
+        for other in others:
+            other.result()
 
 
 def each_part(work: Callable[[slice], None], count: int) -> None:
@@ -70,15 +69,27 @@ def each_part(work: Callable[[slice], None], count: int) -> None:
     each_group(run, len(bounds))
 
 
-def _finish(work: Iterator, before: Future | None = None) -> None:
-    if before:
-        before.result()
-    for _ in work:
-        pass
+def _take_turns(turns: deque[Callable[[], None]]) -> None:
+    """One after the other, until none is left; where one fails, the other threads begin no more."""
+    try:
+        while True:
+            try:
+                turn = turns.popleft()
+            except IndexError:
+                return
+            turn()
+    except BaseException:
+        turns.clear()
+        raise
 
 
-def _take_up(work: Iterator, before: Future | None) -> None:
-    """One part, once the part before it is done: that was begun earlier, so threads that wait are never all that there are."""
-    if before:
-        before.result()
-    next(work, None)
+def _finish(work: Iterator, alone: AbstractContextManager) -> None:
+    with alone:
+        for _ in work:
+            pass
+
+
+def _take_up(work: Iterator, alone: AbstractContextManager) -> None:
+    """The next part: whoever comes to it waits until the part before it is done."""
+    with alone:
+        next(work, None)

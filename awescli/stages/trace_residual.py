@@ -196,7 +196,8 @@ def answer_lines(effects: dict, kite_file) -> list[str]:
     if verdict == "not_testable":
         return fitting(TraceResidual.name, ([f"{verdict}: {effects['reason']}", *seen, *end[-1:]] for seen in (alone, briefly)))
     if not effects["effects"]:
-        says, short = f"{verdict}: {SAYS[verdict]}", [shorten(e, WIDTH - 4, placeholder=" ...") for e in empirical]
+        says = shorten(f"{verdict}: {effects['reason'] or SAYS[verdict]}", 200, placeholder=" ...")
+        short = [shorten(e, WIDTH - 4, placeholder=" ...") for e in empirical]
         ends = ([*empirical, *alone, *end], [*empirical, *alone, *end[::2]], [*short, *briefly, *end[::2]])
         return fitting(TraceResidual.name, ([says, *e] for e in ends))
     found = [[_said(e, most) for e in effects["effects"]] for most in (9, 1, 0)]

@@ -8,7 +8,7 @@ and J the information that is left when the other free parameters have absorbed 
 Where that is little, B is fitted instead of A, and the evidence decides.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,11 +32,11 @@ class Rival:
 
 
 def rivals(
-    frame: Frame, final: FittedModel, keys: Sequence[str], raced: Sequence[str] = (), criteria: Criteria = CRITERIA,
-    progress: Callable[[str], None] = lambda text: None,
+    frame: Frame, final: FittedModel, keys: Sequence[str], gains: Mapping[str, float], raced: Sequence[str] = (),
+    criteria: Criteria = CRITERIA, progress: Callable[[str], None] = lambda text: None,
 ) -> dict[str, tuple[Rival, ...]]:  # fmt: skip
-    """Accepted effect -> what the flights cannot tell from it, nearest first. raced: effects that have lost to it by their own fit and need
-    not be tried again."""
+    """Accepted effect -> what the flights cannot tell from it, nearest first. gains: of the accepted effects (`Search.gains`), which say
+    how far they must lead; raced: effects that have lost to it by their own fit and need not be tried again."""
     others = [k for k in keys if k not in final.keys]
     every = [v for key in others for v in variants(make_effect(key, frame.declared))]
     columns = CandidateColumns(every)
@@ -44,14 +44,14 @@ def rivals(
     found = {}
     for key in final.keys:
         near = _near(final, key, every, columns, H)
-        near = [s for s in near if s.drop < criteria.look_alike and s.key not in raced]
+        near = [s for s in near if s.drop < criteria.in_reach(criteria.look_alike, gains[key]) and s.key not in raced]
         tried = []
         for s in near[: criteria.competitors]:
             progress(f"fitting {s.key} instead of {key}")
             strengths, shapes = s.start(_rows(frame, s.key))
             model = refined(frame, fit_instead(frame, final, key, s.key, strengths, shapes), criteria)
             lag = model.deviance - final.deviance
-            if lag < criteria.decisive and model.flies >= final.flies and plausible(model, s.key):
+            if lag < criteria.lead(gains[key]) and model.flies >= final.flies and plausible(model, s.key):
                 tried.append(Rival(s.key, model.widened().light(), lag))
         found[key] = tuple(sorted(tried, key=lambda r: r.lag))
     return found

@@ -22,7 +22,7 @@ from awescli.tracing.models import FittedModel, Frame, fit_added, fit_beyond, fi
 from awescli.tracing.rest import Rest, channels_of, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, Tried, search
-from awescli.tracing.verdict import NULL, Criterion, probabilities, table, verdict
+from awescli.tracing.verdict import NULL, Criterion, probabilities, reason, table, verdict
 from awescli.tracing.when import InFlight, in_flights
 
 ROLL_GUSTS = RollGustProcess.name
@@ -81,12 +81,8 @@ class Finding:
 
     @property
     def reason(self) -> str:
-        """Why a flight is not testable; "" where it is."""
-        if self.verdict != "not_testable":
-            return ""
-        failed = next(c for c in self.table if c.name in NULL and c.passed is False)
-        value, threshold = (f"{v:.3g}" if isinstance(v, float) else v for v in (failed.value, failed.threshold))
-        return f"{failed.says}: {value} (at most {threshold})" if not isinstance(failed.value, str) else f"{failed.says}: {value}"
+        """Why a flight is not testable, or why what came nearest is no answer."""
+        return reason(self.table, " and ".join(self.evidence.model.keys))
 
     def before(self) -> Simulator:
         """The declared model at its fit, ready to predict."""
@@ -120,7 +116,7 @@ def investigate(
     evidence = replace(evidence, gusts=_gusts(evidence.model))
     if evidence.model.keys:
         evidence = replace(evidence, steadiness=steadiness(evidence.model))
-        evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, _beaten(library), progress=progress))
+        evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, library.gains, _beaten(library), progress=progress))
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, suspects=suspects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
@@ -206,7 +202,8 @@ def _beaten(library: Search) -> tuple[str, ...]:
     if len(accepted) != 1:
         return ()
     lead = library.null.deviance - library.final.deviance
-    return tuple(t.key for t in accepted[0].contenders if t.key != accepted[0].accepted and lead - t.gain > CRITERIA.finalists)
+    reach = CRITERIA.in_reach(CRITERIA.finalists, lead)
+    return tuple(t.key for t in accepted[0].contenders if t.key != accepted[0].accepted and lead - t.gain > reach)
 
 
 def suspects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Criteria = CRITERIA) -> tuple[Suspect, ...]:

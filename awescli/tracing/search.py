@@ -66,6 +66,11 @@ class Search:
     detectable: dict[str, tuple[str, float]] = field(default_factory=dict)
 
     @property
+    def gains(self) -> dict[str, float]:
+        """Accepted effect -> deviance that it gained in its turn."""
+        return {r.accepted: next(t.gain for t in r.contenders if t.key == r.accepted) for r in self.rounds if r.accepted}
+
+    @property
     def failed(self) -> tuple[str, ...]:
         """Significant candidates that could not be fitted."""
         return tuple(dict.fromkeys(t.key for r in self.rounds for t in r.tried if t.significant and t.outcome == "failed"))
@@ -164,9 +169,9 @@ def _best(
     """(the likeliest model of those that are admissible, fitted to the end, shapes included; what was tried, with those that were)."""
     runners = sorted((t for t in tried if t.model is not None and t.plausible), key=lambda t: -t.gain)
     runners = [t for t in runners if t.gain > criteria.decisive]
-    finalists = [t for t in runners if t.gain > runners[0].gain - criteria.finalists][: criteria.competitors]
+    finalists = [t for t in runners if t.gain > runners[0].gain - criteria.in_reach(criteria.finalists, runners[0].gain)]
     finished = {}
-    for t in finalists:
+    for t in finalists[: criteria.competitors]:
         progress(f"fitting with {t.key} to the end")
         finished[t.key] = refined(frame, fit_on(frame, t.model), criteria)
     best = [m for m in finished.values() if admissible(here, m, criteria) and plausible(m, m.keys[-1])]

@@ -13,6 +13,14 @@ VERDICTS = ("none", "found", "cannot_tell", "unexplained", "not_deterministic", 
 NULL = ("null_flew", "null_converged", "null_follows", "null_as_identified")
 """Without these there is no model in whose residual anything could be sought."""
 
+OBJECTIONS = {
+    "sensors_plausible": "a sensor would have to drift, or be noisier, beyond what is plausible for it",
+    "no_better_empirical_term": "as few empirical terms fit better",
+    "effect_leads": "another effect, which cannot be as large as it would have to be, fits better",
+    "effect_steady": "its size drifts through the flight: look for what changes with time",
+}
+"""Criterion -> why an effect that takes most of the residual away is no answer."""
+
 
 @dataclass(frozen=True)
 class Criterion:
@@ -51,6 +59,27 @@ def verdict(table: Sequence[Criterion]) -> str:
     if not passed["calm_air"]:
         return "not_deterministic"
     return "none" if passed["all_candidates_fitted"] else "cannot_tell"
+
+
+def reason(table: Sequence[Criterion], nearest: str = "") -> str:
+    """Why a flight is not testable, or why what came nearest to an answer (`nearest`: its name) is none; "" where there is nothing to say.
+    A pure function of the table, as the verdict is."""
+    rows, answer = {c.name: c for c in table}, verdict(table)
+    if answer == "not_testable":
+        failed = next(rows[name] for name in NULL if rows[name].passed is False)
+        limit = "" if isinstance(failed.value, str) else f" (at most {_short(failed.threshold)})"
+        return f"{failed.says}: {_short(failed.value)}{limit}"
+    if answer != "unexplained" or not nearest or not (rows["effect_likelier"].passed and rows["effect_on_unseen_loops"].passed):
+        return ""
+    sufficient = rows["rest_is_noise"].passed or (rows["floor"].passed and rows["floor_by_channel"].passed)
+    objections = [said for name, said in OBJECTIONS.items() if rows[name].passed is False]
+    if not sufficient:
+        objections.insert(0, f"more than noise is left beside it (chi-square {_short(rows['floor'].value)} on validation loops)")
+    return f"{nearest} comes nearest, but {' and '.join(objections)}."
+
+
+def _short(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.3g}"
 
 
 def table(evidence: Evidence, criteria: Criteria = CRITERIA) -> tuple[Criterion, ...]:
@@ -195,7 +224,7 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             ", ".join(rivals) or 0,
             c.decisive,
             not rivals,
-            "effects that the flight cannot tell from the answer",
+            f"effects that the answer leads by less than this, or than {100 * c.approximate:g} % of what it gains",
             "Kass & Raftery 1995",
         ),
         Criterion(
@@ -234,7 +263,9 @@ def probabilities(e: Evidence, answer: str, criteria: Criteria = CRITERIA) -> di
     if answer == "none":  # what is left beside noise is too little to be called missing
         deviances["something_else"] = max(deviances["something_else"], deviances["none"] + PRICE)
     best = min(deviances.values())
-    odds = {name: exp(-max(d - best, 0.0) / 2 / criteria.temperature) for name, d in deviances.items()}
+    gained = min(deviances["none"], deviances["something_else"]) - best
+    temperature = criteria.temperature * criteria.lead(gained) / criteria.decisive
+    odds = {name: exp(-max(d - best, 0.0) / 2 / temperature) for name, d in deviances.items()}
     if answer in ("unexplained", "not_testable"):
         odds = {**{name: odd * criteria.unknown for name, odd in odds.items()}, "something_else": 1.0}
     total = sum(odds.values())

@@ -26,6 +26,6 @@ def test_a_heavier_kite_and_a_load_cell_that_reads_high_are_one_flight():
     named = finding.evidence.model.keys[0]
     assert 0.2 < both[named] < 0.9 and sum(both.get(k, 0.0) for k in TWINS) > 0.9
     # a twin that was never raced is found all the same
-    found = rivals(finding.frame, finding.evidence.model, TWINS)
+    found = rivals(finding.frame, finding.evidence.model, TWINS, finding.evidence.search.gains)
     assert [r.key for r in found[named]] == [k for k in TWINS if k != named]
     assert found[named][0].lag == pytest.approx(0.0, abs=10.0)

@@ -14,7 +14,7 @@ from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.evidence import Evidence, Suspect
 from awescli.tracing.rest import Repetition, Rest
 from awescli.tracing.search import Search, crowded
-from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, table, verdict
+from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, reason, table, verdict
 
 ANSWER = ("effect_likelier", "effect_on_unseen_loops")
 REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
@@ -70,6 +70,32 @@ def test_every_verdict_is_reached_by_its_table(expected, passed):
     assert verdict(rows(**passed)) == expected
     other = [Criterion(c.name, random.random(), 1.0, c.passed, "other", "other") for c in rows(**passed)]
     assert verdict(other[::-1]) == expected
+
+
+@pytest.mark.parametrize(
+    "passed, said",
+    [
+        ({**FOUND, "effect_steady": False}, "its size drifts"),
+        ({**FOUND, "effect_leads": False}, "another effect"),
+        ({**FOUND, "no_better_empirical_term": False}, "empirical terms"),
+        ({**FOUND, "sensors_plausible": False}, "a sensor"),
+        ({**FOUND, **LEFT}, "more than noise"),
+    ],
+)
+def test_what_came_nearest_is_told_with_every_objection(passed, said):
+    """Guards an `unexplained` that does not say why an effect which explains so much is no answer: the engineer would name it himself."""
+    assert verdict(rows(**passed)) == "unexplained"
+    told = reason(rows(**passed), "pitot_position")
+    assert told.startswith("pitot_position comes nearest") and said in told
+    drifts = reason(rows(**{**passed, "effect_steady": False}), "pitot_position")
+    assert said in drifts and "its size drifts" in drifts
+    assert reason(rows(**passed)) == "" and reason(rows(**LEFT), "pitot_position") == ""
+    assert reason(rows(**FOUND), "pitot_position") == "" and reason(rows(), "pitot_position") == ""
+
+
+def test_a_flight_that_is_not_testable_says_which_criterion_failed():
+    failed = [Criterion("null_follows", 3.14159, 2.0, False, "chi-square", "") if c.name == "null_follows" else c for c in rows()]
+    assert reason(failed) == "chi-square: 3.14 (at most 2)"
 
 
 def test_what_holds_for_every_table():
