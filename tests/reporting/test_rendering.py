@@ -10,12 +10,15 @@ from jinja2 import StrictUndefined, UndefinedError
 from markupsafe import Markup
 from reporting.small_evidence import evidence
 from reporting.test_page import EVIL, Reader, texts
+from reporting.test_pumping import pumped
 
 import awescli
 from awescli.api.figures import Picture
 from awescli.api.shown import as_html
 from awescli.reporting import marks, plots
+from awescli.reporting.free_flight import free_flight
 from awescli.reporting.html import page
+from awescli.reporting.phase_power import phase_table
 from awescli.reporting.rendering import MACROS, environment, rendered, show
 
 PACKAGE = Path(awescli.__file__).parent
@@ -138,10 +141,23 @@ def test_names_of_models_effects_and_actions_stay_text():
     hostile = replace(
         whole, actions=(replace(first, effect=f"{EVIL}:{EVIL}", quantity=EVIL, unit=EVIL, received=EVIL, made=EVIL),),
         traced_params={"parameters": {EVIL: {**whole.traced_params["parameters"]["Cb"], "unit": EVIL, "partners": [EVIL], "advice": EVIL}}},
-        phases=whole.phases.astype(object), commanded={},
     )  # fmt: skip
-    reader, usual = Reader(page(hostile)), Reader(page(replace(whole, commanded={})))
+    reader, usual = Reader(page(hostile)), Reader(page(whole))
     assert attributes(reader) <= attributes(usual) and EVIL in reader.text
+
+
+def test_the_names_that_a_plan_gives_to_phases_stay_text():
+    """Of cycles that were flown, and of measured power per phase."""
+    whole = pumped()
+    flown, blocks = whole.flown, {m: whole.scores[m] for m in whole.models}
+    phases = [part | {"phase": EVIL, "ended_by": EVIL} for part in flown["phases"]]
+    parts = {
+        m: b | {"power": b["power"] | {"by_phase": [part | {"phase": EVIL} for part in b["power"]["by_phase"]]}} for m, b in blocks.items()
+    }
+    hostile = replace(whole, flown={**flown, "phases": phases}, scores={**whole.scores, **parts})
+    for tell in (free_flight, phase_table):
+        reader = Reader(show(tell(hostile)))
+        assert EVIL in reader.text and attributes(reader) <= attributes(Reader(show(tell(whole))))
 
 
 def test_what_a_notebook_shows_stays_text():
