@@ -20,7 +20,7 @@ FLOORS = {
     "__main__": 9,
 }  # fmt: skip
 
-HEAVY = {"numpy", "scipy", "torch", "torchdiffeq", "polars", "llvmlite", "plotly", "matplotlib", "safetensors"}
+HEAVY = {"numpy", "scipy", "torch", "torchdiffeq", "polars", "llvmlite", "plotly", "matplotlib", "safetensors", "jinja2"}
 
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py")
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +33,9 @@ class Picture:
         return path
 
     def _repr_html_(self) -> str:
-        drawing = self.svg[self.svg.index("<svg") :]
-        return f"<figure>{drawing}<figcaption>{escape(self.note)}</figcaption></figure>"
+        from awescli.reporting.rendering import rendered, trusted
+
+        return rendered("picture.html", drawing=trusted(self.svg[self.svg.index("<svg") :]), note=self.note)
 
     def _repr_png_(self) -> bytes:
         return self.png
@@ -65,9 +65,6 @@ class Album:
 
     def picture(self, name: str | None) -> Picture:
         """One by name; None: the first one. Raises BadInput for a name that it has not."""
-        import html
-        import re
-
         import numpy as np
 
         from awescli.reporting.drawing import drawn
@@ -81,4 +78,4 @@ class Album:
         figure = self.figures[name] if name is not None else next(iter(self.figures.values()))
         shared = {p.name: np.asarray(p.values) for p in self._pieces if isinstance(p, Shared)}
         files = drawn(figure, light_colours(), shared)
-        return Picture(figure.title, html.unescape(re.sub("<[^>]*>", "", figure.note)), files["svg"].decode(), files["png"])
+        return Picture(figure.title, figure.note, files["svg"].decode(), files["png"])

@@ -1,7 +1,6 @@
 """How results look: sentences as text, tables as frames, both as HTML in a notebook."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -24,14 +23,15 @@ def as_html(title: str, sentences: Sequence[str], table: "polars.DataFrame | Non
     """A title, sentences, and a table: plain HTML, all text escaped."""
     import polars
 
-    lines = "".join(f"<div>{escape(line)}</div>" for line in sentences)
+    from awescli.reporting.rendering import rendered, trusted
+
     shown = ""
     if table is not None:
         with polars.Config(
             tbl_rows=MOST_ROWS, tbl_cols=20, float_precision=4, tbl_hide_dataframe_shape=True, tbl_hide_column_data_types=True
         ):
             shown = table._repr_html_()
-    return f"<div><b>{escape(title)}</b>{lines}{shown}</div>"
+    return rendered("result.html", title=title, sentences=sentences, table=trusted(shown))
 
 
 def as_text(title: str, sentences: Sequence[str]) -> str:

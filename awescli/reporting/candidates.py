@@ -3,7 +3,7 @@
 from typing import Any
 
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Cell, bar, chip, esc, folded, paragraph, table
+from awescli.reporting.marks import Body, Cell, Chip, Folded, Group, Paragraph, bar, table
 from awescli.reporting.words import effect_words, number, percent
 
 NO_GAP = 0.02
@@ -11,7 +11,7 @@ NO_GAP = 0.02
 NOT_FITTED = "not fitted"
 
 
-def ranking(evidence: Evidence) -> str:
+def ranking(evidence: Evidence) -> Body:
     """Every candidate: how much of the residual it explains, what it gains on unseen loops, why it was taken or not."""
     effects = evidence.effects
     accepted = effects["effects"] if evidence.tracing_added else []
@@ -22,14 +22,15 @@ def ranking(evidence: Evidence) -> str:
     for place, c in enumerate(effects["ranking"], 1):
         known = [a for a in effects["ranking"] if a["name"] == c["name"]]
         taken, rival = among(c, accepted, known), among(c, rivals, known)
-        state = chip("accepted", "good") if taken else chip("rival", "bad") if rival else ""
+        state = Chip("accepted", "good") if taken else Chip("rival", "bad") if rival else ""
+        said = effect_words(c["name"], c.get("acts_on", ""))
         fitted = c.get("outcome") not in (NOT_FITTED, "failed")
         gain, share = (c["test_gain"], c["explained_share"]) if fitted else (None, None)
         rows.append((
-            Cell(str(place), place), Cell(f"{esc(effect_words(c['name'], c.get('acts_on', '')))} {state}", c["name"]),
+            Cell(str(place), place), Cell((said, " ", state) if state else said, c["name"]),
             bar(share, percent(share)) if gap and fitted else Cell("–"), Cell(percent(gain) if fitted else "–", gain),
             Cell(number(c["score"]), c["score"]), Cell(number(c["p_value"], 2), c["p_value"]),
-            "yes" if c["plausible_size"] else "no", Cell(esc(because(evidence, c, taken, rival)), None, "reason"),
+            "yes" if c["plausible_size"] else "no", Cell(because(evidence, c, taken, rival), None, "reason"),
         ))  # fmt: skip
     if not rows:
         return ""
@@ -39,8 +40,8 @@ def ranking(evidence: Evidence) -> str:
         "train, to first order; the best were fitted in full and compared on validation loops. The gap is by how much χ² per degree of "
         "freedom lies above 1 on train: what noise does not explain."
     )
-    more = f'<div id="detectable">{detectable(evidence)}</div>'
-    return f'<div id="tab-ranking"><h3>Candidates</h3>{paragraph(note, "soft")}{table(head, rows)}{more}</div>'
+    more = Group("detectable", "", detectable(evidence))
+    return Group("tab-ranking", "Candidates", (Paragraph(note, "soft"), table(head, rows), more))
 
 
 def because(evidence: Evidence, c: dict[str, Any], taken: bool, rival: bool) -> str:
@@ -79,15 +80,13 @@ def _best(evidence: Evidence, what: str) -> float:
     return max((c.get(what) or 0.0 for c in evidence.effects["ranking"]), default=0.0)
 
 
-def detectable(evidence: Evidence) -> str:
+def detectable(evidence: Evidence) -> Body:
     """The smallest size of each effect that this flight would have shown."""
     seen, units = (evidence.effects.get(key) or {} for key in ("detectable", "detectable_units"))
     shown = {k: units.get(k, {}).get("unit", "-") for k in seen}
-    small = [
-        (effect_words(*k.partition(":")[::2]), Cell(f"{number(v)} {'' if shown[k] == '-' else esc(shown[k])}", v)) for k, v in seen.items()
-    ]
+    small = [(effect_words(*k.partition(":")[::2]), Cell(f"{number(v)} {'' if shown[k] == '-' else shown[k]}", v)) for k, v in seen.items()]
     title = "What this flight would have shown: smallest size of each effect that stands out"
-    return folded(title, table(("effect", "smallest size"), small)) if small else ""
+    return Folded(title, table(("effect", "smallest size"), small)) if small else ""
 
 
 def among(candidate: dict, named: list, same_name: list) -> bool:

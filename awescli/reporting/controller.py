@@ -4,8 +4,8 @@ import numpy as np
 
 from awescli.flightlog.split import PARTS
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Body, Cell, Section, absent, esc, folded, paragraph, table
-from awescli.reporting.plots import Figure, axis, dots, line, stride
+from awescli.reporting.marks import Body, Cell, Folded, Group, Paragraph, Section, absent, table
+from awescli.reporting.plots import Figure, axis, dots, hover, line, stride
 from awescli.reporting.words import COLOURS, listed, number, percent
 
 OUTCOMES = {
@@ -22,7 +22,7 @@ def controller(evidence: Evidence) -> Section:
             "controller", title, absent("awes fit-controller", "no control law was fitted; set-points are replayed from the log")
         )
     against = tuple(law_against_log(evidence, s) for s in evidence.commanded)
-    body = paragraph(sentence(evidence)), fit_table(evidence), against, survival(evidence), steering(evidence), features(evidence)
+    body = Paragraph(sentence(evidence)), fit_table(evidence), against, survival(evidence), steering(evidence), features(evidence)
     return Section("controller", title, body)
 
 
@@ -32,12 +32,12 @@ def sentence(evidence: Evidence) -> str:
     names = report.get("surfaces", [])
     seen = (report.get("features") or {}).get("chosen", [])
     delay = (report.get("delay") or {}).get("delay_s")
-    law = f"A {esc(report.get('kind', 'fitted'))} law with {esc(report.get('nonzeros', '?'))} terms"
-    text = f"{law} drives {esc(listed(list(names)))} from {len(seen)} quantities"
+    law = f"A {report.get('kind', 'fitted')} law with {report.get('nonzeros', '?')} terms"
+    text = f"{law} drives {listed(list(names))} from {len(seen)} quantities"
     return f"{text}{f', delayed by {number(delay)} s' if delay else ''}."
 
 
-def fit_table(evidence: Evidence) -> str:
+def fit_table(evidence: Evidence) -> Group:
     """NRMSE per surface and part, with the share that noise in the law's inputs explains."""
     report, rows = evidence.controller, []
     head = ["surface"]
@@ -50,10 +50,10 @@ def fit_table(evidence: Evidence) -> str:
                 value = ((report.get(key) or {}).get(part) or {}).get(surface)
                 row.append(Cell(percent(value), value))
         rows.append(row)
-    note = paragraph(
+    note = Paragraph(
         "NRMSE of the set-point, in percent of its range; beside it, what the sensor noise in the law's inputs alone would cause.", "soft"
     )
-    return f'<div id="tab-controller">{note}{table(head, rows)}</div>'
+    return Group("tab-controller", "", (note, table(head, rows)))
 
 
 def law_against_log(evidence: Evidence, surface: str) -> Body:
@@ -83,7 +83,7 @@ def survival(evidence: Evidence) -> Body:
     if not flown or len(flown) != len(starts):
         return ""
     asked = proof.get("asked_s", max(flown))
-    text = OUTCOMES.get(proof.get("outcome"), esc(proof.get("outcome", "")))
+    text = OUTCOMES.get(proof.get("outcome"), str(proof.get("outcome", "")))
     error = proof.get("path_error_5s_m")
     text += f" After 5 s it is {number(error)} m off the measured path." if error is not None else ""
     ends = [c for s, f in zip(starts, flown, strict=True) for c in (s, s, None)]
@@ -95,7 +95,7 @@ def survival(evidence: Evidence) -> Body:
             list(flown),
             "flown",
             COLOURS["initial"],
-            hovertemplate="from %{x:.0f} s: %{y:.1f} s<extra></extra>",
+            hovertemplate=hover("from %{x:.0f} s: %{y:.1f} s"),
             showlegend=False,
         ),
     ]
@@ -110,7 +110,7 @@ def survival(evidence: Evidence) -> Body:
     )
 
 
-def steering(evidence: Evidence) -> str:
+def steering(evidence: Evidence) -> Body:
     """What the law steers for, and what the loop makes of its errors."""
     report = evidence.controller
     found, gains = report.get("steering") or {}, report.get("gain") or {}
@@ -125,14 +125,14 @@ def steering(evidence: Evidence) -> str:
     for surface, gain in gains.items():
         if gain.get("plant_gain") is not None:
             said.append(
-                f"A disturbance of the {esc(surface)} moves what the law sees by up to {number(gain['plant_gain'])} standard deviations "
+                f"A disturbance of the {surface} moves what the law sees by up to {number(gain['plant_gain'])} standard deviations "
                 "per rad (measured in closed loop); from one state to the next the law's own error changes by "
                 f"{number(gain['gamma_error'])} rad per standard deviation."
             )
-    return paragraph(" ".join(said)) if said else ""
+    return Paragraph(" ".join(said)) if said else ""
 
 
-def features(evidence: Evidence) -> str:
+def features(evidence: Evidence) -> Body:
     """What the law sees and why."""
     found = evidence.controller.get("features") or {}
     reasons = found.get("reasons") or {}
@@ -142,7 +142,5 @@ def features(evidence: Evidence) -> str:
     ]
     if not rows:
         return ""
-    return folded(
-        f"The {len(rows)} quantities the law sees",
-        paragraph(esc(found.get("how", ""))) + table(("quantity", "error grows without it by"), rows),
-    )
+    told = Paragraph(str(found.get("how", ""))), table(("quantity", "error grows without it by"), rows)
+    return Folded(f"The {len(rows)} quantities the law sees", told)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Body, esc
-from awescli.reporting.plots import Figure, axis, dots
+from awescli.reporting.marks import Body
+from awescli.reporting.plots import Figure, axis, dots, hover
 from awescli.reporting.words import number
 
 STEPS = ((0.3, 0.6, 5), (0.6, 0.8, 8), (0.8, 0.95, 11), (0.95, 1.0, 14))
@@ -27,14 +27,13 @@ def correlation(evidence: Evidence) -> Body:
         for sign, colour, word in ((1, "@blue", "together"), (-1, "@red", "against each other")):
             here = np.flatnonzero((sign * values >= low) & (sign * values < high + (high == 1.0)))
             if here.size:
-                x, y = ([esc(names[i]) for i in way[here]] for way in (columns, rows))
+                x, y = ([names[i] for i in way[here]] for way in (columns, rows))
                 said = [number(v) for v in values[here]]
                 data.append(dots(x, y, f"{word}, {low:g} to {high:g}", colour, size=size, symbol="square", text=said,
-                                 hovertemplate="%{x}, %{y}: %{text}<extra></extra>"))  # fmt: skip
+                                 hovertemplate=hover("%{x}, %{y}: %{text}")))  # fmt: skip
     if not data:
         return ""
-    words = [esc(n) for n in names]
-    one = {"type": "category", "categoryorder": "array", "categoryarray": words, "dtick": 1}
+    one = {"type": "category", "categoryorder": "array", "categoryarray": names, "dtick": 1}
     note = "Two parameters with a correlation near 1 are known only together: raising one and the other hardly changes what is simulated."
     layout = {"xaxis": axis("parameter", **one, tickangle=-90), "yaxis": axis("parameter", **one, autorange="reversed")}
     return Figure(

@@ -3,7 +3,6 @@
 Only what the page's figures are made of is known here; anything else raises KeyError or ValueError rather than being left out in silence.
 """
 
-import html
 import io
 import math
 from collections.abc import Mapping, Sequence
@@ -73,7 +72,7 @@ def _saved(sheet: Sheet, kind: str) -> bytes:
 
 
 class _Names:
-    """@colour, @colour/opacity and $array looked up, marks of the page's texts undone; lists of numbers become arrays."""
+    """@colour, @colour/opacity and $array looked up; lists of numbers become arrays."""
 
     def __init__(self, colours: Mapping[str, str], shared: Mapping[str, np.ndarray]):
         self.colours, self.shared = colours, shared
@@ -93,7 +92,7 @@ class _Names:
             return matplotlib.colors.to_rgba(self.colours[name], float(opacity or 1))
         if text.startswith("$") and text[1:] in self.shared:
             return np.asarray(self.shared[text[1:]])
-        return html.unescape(text)
+        return text
 
 
 # --- in the plane ---------------------------------------------------------------------------------------------------------

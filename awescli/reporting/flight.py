@@ -5,8 +5,8 @@ import numpy as np
 from awescli.flightlog.log import runs_of
 from awescli.flightlog.split import PARTS
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Body, Cell, Section, bullets, chip, esc, folded, paragraph, table
-from awescli.reporting.plots import Figure, axis, grid, line, scene, stride, strip, swatch
+from awescli.reporting.marks import Body, Cell, Chip, Code, Folded, Group, Heading, Paragraph, Section, bullets, table
+from awescli.reporting.plots import Figure, axis, grid, hover, line, scene, stride, strip, swatch
 from awescli.reporting.wind_profile import wind_profile
 from awescli.reporting.words import COLOURS, channel, number, percent
 
@@ -21,11 +21,11 @@ def flight(evidence: Evidence) -> Section:
     log, quality = evidence.log, evidence.quality
     counts = ", ".join(f"{n} {part}" for n, part in zip(evidence.parts.counts, PARTS, strict=True))
     facts = (
-        f"{esc(log.name)}: {quality.duration:.1f} s at {quality.rate:.3g} Hz, {quality.samples} samples. {esc(quality.loops)}, "
+        f"{log.name}: {quality.duration:.1f} s at {quality.rate:.3g} Hz, {quality.samples} samples. {quality.loops}, "
         f"dealt whole to the three parts: {counts}. Models are fitted to train, chosen on validation, judged on test."
     )
     air = timeline(evidence), wind(evidence), wind_profile(evidence)
-    body = paragraph(facts), path(evidence), *air, checks(evidence), ranges(evidence), signals(evidence)
+    body = Paragraph(facts), path(evidence), *air, checks(evidence), ranges(evidence), signals(evidence)
     return Section("flight", "The flight", body)
 
 
@@ -47,7 +47,7 @@ def path(evidence: Evidence) -> Figure:
         data.append({
             "type": "scatter3d", "mode": "lines", "x": x, "y": y, "z": z, "name": name,
             "line": {"color": COLOURS.get(name, "@grey/0.6"), "width": 3 if name in PARTS else 1.5},
-            "hovertemplate": "east %{x:.1f} m, north %{y:.1f} m, up %{z:.1f} m<extra>" + name + "</extra>",
+            "hovertemplate": hover("east %{x:.1f} m, north %{y:.1f} m, up %{z:.1f} m", aside=name),
         })  # fmt: skip
     data.append({
         "type": "scatter3d", "mode": "markers", "x": [0], "y": [0], "z": [0], "name": "winch" if log.on_line else "origin",
@@ -77,7 +77,7 @@ def timeline(evidence: Evidence) -> Figure:
     spent = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in evidence.quality.phases.items())
     return Figure(
         "fig-timeline", "Height over time", data, {"xaxis": axis("time [s]"), "yaxis": axis("[m]", rangemode="tozero"), "shapes": shapes},
-        split="whole flight", note=f"Strip above: parts; strip below: phases ({esc(spent)}).", height=300, linked="flight",
+        split="whole flight", note=f"Strip above: parts; strip below: phases ({spent}).", height=300, linked="flight",
     )  # fmt: skip
 
 
@@ -85,7 +85,7 @@ def wind(evidence: Evidence) -> Body:
     """Speed and direction as recorded, per height."""
     record = evidence.log.wind
     if record is None:
-        return paragraph("The log has no wind record.", "absent")
+        return Paragraph("The log has no wind record.", "absent")
     step = stride(len(record.time))
     shown = np.unique(np.linspace(0, len(record.height) - 1, min(len(record.height), 5)).astype(int))
     shades = ["@blue", "@green", "@ochre", "@red", "@purple"]
@@ -104,7 +104,7 @@ def wind(evidence: Evidence) -> Body:
         layout = {"xaxis": axis("time [s]"), "yaxis": axis(f"[{unit}]"), "showlegend": True}
         panels.append(Figure(id, title, data, layout, split="whole flight", height=230, part=True))
     mean = f"Mean wind {number(float(record.speed[inside].mean()))} m/s at the recorded heights."
-    return grid(panels), paragraph(mean)
+    return grid(panels), Paragraph(mean)
 
 
 def turns(degrees: np.ndarray) -> np.ndarray:
@@ -112,20 +112,20 @@ def turns(degrees: np.ndarray) -> np.ndarray:
     return degrees - 360 * np.floor(degrees.mean() / 360)
 
 
-def checks(evidence: Evidence) -> str:
+def checks(evidence: Evidence) -> Group:
     """The named numbers that data must keep, those that it does not keep first."""
     rows = [
-        (c.name, Cell(f"{number(c.value)} {esc(c.unit)}", c.value), Cell(f"{number(c.threshold)} {esc(c.unit)}", c.threshold),
-         Cell(chip("passed", "good") if c.ok else chip("look here", "bad"), str(c.ok)), c.sentence)
+        (c.name, Cell(f"{number(c.value)} {c.unit}", c.value), Cell(f"{number(c.threshold)} {c.unit}", c.threshold),
+         Cell(Chip("passed", "good") if c.ok else Chip("look here", "bad"), str(c.ok)), c.sentence)
         for c in sorted(evidence.quality.checks, key=lambda c: (c.ok, not c.stops))
     ]  # fmt: skip
     body = table(("check", "value", "limit", "", "what it means"), rows)
     left = {k: v for k, v in evidence.quality.left_out.items() if v > 0}
-    out = f"Left out: {esc(', '.join(f'{k} {v:.1f} s' for k, v in left.items()))}." if left else ""
-    return f'<div id="tab-quality"><h3>Data quality</h3>{paragraph(out) if out else ""}{body}</div>'
+    out = Paragraph(f"Left out: {', '.join(f'{k} {v:.1f} s' for k, v in left.items())}.") if left else ()
+    return Group("tab-quality", "Data quality", (out, body))
 
 
-def ranges(evidence: Evidence) -> str:
+def ranges(evidence: Evidence) -> Body:
     """What each part flew, so that nobody reads a test that left train as one that did not."""
     rows = [
         (r.name, r.unit, *(Cell(f"{number(low)} to {number(high)}", high) for low, high in (r.train, r.validation, r.test)),
@@ -139,18 +139,18 @@ def ranges(evidence: Evidence) -> str:
         "deflections, and for the others the range of both together."
     )
     head = ("quantity", "unit", *PARTS, "validation goes", "test goes")
-    return f'<div id="tab-ranges"><h3>Ranges of the parts</h3>{paragraph(told)}{table(head, rows)}</div>'
+    return Group("tab-ranges", "Ranges of the parts", (Paragraph(told), table(head, rows)))
 
 
-def signals(evidence: Evidence) -> str:
+def signals(evidence: Evidence) -> Folded:
     """Every signal, and what the reader did to the file."""
     rows = [
-        (channel(c.name), Cell(f"<code>{esc(c.name)}</code>", c.name), c.unit, Cell(number(c.low), c.low), Cell(number(c.high), c.high),
+        (channel(c.name), Cell(Code(c.name), c.name), c.unit, Cell(number(c.low), c.low), Cell(number(c.high), c.high),
          Cell(number(c.noise, 2), c.noise), c.group)
         for c in evidence.quality.channels
     ]  # fmt: skip
     head = ("signal", "name", "unit", "smallest", "largest", "white noise (1 std)", "clock")
-    notes = bullets(esc(n) for n in evidence.quality.notes)
-    told = f"<h3>What the reader did</h3>{notes}" if notes else ""
-    valid = paragraph(f"{percent(float(evidence.log.valid.mean()))} of the samples are valid.")
-    return folded(f"All {len(rows)} signals, ranges and noise", valid + table(head, rows) + told)
+    notes = bullets(evidence.quality.notes)
+    told = (Heading("What the reader did"), notes) if notes else ()
+    valid = Paragraph(f"{percent(float(evidence.log.valid.mean()))} of the samples are valid.")
+    return Folded(f"All {len(rows)} signals, ranges and noise", (valid, table(head, rows), told))

@@ -6,7 +6,7 @@ from awescli.flightlog.split import PARTS
 from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Body, Cell, Section, absent, chip, esc, keys, paragraph, table
+from awescli.reporting.marks import Body, Cell, Chip, Group, Keys, Paragraph, Section, Words, absent, table
 from awescli.reporting.plots import PANEL_POINTS, Figure, Shared, axis, grid, line, scene, stride
 from awescli.reporting.pumping import cycles, earned
 from awescli.reporting.words import COLOURS, channel, listed, number, percent, scale_of
@@ -24,35 +24,33 @@ def free_flight(evidence: Evidence) -> Section:
     title = "Flown on its own"
     if evidence.flown is None or evidence.trajectory is None:
         return Section("flown", title, absent("awes simulate", "no model was flown on its own"))
-    body = paragraph(sentence(evidence)), *cycles(evidence), path(evidence), apart(evidence), over_time(evidence), scores(evidence)
+    body = Paragraph(sentence(evidence)), *cycles(evidence), path(evidence), apart(evidence), over_time(evidence), scores(evidence)
     return Section("flown", title, body)
 
 
-def sentence(evidence: Evidence) -> str:
+def sentence(evidence: Evidence) -> Words:
     """What flew, on what, how long."""
     f = evidence.flown
     pumping = bool(f.get("phases"))
     sees = "the wind" if pumping or not evidence.log.on_line else "winch and wind"
-    state = chip("flew on", "good") if f["outcome"] == "flew_on" else chip("departed", "bad")
+    state = Chip("flew on", "good") if f["outcome"] == "flew_on" else Chip("departed", "bad")
     text = [
-        f"{state} {esc(evidence.label(flying(evidence))).capitalize()}: it set out from the measured state at {number(f['start_s'])} s "
+        f" {evidence.label(flying(evidence)).capitalize()}: it set out from the measured state at {number(f['start_s'])} s "
         f"and flew {number(f['survived_s'])} s of {number(f['asked_s'])} s; {SURFACES[f['surfaces']]}. "
         f"Besides, it sees only {sees} of the flight."
     ]
     if pumping:
-        text.append(f"{esc(earned(f))} Phases, surfaces and winch are the plan's, so the two need not agree.")
+        text.append(f"{earned(f)} Phases, surfaces and winch are the plan's, so the two need not agree.")
     unseen = f.get("unseen_s", f["asked_s"])
     if unseen < min(f["survived_s"], float(evidence.log.time[-1]) - f["start_s"]) - evidence.log.dt:
-        text.append(
-            f"The first {number(unseen)} s of the comparison are test {esc(evidence.parts.of)}; what follows was seen by some stage."
-        )
+        text.append(f"The first {number(unseen)} s of the comparison are test {evidence.parts.of}; what follows was seen by some stage.")
     if f["effects"]:
-        text.append(f"Effects switched on: {esc(listed(list(f['effects'])))}.")
+        text.append(f"Effects switched on: {listed(list(f['effects']))}.")
     if made_wind(evidence):
         asked = {"speed": "m/s", "direction": "°"}
         wind = ", ".join(f"{k} {number(f['wind'][k])} {unit}" for k, unit in asked.items() if f["wind"][k] is not None)
         text.append(f"It flew in another wind than the measured flight ({wind}), so the two need not agree.")
-    return " ".join(text)
+    return state, " ".join(text)
 
 
 def flying(evidence: Evidence) -> str:
@@ -81,7 +79,7 @@ def path(evidence: Evidence) -> Figure:
     for which, name, colour in (("measured", "measured", "@ink"), ("simulated", evidence.label(flying(evidence)), tone(evidence))):
         n, e, d = (arrays[f"{which}_{c}"][:: stride(len(arrays[f"{which}_{c}"]), 4000)] for c in ("p_n", "p_e", "p_d"))
         data.append({
-            "type": "scatter3d", "mode": "lines", "x": e, "y": n, "z": -d, "name": esc(name), "line": {"color": colour, "width": 4},
+            "type": "scatter3d", "mode": "lines", "x": e, "y": n, "z": -d, "name": name, "line": {"color": colour, "width": 4},
         })  # fmt: skip
     data.append({
         "type": "scatter3d", "mode": "markers", "x": data[1]["x"][:1], "y": data[1]["y"][:1], "z": data[1]["z"][:1], "name": "start",
@@ -133,16 +131,16 @@ def over_time(evidence: Evidence) -> Body:
             Figure(f"fig-flown-{name}", channel(name), data, layout, split=split_of(evidence), height=220, linked="flown", part=True)
         )
     entries = [("measured", COLOURS["measured"], "solid"), (label, tone(evidence), "solid")]
-    return Shared("flown_time", arrays["time"][::step]), keys(entries, "flown"), grid(panels)
+    return Shared("flown_time", arrays["time"][::step]), Keys(tuple(entries), "flown"), grid(panels)
 
 
-def scores(evidence: Evidence) -> str:
+def scores(evidence: Evidence) -> Body:
     """Error of the one long simulation against how long it has flown."""
     f = evidence.flown
     away = f["path_error_m"]
     rows = [
-        (Cell(f"{esc(h)} s", float(h)), Cell(percent(block["mean"]), block["mean"]), Cell(number(away[h]), away[h]))
+        (Cell(f"{h} s", float(h)), Cell(percent(block["mean"]), block["mean"]), Cell(number(away[h]), away[h]))
         for h, block in f["nrmse"].items()
     ]
     head = ("after", "mean NRMSE of the 12 states", "RMS distance from the measured path [m]")
-    return f'<div id="tab-flown">{table(head, rows)}</div>' if rows else ""
+    return Group("tab-flown", "", table(head, rows)) if rows else ""

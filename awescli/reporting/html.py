@@ -1,6 +1,7 @@
 """The page: evidence in, one self-contained HTML text out. It asks nothing of a network and opens from a file:// address."""
 
 from base64 import b64encode
+from dataclasses import dataclass
 from hashlib import sha256
 from importlib.resources import files
 
@@ -13,10 +14,11 @@ from awescli.reporting.free_flight import free_flight
 from awescli.reporting.headline import headline
 from awescli.reporting.hybrid import hybrid
 from awescli.reporting.identification import identification
-from awescli.reporting.marks import Section, esc
+from awescli.reporting.marks import Section
 from awescli.reporting.next_steps import next_steps
 from awescli.reporting.prediction import prediction
 from awescli.reporting.provenance import provenance
+from awescli.reporting.rendering import rendered, trusted
 from awescli.reporting.residual import residual
 
 SECTIONS = (headline, flight, controller, identification, residual, hybrid, free_flight, prediction, next_steps, provenance)
@@ -27,8 +29,20 @@ NAMES = {
     "hybrid": "Hybrid", "flown": "Flown", "prediction": "Predicted", "next": "Next", "provenance": "Provenance",
 }  # fmt: skip
 
-POLICY = "default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
-"""What the browser lets the page do: nothing but what stands in it, and run no script but its own two, known by their hashes."""
+
+@dataclass(frozen=True)
+class Script:
+    """JavaScript of ours inside the page: only its end mark could end it. Lines end as the browser reads, and hashes, them."""
+
+    source: str
+
+    @property
+    def text(self) -> str:
+        return trusted(self.source.replace("</script", "<\\/script").replace("\r\n", "\n").replace("\r", "\n"))
+
+    @property
+    def hash(self) -> str:
+        return _hash(self.text)
 
 
 def story(evidence: Evidence) -> list[Section]:
@@ -40,24 +54,10 @@ def page(evidence: Evidence) -> str:
     """The whole page."""
     sections = story(evidence)
     first, *rest = sections
-    links = "".join(f'<a href="#{s.id}">{NAMES[s.id]}</a>' for s in sections)
-    scripts = [_inline(get_plotlyjs()), _inline(own("page.js"))]
-    policy = POLICY.format(scripts=" ".join(_hash(script) for script in scripts))
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">\n'
-        f"<title>{esc(first.title)} · {esc(evidence.log.name)}</title>\n<style>{own('page.css')}</style></head>\n<body>\n"
-        f'<nav aria-label="sections"><div>{links}</div></nav>\n{_top(evidence, first)}<main>\n'
-        f"{''.join(s.html() for s in rest)}<footer>Made by awes {esc(evidence.versions.get('awes', ''))}.</footer></main>\n"
-        f"{''.join(f'<script>{script}</script>{chr(10)}' for script in scripts)}</body></html>\n"
-    )
-
-
-def _top(evidence: Evidence, first: Section) -> str:
-    """The first screen is no chapter: its title is the page's."""
-    kicker = f"Flight {esc(evidence.log.name)} · model against measurement"
-    return f'<header class="top" id="{first.id}"><p class="kicker">{kicker}</p><h1>{esc(first.title)}</h1>\n{first.inside()}</header>\n'
+    return rendered(
+        "page.html", first=first, rest=tuple(rest), named=[(NAMES[s.id], s) for s in sections], flight=evidence.log.name,
+        version=evidence.versions.get("awes", ""), style=trusted(own("page.css")), scripts=[Script(get_plotlyjs()), Script(own("page.js"))],
+    )  # fmt: skip
 
 
 def own(name: str) -> str:
@@ -65,11 +65,6 @@ def own(name: str) -> str:
     return (files("awescli.reporting") / name).read_text(encoding="utf-8")
 
 
-def _inline(script: str) -> str:
-    """JavaScript inside a script element: only its end mark could end it. Lines end as the browser reads, and hashes, them."""
-    return script.replace("</script", "<\\/script").replace("\r\n", "\n").replace("\r", "\n")
-
-
 def _hash(script: str) -> str:
     """A script in a Content-Security-Policy (CSP level 2, section 4.2.5)."""
-    return f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'"
+    return f"sha256-{b64encode(sha256(script.encode()).digest()).decode()}"

@@ -7,7 +7,7 @@ import numpy as np
 
 from awescli.notation.quantities import UNITS
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Body, Cell, Section, absent, bullets, esc, keys, paragraph, table
+from awescli.reporting.marks import Body, Cell, Code, Group, Heading, Keys, Paragraph, Section, absent, bullets, table
 from awescli.reporting.plots import PANEL_POINTS, Figure, Shared, axis, bars, dots, grid, line, log_axis, stride
 from awescli.reporting.words import COLOURS, channel, listed, number, percent, short, unit_of
 
@@ -20,9 +20,9 @@ def hybrid(evidence: Evidence) -> Section:
     if evidence.hybrid is None:
         return Section("hybrid", title, absent("awes train-hybrid", "no network was trained on what is left"))
     if "hybrid" not in evidence.models:
-        return Section("hybrid", title, (paragraph(sentence(evidence)), history(evidence)))
+        return Section("hybrid", title, (Paragraph(sentence(evidence)), history(evidence)))
     trained = optimisers(evidence), history(evidence)
-    return Section("hybrid", title, (paragraph(sentence(evidence)), scores(evidence), along_flight(evidence), trained, shares(evidence)))
+    return Section("hybrid", title, (Paragraph(sentence(evidence)), scores(evidence), along_flight(evidence), trained, shares(evidence)))
 
 
 def training(evidence: Evidence) -> Mapping:
@@ -35,12 +35,12 @@ def training(evidence: Evidence) -> Mapping:
 def sentence(evidence: Evidence) -> str:
     """Size, inputs and outcome."""
     report, network = training(evidence), evidence.network or {}
-    text = [f"Outcome: {esc(str(report.get('outcome', '?')).replace('_', ' '))}."]
+    text = [f"Outcome: {str(report.get('outcome', '?')).replace('_', ' ')}."]
     if report.get("sentence"):
-        text.append(esc(str(report["sentence"])).capitalize() + ".")
+        text.append(str(report["sentence"]).capitalize() + ".")
     if isinstance(network.get("inputs"), (list, tuple)):
         hidden = " × ".join(str(h) for h in network.get("hidden", []))
-        text.append(f"A network with hidden layers of {esc(hidden)} sees {esc(listed([str(i) for i in network['inputs']]))}.")
+        text.append(f"A network with hidden layers of {hidden} sees {listed([str(i) for i in network['inputs']])}.")
     if isinstance(report.get("outside_box_test"), (int, float)):
         text.append(f"On {percent(report['outside_box_test'])} of the test samples it faded, as the flight left what it was trained on.")
     return " ".join(text)
@@ -69,7 +69,7 @@ def scores(evidence: Evidence) -> Body:
         layout = {"yaxis": axis("NRMSE [% of range]", rangemode="tozero"), "showlegend": False, "margin": {"t": 24}}
         panels.append(Figure(id, title, data, layout, split=f"test {evidence.parts.of}", height=240, part=True))
     entries = [*((evidence.label(m), COLOURS[m], "solid") for m in models), ("noise alone", "@ink", "solid")]
-    return f"<h3>Error {evidence.horizon:g} s ahead, with and without the network</h3>", keys(entries), grid(panels)
+    return Heading(f"Error {evidence.horizon:g} s ahead, with and without the network"), Keys(tuple(entries)), grid(panels)
 
 
 OPTIMISERS = {
@@ -86,8 +86,8 @@ def optimisers(evidence: Evidence) -> Body:
     runs = {k: words for k, words in OPTIMISERS.items() if isinstance(test.get(k), Mapping)}
     names = [n for n in ("p_n", "p_e", "p_d", "mean") if runs and all(n in test[k] for k in runs)]
     if not names or "adam_lbfgs" not in runs:
-        how = "<code>awes train-hybrid --set train-hybrid.compare=true</code>"
-        return paragraph(f"Adam alone was not trained for comparison; {how} does so.", "absent")
+        how = Code("awes train-hybrid --set train-hybrid.compare=true")
+        return Paragraph(("Adam alone was not trained for comparison; ", how, " does so."), "absent")
     x = [channel(n) for n in names]
     data = [bars(x, [100 * test[k][n] for n in names], words, colour) for k, (words, colour) in runs.items()]
     return Figure(
@@ -111,8 +111,8 @@ def along_flight(evidence: Evidence) -> Body:
             Figure(f"fig-correction-{name}", f"d{name}/dt", data, layout, split="whole flight", height=210, linked="flight", part=True)
         )
     text = "Added to the accelerations at the measured states. It fades to nothing where the flight leaves what it was trained on."
-    head = f'<div id="fig-correction"><h3>What the network adds</h3>{paragraph(text, "soft")}'
-    return head, Shared("correction_time", c["time"][::step]), grid(panels), "</div>"
+    told = Paragraph(text, "soft"), Shared("correction_time", c["time"][::step]), grid(panels)
+    return Group("fig-correction", "What the network adds", told)
 
 
 def history(evidence: Evidence) -> Body:
@@ -149,21 +149,23 @@ def _history(evidence: Evidence) -> list[dict]:
     return [dict(zip(found.get("columns", ()), row, strict=False)) for row in found["rows"]]
 
 
-def shares(evidence: Evidence) -> str:
+def shares(evidence: Evidence) -> Body:
     """How large the network's part in the motion is, and the formulas nearest to it."""
     report = training(evidence)
     found = report.get("share_of_acceleration") or {}
     ratio = report.get("validation_rmse_ratio") or {}
     rows = [(f"d{k}/dt", Cell(percent(v), v)) for k, v in found.items() if isinstance(v, (int, float))]
     more = [(channel(k), Cell(number(v), v)) for k, v in ratio.items() if isinstance(v, (int, float))]
-    text = f"<h3>Share of the network in the motion</h3>{table(('derivative', 'share'), rows)}" if rows else ""
-    text += f"<h3>Error with the network over error without, validation</h3>{table(('channel', 'ratio'), more)}" if more else ""
-    text += ensemble(report)
-    formulas = [f"<code>{esc(f)}</code>" for f in report.get("distilled") or ()]
-    return text + (f"<h3>Formulas nearest to what the network learned</h3>{bullets(formulas)}" if formulas else "")
+    formulas = bullets(Code(f) for f in report.get("distilled") or ())
+    return (
+        (Heading("Share of the network in the motion"), table(("derivative", "share"), rows)) if rows else "",
+        (Heading("Error with the network over error without, validation"), table(("channel", "ratio"), more)) if more else "",
+        ensemble(report),
+        (Heading("Formulas nearest to what the network learned"), formulas) if formulas else "",
+    )
 
 
-def ensemble(report: Mapping) -> str:
+def ensemble(report: Mapping) -> Body:
     """How far networks from different seeds agree: their spread is what the hybrid does not know."""
     found = report.get("ensemble") or {}
     spread = found.get("spread") or {}
@@ -174,4 +176,4 @@ def ensemble(report: Mapping) -> str:
         unit, factor = unit_of(UNITS.get(name, ""))
         rows.append((channel(name), unit, Cell(number(value * factor), value)))
     text = f"{found.get('learned', '?')} of {found.get('members', '?')} networks from different seeds learned something."
-    return f'<div id="ensemble"><h3>Spread of the ensemble, test</h3>{paragraph(text)}{table(("channel", "unit", "1 std"), rows)}</div>'
+    return Group("ensemble", "Spread of the ensemble, test", (Paragraph(text), table(("channel", "unit", "1 std"), rows)))

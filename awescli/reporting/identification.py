@@ -4,9 +4,8 @@ from collections.abc import Mapping
 
 from awescli.reporting.correlation import correlation
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Cell, Section, absent, chip, esc, paragraph, table
-from awescli.reporting.plots import Figure, axis, bars, dots
-from awescli.reporting.terms import tip
+from awescli.reporting.marks import Cell, Chip, Code, Group, Paragraph, Section, Tip, Words, absent, spaced, table
+from awescli.reporting.plots import Figure, axis, bars, dots, hover
 from awescli.reporting.words import COLOURS, channel, listed, number, percent, unit_of, with_std
 
 DETERMINED = {"hardly": "hardly seen", "poorly": "poorly determined"}
@@ -20,22 +19,28 @@ def identification(evidence: Evidence) -> Section:
     tables = [parameters(evidence.params["parameters"], "tab-parameters", "Parameters")]
     if evidence.tracing_added and evidence.traced_params is not None:
         title_of = f"Parameters {evidence.label('with_effects')}"
-        tables.append(parameters(evidence.traced_params["parameters"], "tab-traced-parameters", esc(title_of)))
-    body = paragraph(sentence(evidence)), attitude(evidence), shifts(evidence), *tables, correlation(evidence)
+        tables.append(parameters(evidence.traced_params["parameters"], "tab-traced-parameters", title_of))
+    body = Paragraph(sentence(evidence)), attitude(evidence), shifts(evidence), *tables, correlation(evidence)
     return Section("identification", title, body)
 
 
-def sentence(evidence: Evidence) -> str:
+def sentence(evidence: Evidence) -> Words:
     """How the fit went."""
     m, rows = evidence.identify or {}, evidence.params["parameters"]
     chi2 = m.get("chi2")
-    text = f"{len(rows)} free parameters, fitted to the train {esc(evidence.parts.of)}; outcome: {esc(m.get('outcome', '?'))}."
+    head: Words = f"{len(rows)} free parameters, fitted to the train {evidence.parts.of}; outcome: {m.get('outcome', '?')}."
     if chi2 is not None:
-        text += f" {tip('χ²')} per degree of freedom {number(chi2)} (1: nothing but noise is left on train)."
+        head = head, " ", Tip("χ²"), f" per degree of freedom {number(chi2)} (1: nothing but noise is left on train)."
+    return head, _details(evidence, m, rows)
+
+
+def _details(evidence: Evidence, m: Mapping, rows: Mapping[str, Mapping]) -> str:
+    """What was estimated along, what the flight hardly shows, what bounds and constraints did."""
+    text = ""
     if along := [f"{name} ({number(p['level'])} {p['unit']})" for name, p in (m.get("processes") or {}).items()]:
-        text += f" Estimated along, besides starts: {esc(listed(along))}."
+        text += f" Estimated along, besides starts: {listed(along)}."
     if off := [f"{name} {number(factor)}" for name, factor in (m.get("noise_factors") or {}).items() if abs(factor - 1) > 0.1]:
-        text += f" Noise over the declared one: {esc(listed(off))}."
+        text += f" Noise over the declared one: {listed(off)}."
     counts = {how: sum(p.get("determined") == how for p in rows.values()) for how in ("hardly", "poorly")}
     if count := counts["hardly"]:
         stay = "stay near their priors" if count > 1 else "stays near its prior"
@@ -45,11 +50,11 @@ def sentence(evidence: Evidence) -> str:
         text += f" {_parameters(count)} hardly seen by it and yet more than one prior std from {whose}, or at a bound: "
         text += "what others or a missing effect should explain, and of little meaning by itself."
     for factor in evidence.params.get("common_factors", []):
-        text += f" {esc(factor['says'][:1].upper() + factor['says'][1:])}; the prior sets the factor."
+        text += f" {factor['says'][:1].upper()}{factor['says'][1:]}; the prior sets the factor."
     for row in evidence.params.get("constraints", []):
         if row["active"]:
             gain = number(row["cost_per_unit"])
-            text += f" The constraint {esc(row['constraint'])} is active: relaxed by one unit, the fit would gain {gain} of χ²."
+            text += f" The constraint {row['constraint']} is active: relaxed by one unit, the fit would gain {gain} of χ²."
     return text
 
 
@@ -88,10 +93,10 @@ def shifts(evidence: Evidence) -> Figure:
             continue
         data.append(
             dots(
-                [p["shift_in_prior_std"] for p in here.values()], [esc(n) for n in here], name, colour, size=8,
+                [p["shift_in_prior_std"] for p in here.values()], list(here), name, colour, size=8,
                 error_x=dict(array=[2 * p["std"] / p["prior_std"] for p in here.values()], thickness=1.4, width=0, color=colour),
-                text=[esc(with_std(p["value"], p["std"], p["unit"])) for p in here.values()],
-                hovertemplate="%{y} = %{text}<br>%{x:.2f} prior std from its prior<extra></extra>",
+                text=[with_std(p["value"], p["std"], p["unit"]) for p in here.values()],
+                hovertemplate=hover("%{y} = %{text}", "%{x:.2f} prior std from its prior"),
             )
         )  # fmt: skip
     layout = {
@@ -100,7 +105,7 @@ def shifts(evidence: Evidence) -> Figure:
             "autorange": "reversed",
             "type": "category",
             "categoryorder": "array",
-            "categoryarray": [esc(n) for n in rows],
+            "categoryarray": list(rows),
             "dtick": 1,
         },
         "shapes": [{"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": -1, "x1": 1, "fillcolor": "@grey/0.12", "line": {"width": 0}}],
@@ -112,19 +117,19 @@ def shifts(evidence: Evidence) -> Figure:
     )  # fmt: skip
 
 
-def parameters(rows: Mapping[str, Mapping], place: str, title: str) -> str:
+def parameters(rows: Mapping[str, Mapping], place: str, title: str) -> Group:
     """The table of a params.json."""
     lines = []
     for name, p in rows.items():
         unit, factor = unit_of(p["unit"])
-        flags = [chip("at bound", "bad")] if p.get("at_bound") else []
-        flags += [chip(DETERMINED[p["determined"]])] if p.get("determined") in DETERMINED else []
-        flags += [chip(f"flight {p['flight']}")] if "flight" in p else []
-        flags += [chip(f"with {', '.join(p['partners'])}")] if p.get("partners") else []
+        flags = [Chip("at bound", "bad")] if p.get("at_bound") else []
+        flags += [Chip(DETERMINED[p["determined"]])] if p.get("determined") in DETERMINED else []
+        flags += [Chip(f"flight {p['flight']}")] if "flight" in p else []
+        flags += [Chip(f"with {', '.join(p['partners'])}")] if p.get("partners") else []
         lines.append((
-            Cell(f"<code>{esc(name)}</code>", name), Cell(with_std(p["value"] * factor, p["std"] * factor), p["value"]), unit,
+            Cell(Code(name), name), Cell(with_std(p["value"] * factor, p["std"] * factor), p["value"]), unit,
             Cell(f"{number(p['prior'] * factor, 4)} ± {number(2 * p['prior_std'] * factor, 2)}", p["prior"]),
-            Cell(f"{p['shift_in_prior_std']:+.2f}".replace("-", "−"), p["shift_in_prior_std"]), Cell(" ".join(flags), -len(flags)),
+            Cell(f"{p['shift_in_prior_std']:+.2f}".replace("-", "−"), p["shift_in_prior_std"]), Cell(spaced(flags), -len(flags)),
         ))  # fmt: skip
     head = ("parameter", "value ± 2 std", "unit", "prior ± 2 std", "shift [prior std]", "flags")
-    return f'<div id="{place}"><h3>{title}</h3>{table(head, lines)}</div>'
+    return Group(place, title, table(head, lines))

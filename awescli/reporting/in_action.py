@@ -5,7 +5,7 @@ import numpy as np
 from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES
 from awescli.reporting.evidence import Action, Evidence
-from awescli.reporting.marks import Body, paragraph
+from awescli.reporting.marks import Body, Group, Paragraph
 from awescli.reporting.plots import Figure, axis, grid, line, stride, with_gaps
 from awescli.reporting.words import COLOURS, channel, effect_words, scale_of, unit_of
 
@@ -27,7 +27,7 @@ def in_action(evidence: Evidence) -> Body:
         "Three predictions of unseen flight, one after the other. First: what the effect receives, and what it makes of it in the model "
         "that was fitted with it. Last: the channel that gains most, measured, predicted without the effect and with it."
     )
-    return '<div id="in-action"><h3>The effect in action</h3>', paragraph(note, "soft"), grid([*pictures, *gained]), "</div>"
+    return Group("in-action", "The effect in action", (Paragraph(note, "soft"), grid([*pictures, *gained])))
 
 
 def made_of_it(action: Action, number: int = 1) -> Figure:

@@ -1,49 +1,195 @@
-"""Building blocks of the page as HTML strings: escaping, sections, tables, links to figures."""
+"""What the page is made of, as plain data: words with marks in them, paragraphs, tables, groups. `templates/` says what it looks like."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
-from typing import Any, Protocol, Union
+from typing import Any, Union
 
-from awescli.reporting.terms import tip, title_of
-
-
-def esc(text: Any) -> str:
-    """Text as text. Names come from the files of users; this stands at every one of them."""
-    return escape(str(text), quote=True)
-
+from awescli.reporting.terms import TIPS
 
 TIGHT = 12
 """Letters of a cell that is not broken over lines."""
 
 
-@dataclass(frozen=True)
-class Cell:
-    """A cell whose shown text is not what it is sorted by. html: already escaped."""
+# --- words ----------------------------------------------------------------------------------------------------------------
 
-    html: str
-    key: float | str | None = None
+
+@dataclass(frozen=True)
+class Link:
+    """A link within the page, to the id of what it shows."""
+
+    target: str
+    words: "Words"
+
+
+@dataclass(frozen=True)
+class Strong:
+    """Words that are to be read first."""
+
+    words: "Words"
+
+
+@dataclass(frozen=True)
+class Soft:
+    """Words that are to be read last."""
+
+    words: "Words"
+
+
+@dataclass(frozen=True)
+class Code:
+    """A name, a command or an expression as somebody types it."""
+
+    words: str
+
+
+@dataclass(frozen=True)
+class OnScreen:
+    """What makes sense only where it can be clicked: left out on paper."""
+
+    words: "Words"
+
+
+@dataclass(frozen=True)
+class Chip:
+    """A small label."""
+
+    words: str
     tone: str = ""
 
 
-class Block(Protocol):
-    """What is more than its HTML: a figure, which is also drawn for papers."""
+@dataclass(frozen=True)
+class Bar:
+    """A share in words with a bar of its length behind it."""
 
-    def html(self) -> str:
-        """Its place on the page."""
+    share: float
+    words: str
+
+    @property
+    def width(self) -> str:
+        return f"{min(max(self.share, 0.0), 1.0) * 100:.1f}"
 
 
-Body = Union[str, Block, "tuple[Body, ...]"]
-"""HTML, blocks, and what is made of them."""
+@dataclass(frozen=True)
+class Tip:
+    """A text, with its meaning where it has one."""
+
+    words: str
+
+    @property
+    def meaning(self) -> str:
+        return TIPS.get(self.words, "")
 
 
-def blocks(body: Body) -> Iterator[str | Block]:
-    """A body's pieces in order."""
-    if isinstance(body, tuple):
-        for piece in body:
-            yield from blocks(piece)
-    else:
-        yield body
+Mark = Link | Strong | Soft | Code | OnScreen | Chip | Bar | Tip
+Words = Union[str, Mark, "tuple[Words, ...]"]
+"""Text, marked text, and what is made of them. Text is text wherever it comes from: nothing in it is read as a mark."""
+
+
+def plain(words: Words) -> str:
+    """The words without their marks, as paper shows them."""
+    if isinstance(words, tuple):
+        return "".join(plain(piece) for piece in words)
+    if isinstance(words, str):
+        return words
+    return "" if isinstance(words, OnScreen) else plain(words.words)
+
+
+def in_a_row(pieces: Sequence[Words]) -> Words:
+    """a, b and c."""
+    last = len(pieces) - 1
+    return tuple(("" if i == 0 else " and " if i == last else ", ", piece) for i, piece in enumerate(pieces))
+
+
+def spaced(pieces: Sequence[Words]) -> Words:
+    """The pieces with a space between any two."""
+    return tuple(("" if i == 0 else " ", piece) for i, piece in enumerate(pieces))
+
+
+# --- blocks ---------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    words: Words
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading within a chapter."""
+
+    words: str
+
+
+@dataclass(frozen=True)
+class Bullets:
+    items: tuple[Words, ...]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell whose shown words are not what it is sorted by."""
+
+    words: Words
+    key: float | str | None = None
+    tone: str = ""
+
+    @property
+    def kind(self) -> str:
+        """How it is set: a number, a short text on one line, or a text."""
+        if isinstance(self.key, (int, float)):
+            return "num"
+        text = self.words.words if isinstance(self.words, Tip) else self.words
+        return "tight" if isinstance(text, str) and len(text) <= TIGHT else "txt"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that sorts by a click on its head and copies as tab-separated text."""
+
+    head: tuple[Tip, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    sortable: bool = True
+
+
+@dataclass(frozen=True)
+class Keys:
+    """A legend of many plots: (label, @colour, CSS line style). linked: a click shows or hides that line in all plots of that name."""
+
+    entries: tuple[tuple[str, str, str], ...]
+    linked: str = ""
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Large numbers side by side, each leading to the same figure: (number, label, @colour)."""
+
+    target: str
+    entries: tuple[tuple[str, str, str], ...]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Blocks that a link leads to together. An empty title has no heading."""
+
+    id: str
+    title: str
+    body: "Body"
+
+
+@dataclass(frozen=True)
+class Folded:
+    """What is not needed at first sight; print opens it."""
+
+    title: str
+    body: "Body"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Small plots side by side where there is room."""
+
+    body: "Body"
 
 
 @dataclass(frozen=True)
@@ -52,94 +198,45 @@ class Section:
 
     id: str
     title: str
-    body: Body
-
-    def inside(self) -> str:
-        return "".join(piece if isinstance(piece, str) else piece.html() for piece in blocks(self.body))
-
-    def html(self) -> str:
-        return f'<section id="{esc(self.id)}"><h2>{esc(self.title)}</h2>\n{self.inside()}</section>\n'
+    body: "Body"
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = "", *, sortable: bool = True) -> str:
-    """A table that sorts by a click on its head and copies as tab-separated text. Plain cells are escaped."""
-    lines = []
-    for row in rows:
-        cells = [_cell(value, first=i == 0) for i, value in enumerate(row)]
-        lines.append(f"<tr>{''.join(cells)}</tr>")
-    heads = "".join(_head(h, sortable) for h in head)
-    title = f"<caption>{esc(caption)}</caption>" if caption else ""
-    kind = ' class="sortable"' if sortable else ""
-    return (
-        f'<div class="table"><button type="button" class="copy">copy</button><div class="wide"><table{kind}>{title}'
-        f"<thead><tr>{heads}</tr></thead><tbody>{''.join(lines)}</tbody></table></div></div>\n"
-    )
+Body = Any
+"""Blocks and tuples of them, nested as they were made, figures (`plots.py`) among them; an empty text or tuple for what is not there."""
 
 
-def _head(text: str, sortable: bool) -> str:
-    if not sortable:
-        return f'<th scope="col">{tip(text)}</th>'
-    return f'<th scope="col" aria-sort="none"><button type="button"{title_of(text)}>{esc(text)}</button></th>'
+def blocks(body: Body) -> Iterator[Any]:
+    """A body's blocks in order, and those inside them."""
+    if isinstance(body, tuple):
+        for piece in body:
+            yield from blocks(piece)
+    else:
+        yield body
+        if isinstance(body, (Section, Group, Folded, Grid)):
+            yield from blocks(body.body)
 
 
-def _cell(value: Any, first: bool) -> str:
-    cell = value if isinstance(value, Cell) else Cell(tip(str(value)), value if isinstance(value, (int, float)) else None)
-    key = "" if cell.key is None else f' data-v="{esc(cell.key)}"'
-    tone = f" {cell.tone}" if cell.tone else ""
-    kind = "num" if isinstance(cell.key, (int, float)) else "tight" if len(cell.html) <= TIGHT or len(str(value)) <= TIGHT else "txt"
-    if first:
-        return f'<th scope="row" class="{kind}{tone}"{key}>{cell.html}</th>'
-    return f'<td class="{kind}{tone}"{key}>{cell.html}</td>'
+def table(head: Sequence[str], rows: Iterable[Sequence[Any]], *, sortable: bool = True) -> Table:
+    """Rows of cells, or of values as they are: texts, which get their meaning, and numbers, which sort as numbers."""
+    return Table(tuple(map(Tip, head)), tuple(tuple(map(_cell, row)) for row in rows), sortable)
+
+
+def _cell(value: Any) -> Cell:
+    return value if isinstance(value, Cell) else Cell(Tip(str(value)), value if isinstance(value, (int, float)) else None)
 
 
 def bar(share: float, text: str) -> Cell:
     """A number with a bar behind it, for shares."""
-    width = min(max(share, 0.0), 1.0) * 100
-    return Cell(f'<span class="bar" style="--w:{width:.1f}%">{esc(text)}</span>', share)
+    return Cell(Bar(share, text), share)
 
 
-def chip(text: str, tone: str = "") -> str:
-    """A small label."""
-    return f'<span class="chip {esc(tone)}">{esc(text)}</span>'
+def bullets(items: Iterable[Words]) -> Body:
+    """A list; nothing for no items."""
+    kept = tuple(items)
+    return Bullets(kept) if kept else ()
 
 
-def keys(entries: Sequence[tuple[str, str, str]], linked: str = "") -> str:
-    """A legend of many plots: (label, @colour, CSS line style). linked: a click shows or hides that line in all plots of that name."""
-    pieces = []
-    for label, colour, style in entries:
-        swatch = f'<i style="--tone:var(--{esc(colour[1:])});--line:{esc(style)}"></i>{esc(label)}'
-        button = f'<button type="button" aria-pressed="true" data-line="{esc(label)}">{swatch}</button>'
-        pieces.append(button if linked else f"<span>{swatch}</span>")
-    return f'<div class="keys"{f" data-for={chr(34)}{esc(linked)}{chr(34)}" if linked else ""}>{"".join(pieces)}</div>\n'
-
-
-def link(target: str, html: str) -> str:
-    """A link within the page."""
-    return f'<a href="#{esc(target)}">{html}</a>'
-
-
-def on_screen(html: str) -> str:
-    """What makes sense only where it can be clicked: left out on paper."""
-    return f'<span class="screen">{html}</span>'
-
-
-def paragraph(html: str, kind: str = "") -> str:
-    return f"<p{f' class={chr(34)}{kind}{chr(34)}' if kind else ''}>{html}</p>\n"
-
-
-def bullets(items: Iterable[str]) -> str:
-    """A list of HTML items; empty text for none."""
-    lines = "".join(f"<li>{item}</li>" for item in items)
-    return f"<ul>{lines}</ul>\n" if lines else ""
-
-
-def folded(title: str, html: str) -> str:
-    """What is not needed at first sight; print opens it."""
-    return f"<details><summary>{esc(title)}</summary>\n{html}</details>\n"
-
-
-def absent(command: str, what: str) -> str:
+def absent(command: str, what: str) -> Paragraph:
     """The place of what did not run."""
-    return paragraph(
-        f"Not here: {esc(what)}. <code>{esc(command)}</code> makes it; then run <code>awes evaluate --report</code> again.", "absent"
-    )
+    again = Code("awes evaluate --report")
+    return Paragraph((f"Not here: {what}. ", Code(command), " makes it; then run ", again, " again."), "absent")

@@ -1,8 +1,6 @@
 """The page in one sheet of paper: verdict, claims, error of every model, the effect in action, parameters of the answer. PDF, A4."""
 
-import html
 import io
-import re
 import textwrap
 
 import matplotlib
@@ -12,6 +10,7 @@ from awescli.reporting.drawing import STYLE, on_axes
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.headline import by_channel, claims, lead, poor_data, title
 from awescli.reporting.in_action import gaining, made_of_it
+from awescli.reporting.marks import plain
 from awescli.reporting.paper import light_colours
 from awescli.reporting.plots import Figure
 from awescli.reporting.words import effect_words, percent, with_std
@@ -44,11 +43,6 @@ def one_page(evidence: Evidence) -> bytes:
         # no date in the file: equal sheets are equal files
         sheet.savefig(buffer, format="pdf", metadata={"CreationDate": None})
         return buffer.getvalue()
-
-
-def plain(text: str) -> str:
-    """The words of a piece of the page."""
-    return " ".join(html.unescape(re.sub('<span class="screen">.*?</span>|<[^>]*>', "", text)).split())
 
 
 def _words(sheet: Sheet, evidence: Evidence) -> float:

@@ -5,7 +5,6 @@ matplotlib draws them (kaleido, plotly's own way to files, needs a Chrome on the
 """
 
 import csv
-import html
 import io
 import math
 import re
@@ -35,7 +34,7 @@ def figure_files(evidence: Evidence) -> Iterator[tuple[str, bytes]]:
         for kind, content in drawn(figure, colours, shared).items():
             yield f"{name}.{kind}", content
         yield f"{name}.csv", table_of(figure, shared)
-        rows.append((name, figure.title, figure.split, html.unescape(re.sub("<[^>]*>", "", figure.note))))
+        rows.append((name, figure.title, figure.split, figure.note))
     yield INDEX, _csv(rows)
 
 
@@ -55,7 +54,7 @@ def table_of(figure: Figure, shared: Mapping[str, np.ndarray]) -> bytes:
         if not trace.get("name") or all(v is None for v in columns[0]):
             continue  # a line that only leads the eye; an entry of the legend
         columns += [list(trace["error_x"]["array"])] if "error_x" in trace else []
-        rows += [(html.unescape(trace["name"]), *map(_cell, point)) for point in zip(*columns, strict=True)]
+        rows += [(trace["name"], *map(_cell, point)) for point in zip(*columns, strict=True)]
     return _csv(rows)
 
 
@@ -63,7 +62,7 @@ def coordinates(figure: Figure) -> tuple[str, list[str]]:
     """("xy" or "xyz", what each coordinate is, with its unit)."""
     if "scene" in figure.layout:
         return "xyz", [figure.layout["scene"][f"{way}axis"]["title"]["text"] for way in "xyz"]
-    titles = [html.unescape(figure.layout.get(f"{way}axis", {}).get("title", {}).get("text", "")) for way in "xy"]
+    titles = [figure.layout.get(f"{way}axis", {}).get("title", {}).get("text", "") for way in "xy"]
     # the axis of a panel names the unit only: its title is the quantity; an axis of words has no title
     heads = [f"{figure.title} {t}" if t.startswith("[") else t for t in titles]
     return "xy", [h or ("category" if way == "x" or titles[0] else figure.title) for way, h in zip("xy", heads, strict=True)]
@@ -77,7 +76,7 @@ def _looked_up(values, shared: Mapping[str, np.ndarray]) -> list:
 
 def _cell(value):
     if isinstance(value, str):
-        return html.unescape(value)
+        return value
     return "" if value is None or not math.isfinite(value) else float(value)
 
 

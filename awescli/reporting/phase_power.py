@@ -1,14 +1,14 @@
 """Power and energy per phase and per cycle, measured and predicted by every model, with intervals: a table."""
 
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Cell, esc, paragraph, table
+from awescli.reporting.marks import Body, Cell, Group, Paragraph, table
 from awescli.reporting.power import KILO, powers
 from awescli.reporting.words import number
 
 TABLE = "tab-power"
 
 
-def phase_table(evidence: Evidence) -> str:
+def phase_table(evidence: Evidence) -> Body:
     """A row for each phase of unseen flight, then one for each cycle; empty for a flight without power."""
     found = {m: b for m, b in powers(evidence).items() if b.get("by_phase") or b.get("by_cycle")}
     if not found:
@@ -21,7 +21,7 @@ def phase_table(evidence: Evidence) -> str:
             seconds = f"{number(same[0]['seconds'])} of {number(same[0]['of_seconds'])}"
             rows.append(
                 (
-                    name(same[0]), Cell(esc(seconds), same[0]["seconds"]), _kilo(same[0]["measured_mean_W"]), *map(_mean, same),
+                    name(same[0]), Cell(seconds, same[0]["seconds"]), _kilo(same[0]["measured_mean_W"]), *map(_mean, same),
                     _kilo(same[0]["measured_J"]), *(_kilo(row["predicted_J"]) for row in same),
                 )
             )  # fmt: skip
@@ -29,7 +29,7 @@ def phase_table(evidence: Evidence) -> str:
         "Tension times reel-out speed; phases of what no stage was fitted to, and whole cycles. In brackets: 90 % intervals from the "
         "covariance of parameters, the error of the wind record, and how far single loops lie apart."
     )
-    return f'<div id="{TABLE}"><h3>Power per phase and cycle</h3>{paragraph(note, "soft")}{table(head, rows)}</div>'
+    return Group(TABLE, "Power per phase and cycle", (Paragraph(note, "soft"), table(head, rows)))
 
 
 def _phase(row) -> str:
@@ -41,11 +41,11 @@ def _cycle(row) -> str:
 
 
 def _kilo(value: float) -> Cell:
-    return Cell(esc(number(value * KILO)), value * KILO)
+    return Cell(number(value * KILO), value * KILO)
 
 
 def _mean(row) -> Cell:
     """Mean power with its interval."""
     interval = row.get("interval_W")
     between = f" ({number(interval[0] * KILO)} to {number(interval[1] * KILO)})" if interval else ""
-    return Cell(esc(f"{number(row['mean_W'] * KILO)}{between}"), row["mean_W"] * KILO)
+    return Cell(f"{number(row['mean_W'] * KILO)}{between}", row["mean_W"] * KILO)

@@ -1,14 +1,14 @@
 """Figures as plotly.js data: plain dicts, drawn by page.js, and by paper.py for papers; colours are @names, shared axes $names."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from typing import Any
 
 import numpy as np
 
-from awescli.reporting.marks import Body, chip, esc
+from awescli.reporting.marks import Grid
 
 MOST_POINTS = 2500
 """Samples of one line at most: more than a screen has pixels."""
@@ -21,9 +21,13 @@ STEPS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), (1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1
 """Ticks within a decade of a logarithmic axis: the coarsest of which three fall on what is shown."""
 
 
+AS_THEY_ARE = ("hovertemplate", "meta")
+"""Texts of a figure that `_plain` leaves alone: marks that `hover` made, and names that page.js compares and does not show."""
+
+
 @dataclass(frozen=True)
 class Figure:
-    """One plot: title, the split it shows, a note (HTML). linked: plots of one name zoom in time together; part: a panel of a grid."""
+    """One plot: title, the split it shows, a note. linked: plots of one name zoom in time together; part: a panel of a grid."""
 
     id: str
     title: str
@@ -35,17 +39,14 @@ class Figure:
     linked: str = ""
     part: bool = False
 
-    def html(self) -> str:
-        document = to_json({"data": list(self.data), "layout": dict(self.layout)})
-        words = f"<p>{self.note}</p>" if self.note else ""
-        group = f' data-linked="{esc(self.linked)}"' if self.linked else ""
-        three = ' data-three="yes"' if any(t.get("type") == "scatter3d" for t in self.data) else ""
-        head = f"<strong>{esc(self.title)}</strong> {chip(self.split, 'split')}"
-        return (
-            f'<figure id="{esc(self.id)}"{" class=panel" if self.part else ""}><figcaption>{head}{words}</figcaption>'
-            f'<div class="plot" role="img" aria-label="{esc(self.title)}" style="height:{self.height}px"{group}{three}></div>'
-            f'<script type="application/json">{document}</script></figure>\n'
-        )
+    @property
+    def document(self) -> Mapping:
+        """What plotly.js reads. It takes marks out of texts, so that those of users are escaped: floats to 5 digits (a screen shows 4)."""
+        return _plain({"data": list(self.data), "layout": dict(self.layout)}, digits=5)
+
+    @property
+    def in_space(self) -> bool:
+        return any(t.get("type") == "scatter3d" for t in self.data)
 
 
 @dataclass(frozen=True)
@@ -55,25 +56,29 @@ class Shared:
     name: str
     values: np.ndarray
 
-    def html(self) -> str:
-        return f'<script type="application/json" class="shared" data-name="{esc(self.name)}">{to_json(self.values, digits=8)}</script>\n'
+    @property
+    def document(self) -> list:
+        return _plain(self.values, digits=8)
 
 
-def grid(figures: Sequence[Figure]) -> Body:
+def grid(figures: Sequence[Figure]) -> Grid:
     """Small plots side by side where there is room."""
-    return '<div class="grid">', *figures, "</div>\n"
+    return Grid(tuple(figures))
 
 
-def to_json(obj: Any, digits: int = 5) -> str:
-    """JSON for inside a script element, where no '<' may end it: floats to 5 digits (a screen shows 4), what is not finite as a gap."""
-    return json.dumps(_plain(obj, digits), ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+def hover(*lines: str, aside: str = "") -> str:
+    """What the pointer shows, in plotly.js' words (%{x}), which knows these two marks; aside: text in the colour of the line."""
+    return f"{'<br>'.join(lines)}<extra>{escape(aside)}</extra>"
 
 
 def _plain(obj: Any, digits: int) -> Any:
+    """For JSON: texts escaped, floats rounded, what is not finite as a gap."""
+    if isinstance(obj, str):
+        return escape(obj)
     if isinstance(obj, np.ndarray):
         return [_plain(v, digits) for v in obj.tolist()]
     if isinstance(obj, Mapping):
-        return {str(k): _plain(v, digits) for k, v in obj.items()}
+        return {str(k): v if k in AS_THEY_ARE else _plain(v, digits) for k, v in obj.items()}
     if isinstance(obj, (list, tuple)):
         return [_plain(v, digits) for v in obj]
     if isinstance(obj, np.generic):
@@ -97,23 +102,23 @@ def with_gaps(values: np.ndarray, step: int = 1) -> np.ndarray:
 def line(x, y, name: str, colour: str, **more) -> dict:
     """A line."""
     style = {"color": colour, "width": more.pop("width", LINE)} | ({"dash": more.pop("dash")} if "dash" in more else {})
-    return {"type": "scatter", "mode": "lines", "x": x, "y": y, "name": esc(name), "line": style, **more}
+    return {"type": "scatter", "mode": "lines", "x": x, "y": y, "name": name, "line": style, **more}
 
 
 def dots(x, y, name: str, colour: str, *, size: float = 9, symbol: str = "circle", **more) -> dict:
     """Markers."""
     marker = {"color": colour, "size": size, "symbol": symbol} | more.pop("marker", {})
-    return {"type": "scatter", "mode": "markers", "x": x, "y": y, "name": esc(name), "marker": marker, **more}
+    return {"type": "scatter", "mode": "markers", "x": x, "y": y, "name": name, "marker": marker, **more}
 
 
 def bars(x, y, name: str, colour: str, **more) -> dict:
     """Upright bars."""
-    return {"type": "bar", "x": x, "y": y, "name": esc(name), "marker": {"color": colour}, **more}
+    return {"type": "bar", "x": x, "y": y, "name": name, "marker": {"color": colour}, **more}
 
 
 def axis(title: str, **more) -> dict:
     """An axis with its quantity and unit."""
-    return {"title": {"text": esc(title)}, **more}
+    return {"title": {"text": title}, **more}
 
 
 def strip(x0, x1, y0, y1, colour: str) -> dict:

@@ -1,8 +1,8 @@
 """Mechanical power of the test loops: one sentence, and the energy of every loop, measured against each model."""
 
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import esc, link
-from awescli.reporting.plots import Figure, axis, dots, line
+from awescli.reporting.marks import Link, Words
+from awescli.reporting.plots import Figure, axis, dots, hover, line
 from awescli.reporting.words import COLOURS, number, percent
 
 FIGURE = "fig-power"
@@ -14,26 +14,27 @@ def powers(evidence: Evidence) -> dict[str, dict]:
     return {m: evidence.scores[m]["power"] for m in evidence.models if evidence.scores[m].get("power")}
 
 
-def power_claim(evidence: Evidence) -> str:
+def power_claim(evidence: Evidence) -> Words:
     """What the line earned on the test loops, and how wrong each model is about it; empty for a flight without power."""
     found = powers(evidence)
     if not found:
         return ""
     block = found[list(found)[-1]]
-    told = [f"{esc(evidence.label(m))} {signed(b['error_share'])}" for m, b in found.items()]
+    told = [f"{evidence.label(m)} {signed(b['error_share'])}" for m, b in found.items()]
     interval = block["interval_share"]
     between = f" ({signed(interval[0])} to {signed(interval[1])} over loops, 95 %)" if interval else ""
     known = block.get("interval_W")
     held = known and known[0] <= block["measured_mean_W"] <= known[1]
     says = (
-        f" From what it knows of parameters, wind and loops, {esc(evidence.label(list(found)[-1]))} says {number(known[0] * KILO)} to "
+        f" From what it knows of parameters, wind and loops, {evidence.label(list(found)[-1])} says {number(known[0] * KILO)} to "
         f"{number(known[1] * KILO)} kW (90 %), which {'holds' if held else 'does not hold'} the measured value."
         if known
         else ""
     )
-    over = f"{block['seconds']:.0f} of {block['loop_seconds']:.0f} s of {block['loops']} test {esc(evidence.parts.of)}"
-    measured = link(FIGURE, f"{number(block['measured_mean_W'] * KILO)} kW")
-    return f"Mean mechanical power over {over}: {measured} measured; predicted power is off by: {', '.join(told)}{between}.{says}"
+    over = f"{block['seconds']:.0f} of {block['loop_seconds']:.0f} s of {block['loops']} test {evidence.parts.of}"
+    measured = Link(FIGURE, f"{number(block['measured_mean_W'] * KILO)} kW")
+    errors = f" measured; predicted power is off by: {', '.join(told)}{between}.{says}"
+    return f"Mean mechanical power over {over}: ", measured, errors
 
 
 def power_figure(evidence: Evidence) -> Figure | str:
@@ -49,7 +50,7 @@ def power_figure(evidence: Evidence) -> Figure | str:
             dots(
                 [row["measured_J"] * KILO for row in rows], [row["predicted_J"] * KILO for row in rows], label, COLOURS[model], size=9,
                 text=[f"loop {row['loop']}, {row['seconds']:.1f} of {row['of_seconds']:.1f} s" for row in rows],
-                hovertemplate="%{text}<br>measured %{x:.3g} kJ, predicted %{y:.3g} kJ<extra>" + esc(evidence.label(model)) + "</extra>",
+                hovertemplate=hover("%{text}", "measured %{x:.3g} kJ, predicted %{y:.3g} kJ", aside=evidence.label(model)),
             )
         )  # fmt: skip
     shown = [v for t in data for v in (*t["x"], *t["y"])]

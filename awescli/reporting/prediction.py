@@ -6,8 +6,8 @@ from awescli.flightlog.split import PARTS
 from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Body, Cell, Section, esc, folded, keys, paragraph, table
-from awescli.reporting.plots import LINE, Figure, Shared, axis, dots, grid, line, log_axis, scene, stride, strip, swatch, with_gaps
+from awescli.reporting.marks import Body, Cell, Folded, Group, Heading, Keys, Paragraph, Section, table
+from awescli.reporting.plots import LINE, Figure, Shared, axis, dots, grid, hover, line, log_axis, scene, stride, strip, swatch, with_gaps
 from awescli.reporting.published import published
 from awescli.reporting.words import COLOURS, GROUPS, channel, listed, number, percent, scale_of
 
@@ -20,13 +20,13 @@ def prediction(evidence: Evidence) -> Section:
     known = (*(() if closed else ("set-points",)), *(("winch",) if evidence.log.on_line else ()), "wind")
     start = "the measured state" if evidence.scores.get("initial_states") == "measured" else "a start fitted to the second before it"
     text = (
-        f"{count} predictions of {evidence.horizon:g} s on the test {esc(evidence.parts.of)}: each sets out from {start}, "
+        f"{count} predictions of {evidence.horizon:g} s on the test {evidence.parts.of}: each sets out from {start}, "
         f"{'is flown by the fitted controller (closed loop), ' if closed else ''}and sees nothing of the flight after that but "
         f"{listed(list(known))}. "
         "Where a line breaks, the next prediction begins."
     )
     told = over_horizon(evidence), horizons(evidence), over_loops(evidence)
-    body = paragraph(text), paths(evidence), told, channels(evidence), scores(evidence), published(evidence)
+    body = Paragraph(text), paths(evidence), told, channels(evidence), scores(evidence), published(evidence)
     return Section("prediction", "Measured against simulated", body)
 
 
@@ -43,7 +43,7 @@ def paths(evidence: Evidence) -> Figure:
             "x": e,
             "y": n,
             "z": -d,
-            "name": esc(name),
+            "name": name,
             "line": {"color": COLOURS[model], "width": 4},
             **more,
         }
@@ -85,7 +85,7 @@ def over_horizon(evidence: Evidence) -> Body:
     return Figure("fig-horizon", "How far ahead", data, layout, split=f"test {evidence.parts.of}", height=300)
 
 
-def horizons(evidence: Evidence) -> str:
+def horizons(evidence: Evidence) -> Group:
     """Mean error one step and more ahead, and for the best model every channel in its unit."""
     steps = [("one_step", f"one step ({evidence.log.dt:g} s)"), *((h, f"{h} s") for h in evidence.scores[evidence.best]["by_horizon"])]
     rows = []
@@ -99,10 +99,10 @@ def horizons(evidence: Evidence) -> str:
         sizes = [(evidence.ahead(evidence.best, key) or {}).get("rmse", {}).get(name) for key, _ in steps]
         own.append((channel(name), unit, *(Cell(number(None if s is None else s * factor), s) for s in sizes)))
     words = [w for _, w in steps]
-    more = folded(f"Every channel in its unit (RMSE), {evidence.label(evidence.best)}, test", table(("channel", "unit", *words), own))
-    more += folded("Predictions that diverged, of how many", table(("model", *words), lost))
-    note = paragraph(f"Mean NRMSE of the 12 states on the test {esc(evidence.parts.of)}, by how far ahead is predicted.", "soft")
-    return f'<div id="tab-horizon">{note}{table(("model", *words), rows)}{more}</div>'
+    more = Folded(f"Every channel in its unit (RMSE), {evidence.label(evidence.best)}, test", table(("channel", "unit", *words), own))
+    fell = Folded("Predictions that diverged, of how many", table(("model", *words), lost))
+    note = Paragraph(f"Mean NRMSE of the 12 states on the test {evidence.parts.of}, by how far ahead is predicted.", "soft")
+    return Group("tab-horizon", "", (note, table(("model", *words), rows), more, fell))
 
 
 def _lost(block) -> Cell:
@@ -118,7 +118,7 @@ def over_loops(evidence: Evidence) -> Figure:
         said = [f"{r['part']}, {r['from_s']:.0f} to {r['to_s']:.0f} s" for r in rows]
         errors = [100 * r["nrmse"]["mean"] for r in rows]
         data.append(dots([r["loop"] for r in rows], errors, evidence.label(m), COLOURS[m], size=7, text=said,
-                         hovertemplate="%{text}: %{y:.3g} %<extra>" + esc(evidence.label(m)) + "</extra>"))  # fmt: skip
+                         hovertemplate=hover("%{text}: %{y:.3g} %", aside=evidence.label(m))))  # fmt: skip
     rows = evidence.scores[evidence.best]["by_loop"]
     for part in PARTS:
         data.append(swatch(part, COLOURS[part]))
@@ -139,17 +139,17 @@ def channels(evidence: Evidence) -> Body:
     dt = evidence.log.dt
     step = stride(arrays["measured_p_n"].size)
     time = with_gaps(evidence.log.time[0] + arrays["first"][:, None] * dt + arrays["time"][None], step)
-    text = paragraph(
+    text = Paragraph(
         "All channels zoom in time together: drag sideways; a double click goes back. A click on a name shows or hides its line in all.",
         "soft",
     )
     entries = [("measured", COLOURS["measured"], "solid"), *((evidence.label(m), COLOURS[m], "solid") for m in evidence.compared)]
-    out = [Shared("test_time", time), '<div id="fig-channels"><h3>Every channel over time</h3>', text, keys(entries, "test")]
+    out: list[Body] = [text, Keys(tuple(entries), "test")]
     for group, names in GROUPS.items():
         panels = [_channel(evidence, n, step) for n in names if f"measured_{n}" in arrays]
         if panels:
-            out += [f"<h3>{esc(group)}</h3>", grid(panels)]
-    return *out, "</div>"
+            out += [Heading(group), grid(panels)]
+    return Shared("test_time", time), Group("fig-channels", "Every channel over time", tuple(out))
 
 
 def _channel(evidence: Evidence, name: str, step: int) -> Figure:
@@ -178,7 +178,7 @@ def _channel(evidence: Evidence, name: str, step: int) -> Figure:
     return Figure(f"fig-{name}", channel(name), data, layout, split=f"test {evidence.parts.of}", height=230, linked="test", part=True)
 
 
-def scores(evidence: Evidence) -> str:
+def scores(evidence: Evidence) -> Group:
     """Mean errors per part, how many predictions diverged, and every score of every channel and model."""
     rows = []
     for m in evidence.compared:
@@ -191,7 +191,7 @@ def scores(evidence: Evidence) -> str:
     parts = table(("model", *PARTS, "predictions that diverged"), rows)
     head = ("channel", "unit", "model", "NRMSE", "RMSE", "R²", "Theil U")
     every = table(head, [row for name in evidence.nrmse(evidence.best) if name != "mean" for row in _of_channel(evidence, name)])
-    return f'<div id="tab-scores"><h3>Mean error by part</h3>{parts}{folded("All scores per channel, test", every)}</div>'
+    return Group("tab-scores", "Mean error by part", (parts, Folded("All scores per channel, test", every)))
 
 
 def _of_channel(evidence: Evidence, name: str) -> list[tuple]:

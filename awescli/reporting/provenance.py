@@ -1,7 +1,7 @@
 """Where the numbers come from: stages, settings, inputs by their hashes, versions."""
 
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Cell, Section, esc, folded, paragraph, table
+from awescli.reporting.marks import Body, Cell, Code, Folded, Paragraph, Section, table
 from awescli.reporting.words import number
 
 
@@ -13,14 +13,16 @@ def provenance(evidence: Evidence) -> Section:
         rows.append((
             stage, timing.get("started", "with this page"), Cell(f"{number(seconds)} s" if seconds else "–", seconds),
             str(stamp.get("seed", "–")),
-            Cell(f"<code>{esc(str(stamp.get('code', '–'))[:12])}</code>", str(stamp.get("code", ""))),
+            Cell(Code(str(stamp.get("code", "–"))[:12]), str(stamp.get("code", ""))),
         ))  # fmt: skip
         inputs.update({str(k): str(v) for k, v in (stamp.get("inputs") or {}).items()})
         settings += [(stage, str(k), str(v)) for k, v in (stamp.get("settings") or {}).items()]
-    body = f"{table(('stage', 'made', 'took', 'seed', 'code (sha256)'), rows)}" if rows else ""
-    hashes = [(name, Cell(f"<code>{esc(digest[:32])}…</code>", digest)) for name, digest in inputs.items()]
-    body += f"{table(('input', 'content (sha256)'), hashes, sortable=False)}" if hashes else ""
-    body += folded("Settings", table(("stage", "setting", "value"), settings)) if settings else ""
-    body += folded("Versions", table(("package", "version"), list(evidence.versions.items())))
+    hashes = [(name, Cell(Code(f"{digest[:32]}…"), digest)) for name, digest in inputs.items()]
+    body: Body = (
+        table(("stage", "made", "took", "seed", "code (sha256)"), rows) if rows else "",
+        table(("input", "content (sha256)"), hashes, sortable=False) if hashes else "",
+        Folded("Settings", table(("stage", "setting", "value"), settings)) if settings else "",
+        Folded("Versions", table(("package", "version"), list(evidence.versions.items()))),
+    )
     about = "This page is one file: it asks nothing of any network and can be sent as it is. Plots: plotly.js (MIT licence), inside."
-    return Section("provenance", "Where the numbers come from", body + paragraph(about, "soft"))
+    return Section("provenance", "Where the numbers come from", (body, Paragraph(about, "soft")))

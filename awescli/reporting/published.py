@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Body, Cell, folded, paragraph, table
+from awescli.reporting.marks import Body, Cell, Folded, Group, Paragraph, table
 from awescli.reporting.words import channel, number
 
 INITIAL, IDENTIFIED, ADAM, HYBRID = "initial", "identified", "hybrid, Adam alone", "hybrid"
@@ -57,7 +57,7 @@ def published(evidence: Evidence) -> Body:
     rows = evidence.scores.get("beside_thesis") or []
     if not rows:
         return ""
-    note = paragraph(
+    note = Paragraph(
         "NRMSE (share of the range) as Rositani (2025) reports it of a measured flight of KM1, and as this run has it on the test loops of "
         "this one. The two are different flights, in different wind, with other noise: read each column from step to step, not one against "
         "the other.", "soft",
@@ -65,4 +65,4 @@ def published(evidence: Evidence) -> Body:
     head = ("channel", "step", "thesis: before", "thesis: after", "here: before", "here: after")
     keys = ("thesis_before", "thesis_after", "before", "after")
     cells = [(channel(r["channel"]), r["step"], *(Cell("–" if r[k] is None else number(r[k]), r[k]) for k in keys)) for r in rows]
-    return folded("Beside the thesis' published numbers", f'<div id="tab-thesis">{note}{table(head, cells)}</div>')
+    return Folded("Beside the thesis' published numbers", Group("tab-thesis", "", (note, table(head, cells))))

@@ -1,7 +1,7 @@
 """Pumping cycles that a model flew: what each phase and cycle earned, and the power curve of every model."""
 
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Body, Cell, esc, table
+from awescli.reporting.marks import Body, Cell, Group, table
 from awescli.reporting.plots import Figure, axis, line
 from awescli.reporting.words import COLOURS, number
 
@@ -27,22 +27,22 @@ def earned(flown) -> str:
     return f"{what}; measured cycles: {', '.join(number(w * KILO) for w in measured)} kW." if measured else f"{what}."
 
 
-def cycle_table(phases, whole) -> str:
+def cycle_table(phases, whole) -> Group:
     """A row for each phase, then one for each whole cycle."""
     rows = [
         (
             f"cycle {row['cycle']}, {row.get('phase', 'whole')}", _cell(row["to_s"] - row["from_s"]), _cell(row["mean_W"] * KILO),
             _cell(row["energy_J"] * KILO), _cell(row["mean_tension_N"] * KILO),
-            Cell(esc(f"{number(row['from_m'])} to {number(row['to_m'])}"), row["to_m"]), row.get("ended_by", "").replace("_", " "),
+            Cell(f"{number(row['from_m'])} to {number(row['to_m'])}", row["to_m"]), row.get("ended_by", "").replace("_", " "),
         )
         for row in (*phases, *whole)
     ]  # fmt: skip
     head = ("part", "lasts [s]", "mean power [kW]", "energy [kJ]", "mean tension [kN]", "line [m]", "ended by")
-    return f'<div id="tab-cycles"><h3>Phases and cycles</h3>{table(head, rows)}</div>'
+    return Group("tab-cycles", "Phases and cycles", table(head, rows))
 
 
 def _cell(value: float) -> Cell:
-    return Cell(esc(number(value)), value)
+    return Cell(number(value), value)
 
 
 def _kilo(value: float | None) -> float | None:
@@ -61,8 +61,8 @@ def power_curve(evidence: Evidence) -> Figure | str:
         winds = [row["wind_m_s"] for row in banded]
         shaded = {"type": "scatter", "mode": "lines", "x": winds, "hoverinfo": "skip", "showlegend": False, "line": {"width": 0}}
         data += [
-            {**shaded, "y": [row["low_W"] * KILO for row in banded], "name": f"{esc(label)}, 5 %"},
-            {**shaded, "y": [row["high_W"] * KILO for row in banded], "name": f"{esc(label)}, 95 %", "fill": "tonexty",
+            {**shaded, "y": [row["low_W"] * KILO for row in banded], "name": f"{label}, 5 %"},
+            {**shaded, "y": [row["high_W"] * KILO for row in banded], "name": f"{label}, 95 %", "fill": "tonexty",
              "fillcolor": f"{colour}/0.18"},
             line([row["wind_m_s"] for row in rows], [_kilo(row["mean_W"]) for row in rows], label, colour, width=2),
         ]  # fmt: skip

@@ -7,8 +7,8 @@ from awescli.reporting.criteria import criteria, probabilities
 from awescli.reporting.evidence import Evidence
 from awescli.reporting.headline import lead, shows_phase
 from awescli.reporting.in_action import in_action
-from awescli.reporting.marks import Body, Cell, Section, absent, chip, esc, keys, paragraph, table
-from awescli.reporting.plots import Figure, Shared, axis, bars, dots, grid, line, log_axis
+from awescli.reporting.marks import Body, Cell, Chip, Code, Group, Keys, Paragraph, Section, Strong, absent, table
+from awescli.reporting.plots import Figure, Shared, axis, bars, dots, grid, hover, line, log_axis
 from awescli.reporting.whiteness import whiteness
 from awescli.reporting.words import COLOURS, channel, effect_words, listed, number, percent, scale_of, short, with_std
 
@@ -22,29 +22,29 @@ def residual(evidence: Evidence) -> Section:
     title = "The residual, and what it was traced to"
     if evidence.effects is None:
         return Section("residual", title, absent("awes trace-residual", "the residual was not traced"))
-    found = paragraph(f"{verdict_chip(evidence)} {lead(evidence)}"), sizes(evidence), in_action(evidence), before_after(evidence)
+    found = Paragraph((verdict_chip(evidence), " ", lead(evidence))), sizes(evidence), in_action(evidence), before_after(evidence)
     found = (*found, over_loop(evidence), roll_gusts(evidence), rolled_parameters(evidence))
     why = criteria(evidence), probabilities(evidence), ranking(evidence)
     return Section("residual", title, (found, unexplained(evidence), why, whiteness(evidence), shifts(evidence)))
 
 
-def verdict_chip(evidence: Evidence) -> str:
-    return chip(evidence.effects["verdict"].replace("_", " "), "good" if evidence.effects["verdict"] in ("found", "none") else "bad")
+def verdict_chip(evidence: Evidence) -> Chip:
+    return Chip(evidence.effects["verdict"].replace("_", " "), "good" if evidence.effects["verdict"] in ("found", "none") else "bad")
 
 
-def sizes(evidence: Evidence) -> str:
+def sizes(evidence: Evidence) -> Body:
     """The accepted (or suspected) effects with intervals and rivals."""
     rows = [
         (effect_words(e["name"], e.get("acts_on", "")), e.get("doc", ""), name,
-         Cell(esc(with_std(p["value"], p["std"], p["unit"])), p["value"]),
+         Cell(with_std(p["value"], p["std"], p["unit"]), p["value"]),
          listed([effect_words(r["name"], r.get("acts_on", "")) for r in e["rivals"]]) or "none")
         for e in evidence.effects["effects"]
         for name, p in e["parameters"].items()
     ]  # fmt: skip
     gust = evidence.effects.get("gust_m_s")
-    air = paragraph(f"Gusts that the flight shows: {number(gust)} m/s.") if gust else ""
+    air = Paragraph(f"Gusts that the flight shows: {number(gust)} m/s.") if gust else ""
     head = ("effect", "what it is", "parameter", "size ± 2 std", "rivals")
-    return (f'<div id="tab-effects">{table(head, rows, sortable=False)}</div>' if rows else "") + air
+    return Group("tab-effects", "", table(head, rows, sortable=False)) if rows else "", air
 
 
 def labels(evidence: Evidence) -> tuple[str, str]:
@@ -56,18 +56,18 @@ def before_after(evidence: Evidence) -> Figure:
     """Errors per channel before and after, with the noise floor."""
     error = evidence.effects["error"]
     names = [n for n in error["after"] if n != "mean"] + ["mean"]
-    x = ["mean" if n == "mean" else esc(short(n)) for n in names]
-    told = [esc(channel(n)) for n in names]
+    x = ["mean" if n == "mean" else short(n) for n in names]
+    told = [channel(n) for n in names]
     shown = [w for w in ("before", "after") if w in error and (w == "before" or evidence.tracing_added)]
     data = [
         bars(x, [100 * error[which][n] for n in names], label, COLOURS[model], text=told, textposition="none",
-             hovertemplate="%{text}: %{y:.3g} %<extra></extra>")
+             hovertemplate=hover("%{text}: %{y:.3g} %"))
         for which, label, model in zip(shown, labels(evidence), ("identified", "with_effects"), strict=False)
     ]  # fmt: skip
     data.append(
         dots(
             x, [100 * error["noise_floor"][n] for n in names], "noise alone", "@ink", symbol="line-ew", size=14,
-            marker={"line": {"width": 2, "color": "@ink"}}, hovertemplate="noise alone: %{y:.3g} %<extra></extra>",
+            marker={"line": {"width": 2, "color": "@ink"}}, hovertemplate=hover("noise alone: %{y:.3g} %"),
         )
     )  # fmt: skip
     lost = error.get("diverged_before", 0), error.get("diverged_after", 0)
@@ -82,7 +82,7 @@ def before_after(evidence: Evidence) -> Figure:
 def over_loop(evidence: Evidence) -> Body:
     """What repeats: the residual averaged over loops, at every phase of a loop, and what the effect explains of it."""
     if not shows_phase(evidence):
-        return paragraph("The flight does not loop, so there is no residual per phase of a loop.", "absent") if evidence.residuals else ""
+        return Paragraph("The flight does not loop, so there is no residual per phase of a loop.", "absent") if evidence.residuals else ""
     r = evidence.residuals
     phase = loop_phase(evidence, r["test_first"][:, None] + np.arange(len(r["time"]))[None])
     names = [k.removeprefix("test_before_") for k in r if k.startswith("test_before_")]
@@ -91,7 +91,6 @@ def over_loop(evidence: Evidence) -> Body:
     names = sorted(names, key=lambda n: -(first.get(n, 0.0) / max(error["noise_floor"].get(n, 1.0), 1e-12)))[:PANELS]
     panels = [_panel(evidence, name, phase) for name in names if f"test_after_{name}" in r]
     middle = (np.arange(BINS) + 0.5) * 360 / BINS
-    id = "fig-phase"
     note = (
         "Measured minus predicted, averaged over the test loops at each phase of a loop. What repeats before and is gone after was the "
         "missing effect; the dashed line is what the effect puts in. Shaded: ± 1 standard deviation over loops. "
@@ -102,8 +101,8 @@ def over_loop(evidence: Evidence) -> Body:
     entries = [("before", COLOURS["identified"], "dotted")]
     if evidence.tracing_added:
         entries += [("what the effect explains", COLOURS["measured"], "dashed"), ("after", COLOURS["with_effects"], "solid")]
-    head = f"<h3>What repeats in every loop</h3>{paragraph(note, 'soft')}{keys(entries)}"
-    return f'<div id="{id}">{head}', Shared("phase", middle), grid(panels), "</div>"
+    told = Paragraph(note, "soft"), Keys(tuple(entries)), Shared("phase", middle), grid(panels)
+    return Group("fig-phase", "What repeats in every loop", told)
 
 
 def loop_phase(evidence: Evidence, samples: np.ndarray) -> np.ndarray:
@@ -153,15 +152,15 @@ def loop_mean(values: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.nda
     return mean, np.sqrt(np.maximum(np.bincount(index, values[known] ** 2, BINS) / count - mean**2, 0.0))
 
 
-def unexplained(evidence: Evidence) -> str:
+def unexplained(evidence: Evidence) -> Body:
     """The empirical expression for what has no name in the library."""
     found = evidence.effects.get("unexplained")
     if not found:
         return ""
-    text = f"In <b>{esc(channel(found.get('channel', '')))}</b>, {percent(found.get('share'))} of the gap on validation is described by"
-    text += f" <code>{esc(found['expression'])}</code>" if found.get("expression") else " nothing simple"
-    told = paragraph(f"{text}. These terms are empirical: they describe, they do not explain.")
-    return f'<div id="unexplained"><h3>Without a name in the library</h3>{told}</div>'
+    where, what = Strong(channel(found.get("channel", ""))), Code(found["expression"]) if found.get("expression") else "nothing simple"
+    share = f", {percent(found.get('share'))} of the gap on validation is described by "
+    told = Paragraph(("In ", where, share, what, ". These terms are empirical: they describe, they do not explain."))
+    return Group("unexplained", "Without a name in the library", told)
 
 
 def shifts(evidence: Evidence) -> Body:
@@ -179,15 +178,14 @@ def _shifted(id: str, title: str, moved: dict, added: bool, note: str) -> Figure
     """Distances from the prior before, and after where something was added."""
     names = sorted(moved, key=lambda n: -abs(moved[n]["before_in_prior_std"]))
     before, after = ([moved[n][f"{w}_in_prior_std"] for n in names] for w in ("before", "after"))
-    y = [esc(n) for n in names]
     ways = [v for b, a in zip(before, after, strict=True) for v in (b, a, None)]
-    data = [line(ways, [v for n in y for v in (n, n, None)], "", "@grey/0.6", width=2, showlegend=False, hoverinfo="skip")]
-    data.append(dots(before, y, "before", COLOURS["identified"], size=8, hovertemplate="%{y} before: %{x:.2f} prior std<extra></extra>"))
+    data = [line(ways, [v for n in names for v in (n, n, None)], "", "@grey/0.6", width=2, showlegend=False, hoverinfo="skip")]
+    data.append(dots(before, names, "before", COLOURS["identified"], size=8, hovertemplate=hover("%{y} before: %{x:.2f} prior std")))
     if added:
-        data.append(dots(after, y, "after", COLOURS["with_effects"], size=8, hovertemplate="%{y} after: %{x:.2f} prior std<extra></extra>"))
+        data.append(dots(after, names, "after", COLOURS["with_effects"], size=8, hovertemplate=hover("%{y} after: %{x:.2f} prior std")))
     layout = {
         "xaxis": axis("distance from the prior, in prior standard deviations", zeroline=True),
-        "yaxis": {"autorange": "reversed", "type": "category", "categoryorder": "array", "categoryarray": y, "dtick": 1},
+        "yaxis": {"autorange": "reversed", "type": "category", "categoryorder": "array", "categoryarray": names, "dtick": 1},
         "shapes": [{"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": -1, "x1": 1, "fillcolor": "@grey/0.12", "line": {"width": 0}}],
     }
     return Figure(id, title, data, layout, split="fitted to train", note=note, height=90 + 17 * len(names))
@@ -200,8 +198,8 @@ def roll_gusts(evidence: Evidence) -> Body:
         return ""
     names = list(roll["channels"])
     before, after = ([roll["channels"][n][which] for n in names] for which in ("before", "after"))
-    more = {"text": [esc(channel(n)) for n in names], "hovertemplate": "%{text}: %{x:.3g} times the noise<extra></extra>"}
-    y = [esc(short(n)) for n in names]
+    more = {"text": [channel(n) for n in names], "hovertemplate": hover("%{text}: %{x:.3g} times the noise")}
+    y = [short(n) for n in names]
     data = [
         dots(before, y, "gusts that move the kite", COLOURS["identified"], **more),
         dots(after, y, "and gusts that roll it", COLOURS["with_effects"], **more),

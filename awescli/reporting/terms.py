@@ -1,7 +1,5 @@
 """What the words of the page mean, for whoever rests the pointer on one, or taps it: terms of statistics, and the channels."""
 
-from html import escape
-
 from awescli.notation.quantities import IN_WORDS, UNITS
 from awescli.reporting.words import CHANNELS, unit_of
 
@@ -42,14 +40,3 @@ def _of_channels() -> dict[str, str]:
 
 TIPS = {**TERMS, **_of_channels()}
 """Text on the page -> what it means."""
-
-
-def tip(text: str) -> str:
-    """A text, escaped; with its meaning where it has one."""
-    shown = escape(text, quote=True)
-    return f'<abbr title="{escape(TIPS[text], quote=True)}" tabindex="0">{shown}</abbr>' if text in TIPS else shown
-
-
-def title_of(text: str) -> str:
-    """The title attribute of an element that shows the text; empty where it has no meaning of its own."""
-    return f' title="{escape(TIPS[text], quote=True)}"' if text in TIPS else ""

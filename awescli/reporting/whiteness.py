@@ -6,7 +6,7 @@ The innovation is the error of predictions half a second ahead, one after the ot
 import numpy as np
 
 from awescli.reporting.evidence import Evidence
-from awescli.reporting.marks import Body, Cell, paragraph, table
+from awescli.reporting.marks import Body, Cell, Group, Paragraph, table
 from awescli.reporting.plots import Figure, axis, grid, line, log_axis
 from awescli.reporting.words import COLOURS, channel, number, percent, scale_of
 
@@ -17,10 +17,10 @@ PANELS = 6
 def whiteness(evidence: Evidence) -> Body:
     """Table and spectra; empty where the trace left neither."""
     parts = what_is_left(evidence), *spectra(evidence)
-    return ('<div id="left"><h3>What is left</h3>', *parts, "</div>") if any(parts) else ""
+    return Group("left", "What is left", parts) if any(parts) else ""
 
 
-def what_is_left(evidence: Evidence) -> str:
+def what_is_left(evidence: Evidence) -> Body:
     """Channel by channel: over noise on validation loops, and the share that repeats from loop to loop."""
     over = (evidence.effects.get("left") or {}).get("channels") or {}
     study = evidence.effects.get("residual") or {}
@@ -46,7 +46,7 @@ def spectra(evidence: Evidence) -> tuple[Body, ...]:
         "Power of the error half a second ahead, over the whole flight. White noise is level; a slope or a peak is something that the "
         "model does not say. Shown: the channels that changed most."
     )
-    return paragraph(note, "soft"), grid([_panel(evidence, n) for n in names])
+    return Paragraph(note, "soft"), grid([_panel(evidence, n) for n in names])
 
 
 def _panel(evidence: Evidence, name: str) -> Figure:

@@ -79,7 +79,7 @@ def visited(tmp_path_factory):
     file = folder / "report.html"
     text = page(evidence(evil="<b>&")).replace("</body></html>", INTRUDER + USER)
     own = _hash(re.search(r"<script>(.*?)</script></body>", USER, re.DOTALL)[1])  # what the policy does not name is not run
-    file.write_text(text.replace("script-src ", f"script-src {own} ", 1), encoding="utf-8")
+    file.write_text(text.replace("script-src ", f"script-src '{own}' ", 1), encoding="utf-8")
     command = [CHROMIUM, *FLAGS, f"--user-data-dir={folder / 'profile'}", "--window-size=1280,2000", "--dump-dom", file.as_uri()]
     done = subprocess.run(command, capture_output=True, text=True, timeout=150)
     root = re.search(r"<html[^>]*>", done.stdout)

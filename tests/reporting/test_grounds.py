@@ -16,8 +16,9 @@ from awescli.reporting.correlation import correlation
 from awescli.reporting.flight import checks
 from awescli.reporting.html import page
 from awescli.reporting.in_action import gaining, made_of_it
-from awescli.reporting.marks import table
-from awescli.reporting.one_page import one_page, plain
+from awescli.reporting.marks import Code, Link, OnScreen, Strong, plain, table
+from awescli.reporting.one_page import one_page
+from awescli.reporting.rendering import show
 from awescli.reporting.terms import TERMS, TIPS
 from awescli.reporting.whiteness import spectra, what_is_left
 from awescli.reporting.words import CHANNELS
@@ -45,7 +46,7 @@ def test_why_a_candidate_lost(change, says):
     """One sentence with the number that decided, for every way to lose."""
     c = {**CANDIDATE, **change}
     assert because(ranked(c), c, taken=False, rival=False) == says
-    assert says in plain(ranking(ranked(c)))
+    assert says in Reader(show(ranking(ranked(c)))).text
 
 
 def test_who_was_taken_and_who_does_as_well():
@@ -65,14 +66,15 @@ def test_a_spectrum_is_drawn_as_it_was_measured():
     """Units: a power in rad2/Hz is shown in deg2/Hz; zero frequency, whose mean was taken out, is not shown."""
     e = evidence()
     e = replace(e, residuals={**e.residuals, "study_before_spectrum_phi": 2 * e.residuals["study_before_spectrum_phi"]})
-    _, (_, *panels, _) = spectra(e)
+    _, shown = spectra(e)
+    panels = shown.body
     assert len(panels) == 6
     phi = panels[0]
     assert phi.id == "fig-spectrum-phi", "the channel that changed most comes first"
     before, after = phi.data
     assert np.allclose(after["y"], np.degrees(1) ** 2) and np.all(np.asarray(before["y"]) > 1.1 * np.degrees(1) ** 2)
     assert np.asarray(before["x"])[0] > 0 and phi.layout["yaxis"]["title"]["text"] == "[(°)²/Hz]"
-    assert "1.02" in what_is_left(e) and "70.0 %" in what_is_left(e)
+    assert "1.02" in show(what_is_left(e)) and "70.0 %" in show(what_is_left(e))
     assert spectra(replace(e, residuals=None)) == ()
 
 
@@ -100,7 +102,7 @@ def test_the_effect_in_action_shows_what_it_made_and_the_channel_that_gains():
 
 def test_words_have_their_meaning_beside_them():
     """Heads and channels of tables; all channels that sensors report; the meaning of a name from a file is nothing but text."""
-    text = table(("channel", "NRMSE"), [("roll φ", 1.0), (f"roll φ{EVIL}", 2.0)])
+    text = show(table(("channel", "NRMSE"), [("roll φ", 1.0), (f"roll φ{EVIL}", 2.0)]))
     elements = Reader(text).elements
     assert [a["title"] for tag, a in elements if tag == "abbr"] == [TIPS["roll φ"]] and "right wing down positive" in TIPS["roll φ"]
     assert [a.get("title") for tag, a in elements if tag == "button"][1:] == [None, TERMS["NRMSE"]]
@@ -111,7 +113,7 @@ def test_words_have_their_meaning_beside_them():
 def test_data_checks_that_failed_come_first():
     e = evidence()
     good, warns, stops = (most(name, value, "m", 1.0, 5.0, "") for name, value in (("good", 0.5), ("warns", 2.0), ("stops", 9.0)))
-    text = checks(replace(e, quality=replace(e.quality, checks=(good, warns, stops))))
+    text = show(checks(replace(e, quality=replace(e.quality, checks=(good, warns, stops)))))
     assert text.index("stops") < text.index("warns") < text.index(">good<")
 
 
@@ -129,5 +131,5 @@ def test_the_sheet_does_without_what_did_not_run():
 
 
 def test_paper_leaves_out_what_is_to_be_clicked():
-    said = 'The error fell.<span class="screen"> <a href="#x">See the paths</a>.</span> <b>So</b> &amp; so'
-    assert plain(said) == "The error fell. So & so"
+    said = "The error fell.", OnScreen((" ", Link("x", "See the paths"), ".")), " ", Strong("So"), " & ", Code("<so>")
+    assert plain(said) == "The error fell. So & <so>" and "See the paths" in show(said) and "&lt;so&gt;" in show(said)

@@ -36,12 +36,12 @@ def own(text: str) -> str:
 
 
 class Reader(HTMLParser):
-    """Elements with their attributes, and the text of every script."""
+    """Elements with their attributes, the text that is shown, and the text of every script."""
 
     def __init__(self, text: str):
         super().__init__()
-        self.elements, self.scripts, self.open = [], [], False
-        self.feed(text)
+        self.elements, self.scripts, self.open, self.text = [], [], False, ""
+        self.feed(str(text))
 
     def handle_starttag(self, tag, attrs):
         self.elements.append((tag, dict(attrs)))
@@ -55,6 +55,8 @@ class Reader(HTMLParser):
     def handle_data(self, data):
         if self.open:
             self.scripts[-1] = (self.scripts[-1][0], self.scripts[-1][1] + data)
+        else:
+            self.text += data
 
     def documents(self):
         return [json.loads(text, parse_constant=pytest.fail) for attrs, text in self.scripts if attrs.get("type") == "application/json"]

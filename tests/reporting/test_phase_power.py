@@ -4,14 +4,16 @@ from dataclasses import replace
 
 from reporting.small_evidence import evidence
 
+from awescli.reporting.marks import plain
 from awescli.reporting.phase_power import phase_table
 from awescli.reporting.power import power_claim
+from awescli.reporting.rendering import show
 
 
 def test_phases_and_cycles_stand_in_the_table_with_intervals():
     """Guards that each phase and cycle has a row, in kilowatts, with every model's interval."""
     found = evidence()
-    html = phase_table(found)
+    html = show(phase_table(found))
     for piece in ("traction", "retraction", "cycle 1, 25 % unseen", "30.0 of 40.0", "0.280"):
         assert piece in html, piece
     assert html.count("<tr>") == 4 and html.count(" to ") >= 3 * len(found.models)
@@ -23,12 +25,12 @@ def test_a_flight_without_phases_has_no_table():
     bare = {m: b | {"power": {k: v for k, v in b["power"].items() if k not in ("by_phase", "by_cycle", "interval_W")}}
             for m, b in found.scores.items() if m in found.models}  # fmt: skip
     old = replace(found, scores={**found.scores, **bare})
-    assert phase_table(old) == "" and "(90 %)" not in power_claim(old) and power_claim(old)
+    assert phase_table(old) == "" and "(90 %)" not in plain(power_claim(old)) and power_claim(old)
 
 
 def test_the_claim_says_whether_the_interval_holds():
     """Guards the sentence: 290 W times (1 - 0.1 / 27) is above 280 W, 290 W times (1 - 0.1) is not."""
-    assert "which holds the measured value" in power_claim(evidence())
+    assert "which holds the measured value" in plain(power_claim(evidence()))
     found = evidence()
     declared = {k: v for k, v in found.scores.items() if k not in ("identified", "with_effects", "hybrid")}
-    assert "which does not hold" in power_claim(replace(found, scores=declared))
+    assert "which does not hold" in plain(power_claim(replace(found, scores=declared)))

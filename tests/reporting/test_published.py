@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 from awescli.reporting.published import NUMBERS, beside_thesis, published
+from awescli.reporting.rendering import show
 
 
 def scored(**of_channel) -> dict:
@@ -26,6 +27,6 @@ def test_every_number_stands_beside_that_of_its_own_step():
 
 
 def test_the_page_says_that_the_flights_differ():
-    html = published(SimpleNamespace(scores={"beside_thesis": beside_thesis(SCORES, LAW, TRAINED)}))
+    html = show(published(SimpleNamespace(scores={"beside_thesis": beside_thesis(SCORES, LAW, TRAINED)})))
     assert "different flights" in html and html.count("<tr>") == len(NUMBERS) + 1 and "0.0181" in html
     assert published(SimpleNamespace(scores={})) == ""

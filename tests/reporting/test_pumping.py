@@ -5,8 +5,10 @@ from dataclasses import replace
 from reporting.small_evidence import evidence
 
 from awescli.reporting.free_flight import free_flight, sentence
+from awescli.reporting.marks import plain
 from awescli.reporting.paper import table_of
 from awescli.reporting.pumping import cycles, power_curve
+from awescli.reporting.rendering import show
 
 PART = {
     "cycle": 1,
@@ -35,10 +37,10 @@ def pumped():
 def test_cycles_stand_on_the_page():
     """Guards the sentence, the row of each phase and cycle, and the figure's place."""
     found = pumped()
-    html = free_flight(found).html()
-    assert "1 pumping cycle, mean power 2.20 kW (90 % of 9 kites that might be this one and fly: 1.80 to 2.60)" in sentence(
-        found
-    ) and "only the wind of the flight" in sentence(found)
+    html = show(free_flight(found))
+    said = plain(sentence(found))
+    assert "1 pumping cycle, mean power 2.20 kW (90 % of 9 kites that might be this one and fly: 1.80 to 2.60)" in said
+    assert "only the wind of the flight" in said
     for piece in ("cycle 1, traction", "cycle 1, whole", "tether length", "270 to 400", "fig-power-curve"):
         assert piece in html, piece
 

@@ -11,6 +11,7 @@ from awescli.reporting.flight import flight
 from awescli.reporting.marks import blocks
 from awescli.reporting.paper import table_of
 from awescli.reporting.plots import Figure
+from awescli.reporting.rendering import show
 from awescli.reporting.wind_profile import wind_profile
 from awescli.stages.wind_profile import levels_of, wind_line
 
@@ -32,7 +33,7 @@ def test_kite_pitot_and_station_stand_side_by_side():
     assert station["x"] == [10.7, 10.7] and station["y"] == kite["y"] == [120.0, 180.0]
     assert kite["error_x"]["array"] == pytest.approx([0.1645] * 2) and pitot["error_x"]["array"] == pytest.approx([0.658] * 2)
     assert b'"station, as declared",10.7,120.0' in table_of(speed, {}) and direction.data[0]["x"] == [58.5, 58.5]
-    assert 'id="fig-wind-speed"' in flight(found).html()
+    assert 'id="fig-wind-speed"' in show(flight(found))
 
 
 def test_without_a_pitot_the_kite_stands_alone():
