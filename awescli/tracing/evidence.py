@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from awescli.tracing.classes import Rival
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.models import FittedModel
-from awescli.tracing.rest import Rest
+from awescli.tracing.rest import Repetition, Rest
 from awescli.tracing.search import Search
 
 PRICE = 2 * CRITERIA.rest_worth
@@ -28,6 +28,7 @@ class Evidence:
     """search: of the library; bare: the declared model without model error; model: the answer, the declared model where there is none;
     rest: what it leaves; rivals: accepted effect -> what the flight cannot tell from it; suspects: effects that a parameter at its bound
     stands for; bank: the search of empirical terms, None where there was no reason for it; gusts: group -> level [m/s] beside the answer;
+    gusts_repeat: how much of them, None where there are none or too few loops;
     steadiness: of the answer (`constancy.steadiness`).
 
     null_error, identified_error: mean NRMSE of the declared model and of the one that identify handed on, on validation loops; None
@@ -42,6 +43,7 @@ class Evidence:
     suspects: tuple[Suspect, ...] = ()
     bank: Search | None = None
     gusts: Mapping[str, float] = field(default_factory=dict)
+    gusts_repeat: Repetition | None = None
     steadiness: float = 1.0
     null_error: float | None = None
     identified_error: float | None = None

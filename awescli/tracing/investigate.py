@@ -9,7 +9,6 @@ from awescli.estimation.processes.base import Group
 from awescli.estimation.processes.roll_gusts import RollGusts as RollGustProcess
 from awescli.notation.quantities import SURFACES
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.disturbances import GUSTS
 from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
 from awescli.physics.kite import can_act, candidates, make_effect
 from awescli.simulation.rollout import Simulator
@@ -19,7 +18,7 @@ from awescli.tracing.constancy import steadiness
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import Evidence, Suspect
 from awescli.tracing.models import FittedModel, Frame, fit_added, fit_beyond, fit_without_process
-from awescli.tracing.rest import Rest, channels_of, rest_of
+from awescli.tracing.rest import Rest, channels_of, gusts_of, repetition_of_gusts, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, Tried, search
 from awescli.tracing.verdict import NULL, Criterion, probabilities, reason, table, verdict
@@ -113,7 +112,8 @@ def investigate(
         bare, rest = rest_of(frame, null)
         evidence = replace(evidence, bare=bare, model=bare, rest=rest)
     evidence = replace(evidence, search=library, **_settled(frame, library, bare, rest, criteria))
-    evidence = replace(evidence, gusts=_gusts(evidence.model))
+    gusts = {g.name: g.level for g in gusts_of(evidence.model)}
+    evidence = replace(evidence, gusts=gusts, gusts_repeat=repetition_of_gusts(frame, evidence.model))
     if evidence.model.keys:
         evidence = replace(evidence, steadiness=steadiness(evidence.model))
         evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, library.gains, _beaten(library), progress=progress))
@@ -188,12 +188,6 @@ def _settled(frame: Frame, library: Search, bare: FittedModel, rest: Rest, crite
         return {"model": bare, "rest": rest}
     alone, left = rest_of(frame, library.final)
     return {"model": (alone if left.worth < criteria.rest_worth else library.final).widened(), "rest": left}
-
-
-def _gusts(model: FittedModel) -> dict[str, float]:
-    """Group -> level [m/s] of the gusts that move the kite, wind record aside."""
-    groups = [g for p in model.problems[0].processes if not p.certain for g in p.groups if g.level > 0]
-    return {g.name: g.level for g in groups if set(g.axes) <= set(GUSTS)}
 
 
 def _beaten(library: Search) -> tuple[str, ...]:

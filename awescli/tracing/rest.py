@@ -1,12 +1,15 @@
 """What a model leaves beside noise and the processes that are known to be there: is it worth anything, where does it stand, does it repeat
 from loop to loop?"""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from awescli.estimation.levels import noise_factors
+from awescli.estimation.processes.base import Group
 from awescli.flightlog.loops import Loops, find_loops
+from awescli.physics.disturbances import GUSTS
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.models import FittedModel, Frame, fit_bare
 
@@ -20,7 +23,7 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class Repetition:
-    """share: of the variance of the smoothed model error that repeats from loop to loop, p: with which chance would make it as large, by
+    """share: of the variance of a smoothed process that repeats from loop to loop, p: with which chance would make it as large, by
     axis; loops: that were compared."""
 
     share: dict[str, float]
@@ -65,7 +68,7 @@ def rest_of(frame: Frame, model: FittedModel) -> tuple[FittedModel, Rest]:
     """(the model without model error, what is left)."""
     bare = fit_bare(frame, model) if model.rest else model
     samples = int(sum(f.information.dof.sum() for f in bare.judged))
-    repetition = repetition_of(model, find_loops(frame.flights[0].log)) if model.rest else None
+    repetition = repetition_of(frame, model, [(axis, axis) for axis in model.rest]) if model.rest else None
     return bare, Rest(bare.deviance - model.deviance if model.rest else 0.0, bare.chi2, channels_of(bare), model.rest, repetition, samples)
 
 
@@ -84,14 +87,27 @@ def channels_of(model: FittedModel) -> dict[str, float]:
     return {name: square / samples[name] for name, square in squares.items()}
 
 
-def repetition_of(model: FittedModel, loops: Loops) -> Repetition | None:
-    """How much of the first flight's smoothed model error repeats over the phase of a loop. None with too few loops."""
+def gusts_of(model: FittedModel) -> list[Group]:
+    """The gusts that move the kite, wind record aside."""
+    groups = [g for p in model.problems[0].processes if not p.certain for g in p.groups if g.level > 0]
+    return [g for g in groups if set(g.axes) <= set(GUSTS)]
+
+
+def repetition_of_gusts(frame: Frame, model: FittedModel) -> Repetition | None:
+    """How much of the smoothed gusts repeats from loop to loop: air does not know where in its loop a kite is; what repeats is no gust."""
+    axes = [(g.name, axis) for g in gusts_of(model) for axis in g.axes]
+    return repetition_of(frame, model, axes) if axes else None
+
+
+def repetition_of(frame: Frame, model: FittedModel, axes: Sequence[tuple[str, str]]) -> Repetition | None:
+    """How much of the first flight's smoothed processes repeats over the phase of a loop. axes: (group, axis). None with too few loops."""
+    loops = find_loops(frame.flights[0].log)
     if loops.kind != "loops":
         return None
     share, p, used = {}, {}, 0
-    for axis in model.rest:
-        times, values = _path(model, axis)
-        table = _by_loop(times, values, loops)
+    for label in axes:
+        times, values = _path(model, label)
+        axis, table = label[1], _by_loop(times, values, loops)
         used = len(table)
         if used < FEWEST:
             return None
@@ -100,28 +116,28 @@ def repetition_of(model: FittedModel, loops: Loops) -> Repetition | None:
 
 
 def repeated(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
-    """(share of the variance of the rows' mean, probability that rows turned by chance reach it). table: (loops, bins). Turning keeps how
-    smooth a row is."""
+    """(share of the variance that the parts' means explain, beyond chance; probability that rows turned by chance reach it). table: (loops,
+    bins), nan where a part of a loop was not flown in a segment. Turning keeps how smooth a row is, and what of it was seen."""
     random, (rows, bins) = np.random.default_rng(seed), table.shape
-    table = table - table.mean(axis=1, keepdims=True)
-    total = float((table**2).mean()) or 1.0
+    table = table - np.nanmean(table, axis=1, keepdims=True)
+    there, values = np.isfinite(table), np.nan_to_num(table)
+    total = float((values**2).sum()) or 1.0
 
-    def mean_square(t: np.ndarray) -> np.ndarray:
-        return (t.mean(axis=-2) ** 2).mean(axis=-1)
+    def explained(values: np.ndarray, there: np.ndarray) -> np.ndarray:
+        return (values.sum(axis=-2) ** 2 / np.maximum(there.sum(axis=-2), 1)).sum(axis=-1) / total
 
-    seen = float(mean_square(table))
-    shifts = random.integers(0, bins, (DRAWS, rows, 1))
-    turned = mean_square(table[np.arange(rows)[:, None], (np.arange(bins) - shifts) % bins])
-    # a mean of rows that do not repeat still has a rows-th of their variance
-    share = (seen / total - 1 / rows) / (1 - 1 / rows)
+    turns = np.arange(rows)[:, None], (np.arange(bins) - random.integers(0, bins, (DRAWS, rows, 1))) % bins
+    seen, turned = float(explained(values, there)), explained(values[turns], there[turns])
+    by_chance = float(turned.mean())
+    share = (seen - by_chance) / max(1 - by_chance, 1e-9)
     return float(np.clip(share, 0.0, 1.0)), float((1 + np.count_nonzero(turned >= seen)) / (1 + DRAWS))
 
 
-def _path(model: FittedModel, axis: str) -> tuple[np.ndarray, np.ndarray]:
-    """(samples, smoothed values) of one axis of the model error at all nodes of the first flight."""
+def _path(model: FittedModel, label: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
+    """(samples, smoothed values) of one (group, axis) of the processes at all nodes of the first flight."""
     samples, values = [], []
     for f in (model.fit.flights[0], model.judged[0]):
-        at = [i for i, (group, _) in enumerate(f.misfit.labels) if group == axis]
+        at = [i for i, own in enumerate(f.misfit.labels) if own == label]
         if not at:
             continue
         nodes = f.misfit.observed.segments.first[f.heard][:, None] + f.misfit.nodes
@@ -131,12 +147,12 @@ def _path(model: FittedModel, axis: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _by_loop(samples: np.ndarray, values: np.ndarray, loops: Loops) -> np.ndarray:
-    """(loops, BINS) means over each part of each loop; loops with an empty part are left out."""
+    """(loops, BINS) means over each part of each loop, nan where it was not flown in a segment; of loops that were flown for the most."""
     rows = []
     for first, last in loops.bounds:
         inside = (samples >= first) & (samples < last)
         place = ((samples[inside] - first) * BINS // (last - first)).astype(int)
         count = np.bincount(place, minlength=BINS)
-        if (count > 0).all():
-            rows.append(np.bincount(place, values[inside], BINS) / count)
+        if 2 * np.count_nonzero(count) > BINS:
+            rows.append(np.where(count > 0, np.bincount(place, values[inside], BINS) / np.maximum(count, 1), np.nan))
     return np.array(rows).reshape(-1, BINS)

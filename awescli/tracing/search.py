@@ -157,10 +157,18 @@ def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score
     for share, alone in STARTS if here.rest else STARTS[1:]:
         strengths, shapes = score.start(screening.rows, share)
         model = fit_added(frame, here, score.key, strengths, shapes, alone)
-        if model.flies >= here.flies and model.train.sum() < here.train.sum() + WORSE:
+        if _failed(here, model) and model.flies >= here.flies:
+            # a quick fit keeps the slope of the log determinant as it was before: in gusts that may lead it astray
+            model = fit_on(frame, model)
+        if not _failed(here, model):
             gain = here.deviance - model.deviance
             return Tried(score, significant, model.fit.solution.outcome, model.light(), gain, plausible(model, score.key))
     return Tried(score, significant, "failed")
+
+
+def _failed(before: FittedModel, after: FittedModel) -> bool:
+    """Does a model with one effect more lose segments, or follow those it was fitted to worse?"""
+    return after.flies < before.flies or after.train.sum() >= before.train.sum() + WORSE
 
 
 def _best(

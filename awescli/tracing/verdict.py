@@ -16,6 +16,7 @@ NULL = ("null_flew", "null_converged", "null_follows", "null_as_identified")
 OBJECTIONS = {
     "sensors_plausible": "a sensor would have to drift, or be noisier, beyond what is plausible for it",
     "no_better_empirical_term": "as few empirical terms fit better",
+    "gusts_do_not_repeat": "what would have to be gusts beside it repeats from loop to loop, as no gust does",
     "effect_leads": "another effect, which cannot be as large as it would have to be, fits better",
     "effect_steady": "its size drifts through the flight: look for what changes with time",
 }
@@ -38,19 +39,23 @@ def verdict(table: Sequence[Criterion]) -> str:
     """The verdict that a table of criteria stands for.
 
     A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient, steady
-    and alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats, and so is an effect
-    whose size drifts, or which another one outdoes that cannot be. That nothing is missing is said in calm air, and where all that could
-    be missing was tried.
+    and alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats, called gusts or not,
+    and so is an effect whose size drifts, or which another one outdoes that cannot be. That nothing is missing is said in calm air, and
+    where all that could be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
         return "not_testable"
+    if passed["gusts_do_not_repeat"] is False:
+        return "unexplained"
+    effect = passed["effect_likelier"] and passed["effect_on_unseen_loops"]
     sufficient = passed["rest_is_noise"] or (passed["floor"] and passed["floor_by_channel"])
     if not sufficient:
-        return "not_deterministic" if passed["rest_repeats"] is False and passed["no_better_empirical_term"] else "unexplained"
+        random = passed["rest_repeats"] is False and passed["no_better_empirical_term"] and not effect
+        return "not_deterministic" if random else "unexplained"
     if not passed["sensors_plausible"]:
         return "unexplained"
-    if passed["effect_likelier"] and passed["effect_on_unseen_loops"]:
+    if effect:
         if not (passed["no_better_empirical_term"] and passed["effect_leads"] and passed["effect_steady"]):
             return "unexplained"
         return "found" if passed["no_rival"] else "cannot_tell"
@@ -253,6 +258,14 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
         ),
         Criterion(
             "calm_air", gusts, c.gusty, gusts < c.gusty, "level of the gusts that the flight shows [m/s]", "set on development flights"
+        ),
+        Criterion(
+            "gusts_do_not_repeat",
+            1.0 if e.gusts_repeat is None else e.gusts_repeat.least,
+            c.repeats,
+            None if e.gusts_repeat is None or gusts < c.gusty else not e.gusts_repeat.repeats(c),
+            "probability that chance makes the gusts repeat so much from loop to loop",
+            "permutation of the loops' phases",
         ),
     )
 

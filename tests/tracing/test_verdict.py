@@ -20,16 +20,17 @@ ANSWER = ("effect_likelier", "effect_on_unseen_loops")
 REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
 ALONE = ("no_better_empirical_term", "effect_leads", "effect_steady")
 OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "calm_air", *ALONE)
+REPEATS = ("rest_repeats", "gusts_do_not_repeat")
 ROWS = {
     (name, passed): Criterion(name, 0.0, 0.0, passed, "", "")
-    for name in (*NULL, *ANSWER, *REST, "rest_repeats", *OTHERS)
+    for name in (*NULL, *ANSWER, *REST, *REPEATS, *OTHERS)
     for passed in (True, False, None)
 }
 
 
 def rows(**passed: bool | None) -> list[Criterion]:
     """A table: a flight of a flawless model with nothing missing, but for what is said."""
-    clean = {**dict.fromkeys((*NULL, *REST, *OTHERS), True), **dict.fromkeys(ANSWER, False), "rest_repeats": None}
+    clean = {**dict.fromkeys((*NULL, *REST, *OTHERS), True), **dict.fromkeys(ANSWER, False), **dict.fromkeys(REPEATS)}
     return [ROWS[item] for item in {**clean, **passed}.items()]
 
 
@@ -58,9 +59,11 @@ LEFT = dict.fromkeys(REST, False)
         ("unexplained", {**LEFT, "rest_repeats": True}),
         ("unexplained", {"rest_is_noise": False, "floor_by_channel": False}),
         ("not_deterministic", {**LEFT, "rest_repeats": False}),
-        ("not_deterministic", {**FOUND, **LEFT, "rest_repeats": False}),
+        ("unexplained", {**FOUND, **LEFT, "rest_repeats": False}),
         ("unexplained", {**LEFT, "rest_repeats": False, "no_better_empirical_term": False}),
         ("not_deterministic", {"calm_air": False}),
+        ("not_deterministic", {"calm_air": False, "gusts_do_not_repeat": True}),
+        *(("unexplained", {**rest, "gusts_do_not_repeat": False}) for rest in ({}, FOUND, {**LEFT, "rest_repeats": False})),
         *(("not_testable", {**FOUND, name: False}) for name in NULL),
         *(("not_testable", {name: False}) for name in NULL),
     ],
@@ -80,6 +83,7 @@ def test_every_verdict_is_reached_by_its_table(expected, passed):
         ({**FOUND, "no_better_empirical_term": False}, "empirical terms"),
         ({**FOUND, "sensors_plausible": False}, "a sensor"),
         ({**FOUND, **LEFT}, "more than noise"),
+        ({**FOUND, "gusts_do_not_repeat": False}, "no gust"),
     ],
 )
 def test_what_came_nearest_is_told_with_every_objection(passed, said):
@@ -99,12 +103,13 @@ def test_a_flight_that_is_not_testable_says_which_criterion_failed():
 
 
 def test_what_holds_for_every_table():
-    """Guards the promises of each verdict over all 2^18 tables: `found` and `none` promise a null model that stands, a rest that is noise,
-    and no other explanation; `none` also that every significant candidate was fitted (A2, A3, A4)."""
+    """Guards the promises of each verdict over all tables, the null model's rows one by one: `found` and `none` promise a null model that
+    stands, a rest that is noise, and no other explanation; `none` also that every significant candidate was fitted (A2, A3, A4)."""
     reached = set()
-    names = (*NULL, *ANSWER, *REST, "rest_repeats", *OTHERS)
-    for values in itertools.product((True, False), repeat=len(names)):
-        p = dict(zip(names, values, strict=True))
+    names = (*ANSWER, *REST, *REPEATS, *OTHERS)
+    nulls = [dict.fromkeys(NULL, True), *({**dict.fromkeys(NULL, True), name: False} for name in NULL)]
+    for null, *values in itertools.product(nulls, *[(True, False)] * len(names)):
+        p = {**null, **dict(zip(names, values, strict=True))}
         said = verdict([ROWS[item] for item in p.items()])
         reached.add(said)
         stands = all(p[n] for n in NULL)
@@ -118,7 +123,7 @@ def test_what_holds_for_every_table():
         if said == "none":
             assert not effect and p["all_candidates_fitted"] and p["no_parameter_hides_it"] and p["calm_air"]
         if said == "unexplained" and at_floor:
-            assert effect and not all(p[n] for n in ALONE)
+            assert (effect and not all(p[n] for n in ALONE)) or not p["gusts_do_not_repeat"]
     assert reached == set(VERDICTS)
 
 
@@ -139,6 +144,7 @@ def model(deviance=0.0, keys=(), validation=0.0, flies=100, still_to_gain=0.0, r
 
 
 MANY = 10**10  # samples: nothing is left of chance
+GUSTY = {"vertical gusts": 0.5}
 NOISE = Rest(0.0, 1.0, {"p": 1.01, "tension": 0.99}, {}, None, MANY)
 NULL_MODEL = model(1000.0, validation=300.0, rest={"force_z": 0.3})
 
@@ -168,7 +174,7 @@ GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 18
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 19
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
@@ -202,6 +208,10 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("effect_leads", {"answer": GOOD, "beside": 109.0}, {"answer": GOOD, "beside": 111.0}),
         ("effect_steady", {"answer": GOOD, "steadiness": 2e-4}, {"answer": GOOD, "steadiness": 5e-5}),
         ("calm_air", {"gusts": {"vertical gusts": 0.19}}, {"gusts": {"vertical gusts": 0.21}}),
+        (
+            "gusts_do_not_repeat", {"gusts": GUSTY, "gusts_repeat": Repetition({"gust_d": 0.19}, {"gust_d": 0.001}, 8)},
+            {"gusts": GUSTY, "gusts_repeat": Repetition({"gust_d": 0.21}, {"gust_d": 0.001}, 8)},
+        ),
     ],
 )  # fmt: skip
 def test_every_row_fails_beyond_its_threshold(name, good, bad):
@@ -211,7 +221,9 @@ def test_every_row_fails_beyond_its_threshold(name, good, bad):
 
 def test_what_a_flight_does_not_allow_to_test_is_neither_passed_nor_failed():
     found = passed(evidence())
-    assert found["null_as_identified"] is None and found["rest_repeats"] is None
+    assert found["null_as_identified"] is None and found["rest_repeats"] is None and found["gusts_do_not_repeat"] is None
+    little = evidence(gusts={"vertical gusts": 0.1}, gusts_repeat=Repetition({"gust_d": 0.9}, {"gust_d": 0.001}, 8))
+    assert passed(little)["gusts_do_not_repeat"] is None
 
 
 def test_more_empirical_terms_than_effects_do_not_beat_them():

@@ -20,14 +20,14 @@ class ActuatorLag(Effect):
     doc = "first- or second-order lag with a rate limit"
     parameters = (
         Parameter("tau", 0.0, "s", 0.0, 1.0, source="0.1 s"),
-        Parameter("rate", FASTEST, "rad/s", 0.05, FASTEST, source="2 rad/s (MegAWES)"),
+        Parameter("rate", FASTEST, "rad/s", 0.002, FASTEST, source="2 rad/s (MegAWES); a trim motor needs seconds for a degree"),
         Parameter("inertia", 0.0, "-", 0.0, 0.25, source="from first order to critical damping; gives form only"),
     )
     targets = SURFACES
     states = ("deflection", "speed")
     start_spread = (0.05, 0.5)
     units = ("target", "target/s")
-    probes = {"tau": (0.06, 0.15, 0.3), "rate": (FASTEST, 0.8)}
+    probes = {"tau": (0.06, 0.15, 0.3), "rate": (FASTEST, 0.8, 0.008)}
     shapes = ("rate", "inertia")
     refinements = {"inertia": (0.15,)}
 
