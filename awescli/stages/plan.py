@@ -28,9 +28,9 @@ class SharedSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     flight: Path = Field(description="folder of the flight log")
-    flights: tuple[Path, ...] = Field(
-        (), min_length=1, max_length=10_000,
-        description="instead of `flight`: folders of many flights, or patterns (logs/2024*); each is run by itself, into out/NAME of its folder",
+    flights: list[Path] = Field(
+        [], min_length=1, max_length=10_000,
+        description="instead of `flight`: folders of many flights, or patterns (logs/2024*); each is run by itself, into out/ITS_NAME",
     )  # fmt: skip
     kite: Path = Field(description="kite file: the declared model of the kite")
     out: Path = Field(Path("out"), description="folder for the results")

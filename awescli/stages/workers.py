@@ -5,6 +5,7 @@ given to another one. It pickles between our own processes only; nothing that is
 """
 
 import os
+import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from queue import SimpleQueue
@@ -47,6 +48,7 @@ def connected(workers: int, scheduler: str | None = None) -> Iterator[Any]:
         "distributed.scheduler.allowed-failures": DEATHS,
         # one piece of work per core: threads inside it would only wait for each other. A user's own choice stands.
         "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "1"),
+        "distributed.worker.preload": [__name__],
     }
     with (
         dask.config.set(settings),
@@ -55,6 +57,12 @@ def connected(workers: int, scheduler: str | None = None) -> Iterator[Any]:
         Client(cluster) as client,
     ):
         yield client
+
+
+def dask_setup(worker: Any) -> None:
+    """Called by Dask in each of our processes as it starts. A terminal sends Ctrl-C to them too; they end when this process tells them to,
+    and would be started again where they ended before."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def outcomes(
