@@ -42,6 +42,7 @@ class FlightLines:
         if flight not in self.lines:
             self.lines[flight] = self.bars.add_task(printable(flight), total=None) if self.bars else None
             (self.screen.log if self.bars else self.screen.line)(f"{flight}: begun")
+            self._running()
         if self.bars:
             doing = message.get("doing") or message.get("runs") or message.get("note") or message.get("status", "")
             self.bars.update(self.lines[flight], description=printable(f"{flight}: {message['stage']}: {doing}")[: self.screen.width - 12])
@@ -51,12 +52,19 @@ class FlightLines:
         if self.bars and flight in self.lines:
             self.bars.remove_task(self.lines[flight])
         self.screen.finished.append(flight)
+        self._running()
         what = row["verdict"] or ""
         if effects := effects_said(row, short=True):
             what += f", {effects}"
         if row["status"] != "done":
             what = row["reason"].partition("\n")[0] or what
         self.screen.line(f"[{self.ended}/{self.count}] {flight}: {row['status']}{f': {what}' if what else ''} ({row['seconds']:.0f} s)")
+
+
+    def _running(self) -> None:
+        """What the screen says of an interruption."""
+        self.screen.running = ", ".join(name for name in self.lines if name not in self.screen.finished)
+        self.screen.goes_on = "after their last finished stages, at their checkpoints"
 
 
 def show_table(screen: Screen, rows: Sequence[Mapping[str, Any]], files: Sequence[str]) -> None:
@@ -66,14 +74,12 @@ def show_table(screen: Screen, rows: Sequence[Mapping[str, Any]], files: Sequenc
 
 
 def _columns(row: Mapping[str, Any]) -> dict[str, str]:
-    error, power = row["error"], row["power"]
-    changed = f"{number(error['before'])} -> {number(error['after'])} -> {number(error['noise'])}" if error else "-"
-    shares = [power["error_share"], *(power["interval_share"] or ())] if power and power["error_share"] is not None else []
-    share, *between = (f"{100 * value:+.1f} %" for value in shares) if shares else ("-",)
-    return {
-        "status": row["status"], "verdict": row["verdict"] or "-", "error -> after -> noise": changed,
-        "power error": f"{share} [{', '.join(between)}]" if between else share, "effects": effects_said(row) or "-",
-    }  # fmt: skip
+    """The cells of a flight; intervals of power stand in the files, effects in a line of their own."""
+    error = row["error"] or {}
+    share = (row["power"] or {}).get("error_share")
+    errors = {f"{'error ' if key == 'before' else ''}{key}": number(error.get(key)) for key in ("before", "after", "noise")}
+    power = "-" if share is None else f"{100 * share:+.1f} %"
+    return {"status": row["status"], "verdict": row["verdict"] or "-", **errors, "power error": power, "effects": effects_said(row)}
 
 
 def raise_for(rows: Sequence[Mapping[str, Any]]) -> None:
