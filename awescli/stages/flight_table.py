@@ -55,6 +55,12 @@ def row(
     return found
 
 
+def as_written(row: Mapping[str, Any], plan: Plan) -> dict[str, Any]:
+    """A row whose paths are those of the plan, wherever the flight was run."""
+    page = plan.out / EVALUATE / "report.html"
+    return {**row, "out": str(plan.out), "report": row["report"] and str(page)}
+
+
 def _read(plan: Plan, results: Mapping[str, Result], stage: str, file: str) -> dict[str, Any] | None:
     """An artifact of a stage that stands; None where the stage does not, or does not write it in the form that it has today."""
     path: Path = plan.out / stage / file

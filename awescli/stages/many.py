@@ -13,7 +13,7 @@ from typing import Any
 from awescli.artifacts import Journal, locked, write_json, write_text
 from awescli.notation.errors import AwesError, BadInput
 from awescli.stages.base import Stage
-from awescli.stages.flight_table import as_csv, row
+from awescli.stages.flight_table import as_csv, as_written, row
 from awescli.stages.flights import TABLE, TABLE_JSON
 from awescli.stages.plan import Plan, Plans
 from awescli.stages.runner import Result, code_hash, run_plan
@@ -58,7 +58,7 @@ def run_flights(
             with closing(outcomes(client, work, cases, hear)) as ended:
                 for name, outcome in ended:
                     found = _fault(plans.by_flight[name], outcome) if isinstance(outcome, Exception) else outcome
-                    rows[name] = {**found, "out": str(plans.by_flight[name].out)}
+                    rows[name] = as_written(found, plans.by_flight[name])
                     hear(name, {"row": rows[name]})
             table = [rows[name] for name in cases]
             write_json(plans.out / TABLE_JSON, {"plan": str(plans.file), "flights": table})

@@ -53,7 +53,7 @@ def connected(workers: int, scheduler: str | None = None) -> Iterator[Any]:
     with (
         dask.config.set(settings),
         # a flight takes the memory that it takes: a share of the machine's each is no limit of ours
-        LocalCluster(n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address=None, silence_logs=50) as cluster,
+        LocalCluster(n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address="127.0.0.1:0", silence_logs=50) as cluster,
         Client(cluster) as client,
     ):
         yield client
