@@ -44,9 +44,9 @@ class Fit(Stage):
                 raise ZeroDivisionError("division by zero")
             if step == 1 and config.end == "interrupt":
                 raise KeyboardInterrupt
-            while step == 1 and config.end == "wait" and not (context.flight.parent / f"{context.flight.name}.go").is_file():
-                time.sleep(0.02)
-                task.advance(0)
+        while config.end == "wait" and not (context.flight.parent / f"{context.flight.name}.go").is_file():
+            time.sleep(0.02)
+            task.advance(0)
         artifacts.write_json(context.folder / "params.json", {"horizon": config.horizon, "seed": context.seed})
         artifacts.write_text(context.folder / KITE_FILE, f"from: identify {config.horizon}\n")
         if config.end == "no answer":
