@@ -2,8 +2,7 @@
 
 A campaign is a function `work(name, case) -> dict` of plain data that holds all it needs (seeds included), so a result does not depend on
 where, when or beside what it was made. Files appear whole, as each case ends: an interrupted campaign goes on where it stopped, and the
-cases of a worker that dies are given to another. Dask (extra `campaign`) because schedulers, worker restarts and lost connections are
-its trade; it pickles only between our own processes, nothing that is kept.
+cases of a worker that dies are given to another (Dask, extra `campaign`; awescli/stages/workers.py).
 
     python benchmarks/SOME_CAMPAIGN.py                        on this machine, --jobs workers
     python benchmarks/SOME_CAMPAIGN.py --scheduler ADDRESS    on a cluster whose workers have this repository installed at the same path
@@ -12,17 +11,13 @@ its trade; it pickles only between our own processes, nothing that is kept.
 
 import argparse
 import json
-import os
 import subprocess
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from awescli.artifacts import write_text
-
-DEATHS = 3
-"""Workers that one case may take with it before it is called failed: a killed worker is bad luck, three are the case itself."""
+from awescli.stages.workers import connected, outcomes
 
 Work = Callable[[str, Any], dict]
 
@@ -69,57 +64,15 @@ def run_campaign(
     todo = {name: case for name, case in cases.items() if not result_file(folder, name).is_file()}
     print(f"{len(cases)} cases, {len(cases) - len(todo)} done before", flush=True)
     failed: dict[str, str] = {}
-    for count, (name, outcome) in enumerate(_outcomes(work, todo, jobs, scheduler), 1):
-        if isinstance(outcome, Exception):
-            failed[name] = f"{type(outcome).__name__}: {outcome}".splitlines()[0]
-            line = f"FAILED {name}: {failed[name]}"
-        else:
-            write_text(result_file(folder, name), json.dumps(outcome, default=float))
-            line = say(name, outcome)
-        print(f"[{count}/{len(todo)}] {line}", flush=True)
-    return failed
-
-
-def _outcomes(work: Work, todo: Mapping[str, Any], jobs: int, scheduler: str | None) -> Iterator[tuple[str, dict | Exception]]:
-    """(name, result or what it raised), as they come."""
     if not todo:
-        return
-    if jobs < 1 and scheduler is None:
-        for name, case in todo.items():
-            try:
-                yield name, work(name, case)
-            except Exception as e:
-                yield name, e
-        return
-    from distributed import as_completed
-
-    with _client(min(jobs, len(todo)), scheduler) as client:
-        # pure=False: a case of this run is never answered by what another client of the same scheduler left behind
-        futures = {client.submit(work, name, case, pure=False, retries=0): name for name, case in todo.items()}
-        for future in as_completed(futures):
-            error = future.exception()
-            yield futures[future], future.result() if error is None else error
-            future.release()
-
-
-@contextmanager
-def _client(jobs: int, scheduler: str | None) -> Iterator[Any]:
-    """A connection to the cluster: the one at the address, or one of our own with `jobs` processes."""
-    import dask
-    from distributed import Client, LocalCluster
-
-    if scheduler is not None:
-        with Client(scheduler) as client:
-            yield client
-        return
-    settings = {
-        "distributed.scheduler.allowed-failures": DEATHS,
-        # one case per core: threads inside a case would only wait for each other. A user's own choice stands.
-        "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "1"),
-    }
-    with (
-        dask.config.set(settings),
-        LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
+        return failed
+    with connected(min(jobs, len(todo)), scheduler) as client:
+        for count, (name, outcome) in enumerate(outcomes(client, work, todo), 1):
+            if isinstance(outcome, Exception):
+                failed[name] = f"{type(outcome).__name__}: {outcome}".splitlines()[0]
+                line = f"FAILED {name}: {failed[name]}"
+            else:
+                write_text(result_file(folder, name), json.dumps(outcome, default=float))
+                line = say(name, outcome)
+            print(f"[{count}/{len(todo)}] {line}", flush=True)
+    return failed

@@ -7,8 +7,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 FILES = sorted((ROOT / "awescli").rglob("*.py"))
-CALLED_BY_LIBRARIES = {"_repr_png_", "init_arrays_fast", "_step_func"}
-"""Names that a notebook, pymavlink and torchdiffeq look for."""
+CALLED_BY_LIBRARIES = {"_repr_png_", "init_arrays_fast", "_step_func", "dask_setup"}
+"""Names that a notebook, pymavlink, torchdiffeq and Dask look for."""
 
 
 def files_with(pattern: str) -> set[str]:

@@ -19,6 +19,14 @@ Settings = Annotated[
     list[str],
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a setting: any dotted key of the plan (identify.horizon=5.0). Repeatable."),
 ]
+OneFlight = Annotated[str, typer.Option("--flight", metavar="NAME", help="Which one of the plan's `flights`.")]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=0, help="For a plan of many `flights`: processes, default one a core; 0: one flight after the other, without Dask."),
+]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="For a plan of many `flights`: a running Dask scheduler (tcp://HOST:PORT) instead.")
+]
 From = Annotated[str, typer.Option("--from", metavar="STAGE", help="Run this stage and all after it, changed or not.")]
 Force = Annotated[bool, typer.Option("--force", help="Run also what has not changed.")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what would run and why; run nothing.")]
@@ -64,19 +72,28 @@ def build_app(stages: tuple[Stage, ...]) -> typer.Typer:
         begin: From = "",
         force: Force = False,
         dry_run: DryRun = False,
+        flight: OneFlight = "",
+        workers: Workers = None,
+        scheduler: Scheduler = None,
         quiet: Quiet = False,
         as_json: Json = False,
     ):
         with shell(as_json, quiet) as screen:
-            commands.run(screen, stages, stages_file, settings, begin=begin or None, force=force, dry_run=dry_run)
+            choices = {"begin": begin or None, "force": force, "dry_run": dry_run}
+            commands.run(screen, stages, stages_file, settings, flight=flight, workers=workers, scheduler=scheduler, **choices)
 
     for stage in stages:
         _add_stage(app, stage, stages)
 
     @app.command(help="Validate the plan, the kite file and the flight log; print a data-quality table.")
-    def check(stages_file: StagesFile = Path("stages.yaml"), settings: Settings = [], as_json: Json = False):  # noqa: B006
+    def check(
+        stages_file: StagesFile = Path("stages.yaml"),
+        settings: Settings = [],  # noqa: B006 - typer copies it
+        flight: OneFlight = "",
+        as_json: Json = False,
+    ):
         with shell(as_json) as screen:
-            commands.check(screen, stages, stages_file, settings)
+            commands.check(screen, stages, stages_file, settings, flight)
 
     @app.command(help="Write a commented plan to start from; drafts a flight.yaml for a CSV of unknown layout, and a kite file to fill in.")
     def init(
@@ -157,25 +174,27 @@ def _add_stage(app: typer.Typer, stage: Stage, stages: tuple[Stage, ...]) -> Non
     def plain(
         stages_file: StagesFile = Path("stages.yaml"),
         settings: Settings = [],  # noqa: B006 - typer copies it
+        flight: OneFlight = "",
         force: Force = False,
         dry_run: DryRun = False,
         quiet: Quiet = False,
         as_json: Json = False,
     ):
-        go(stages_file, settings, quiet, as_json, force=force, dry_run=dry_run)
+        go(stages_file, settings, quiet, as_json, flight=flight, force=force, dry_run=dry_run)
 
     def with_page(
         stages_file: StagesFile = Path("stages.yaml"),
         settings: Settings = [],  # noqa: B006 - typer copies it
         report: Report = False,
         figures: Figures = None,
+        flight: OneFlight = "",
         force: Force = False,
         dry_run: DryRun = False,
         quiet: Quiet = False,
         as_json: Json = False,
     ):
         wanted = [f"{stage.name}.report=true"] if report else []
-        go(stages_file, [*settings, *wanted], quiet, as_json, force=force, dry_run=dry_run, figures=figures)
+        go(stages_file, [*settings, *wanted], quiet, as_json, flight=flight, force=force, dry_run=dry_run, figures=figures)
 
     command = with_page if "report" in stage.Config.model_fields else plain
     app.command(stage.name, help=stage.help, epilog=_settings_help(stage))(command)

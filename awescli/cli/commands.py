@@ -25,16 +25,24 @@ def _overrides(settings: Sequence[str]) -> dict[str, str]:
 
 
 def run(
-    screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str], figures: Path | None = None, **choices: Any
-) -> None:
-    """Run the plan, or one stage of it, and show what came of it. figures: where copies of its figures go."""
+    screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str], figures: Path | None = None, flight: str = "",
+    **choices: Any,
+) -> None:  # fmt: skip
+    """Run the plan, or one stage of it, and show what came of it. figures: where copies of its figures go; flight: which one of many."""
     from awescli.artifacts import Journal
-    from awescli.stages.plan import read_plan
+    from awescli.stages.plan import read_plans
     from awescli.stages.runner import drawn, run_plan
 
     if figures is not None and figures.exists() and not figures.is_dir():
         raise BadInput("is a file, a folder is needed", f"--figures {figures}", "Choose another name.")
-    plan = read_plan(file, stages, _overrides(settings))
+    plans = read_plans(file, stages, _overrides(settings))
+    processes = {key: choices.pop(key, None) for key in ("workers", "scheduler")}
+    if plans.many and not flight and not choices.get("only"):
+        return run_many(screen, stages, plans, **processes, **choices)
+    plan = plans.one(flight)
+    for option, value in processes.items():
+        if value is not None:
+            raise BadInput("one flight is run, in this process", f"--{option}", "Leave it out; it is for a plan with `flights: [...]`.")
     if not choices.get("dry_run"):
         screen.keep_log(Journal(plan.out))
     results = run_plan(plan, stages, progress=screen, report=screen.stage_event, **choices)
@@ -58,6 +66,45 @@ def run(
     )
 
 
+def run_many(
+    screen: Screen, stages: tuple[Stage, ...], plans: Any, workers: int | None, scheduler: str | None, dry_run: bool = False, **choices: Any
+) -> None:
+    """Run the plan of every flight, show the table over them; ends with the exit code of what went wrong."""
+    from awescli.artifacts import Journal
+    from awescli.cli.flights import FlightLines, raise_for, show_table
+    from awescli.stages.flights import TABLE, TABLE_JSON
+    from awescli.stages.many import run_flights
+
+    if dry_run:
+        return _decide_many(screen, stages, plans, **choices)
+    screen.keep_log(Journal(plans.out))
+    lines = FlightLines(screen, len(plans.by_flight))
+    rows = run_flights(plans, stages, workers, scheduler, hear=lines.hear, **choices)
+    screen.close()
+    show_table(screen, rows, [str(plans.out / name) for name in (TABLE, TABLE_JSON)])
+    screen.answer({"out": str(plans.out), "flights": json_safe(rows)})
+    raise_for(rows)
+
+
+def _decide_many(screen: Screen, stages: tuple[Stage, ...], plans: Any, **choices: Any) -> None:
+    """What would run, flight by flight."""
+    from awescli.stages.checking import raise_all
+    from awescli.stages.runner import run_plan
+
+    decided, errors = [], []
+    for name, plan in plans.by_flight.items():
+        try:
+            results = run_plan(plan, stages, dry_run=True, **choices)
+        except BadInput as e:
+            errors += e.errors if isinstance(e, BadInputs) else [e]
+            continue
+        for result in results:
+            screen.line(f"{name}: {result.stage}: {result.status} ({result.reason})")
+        decided.append({"flight": name, "stages": [{"stage": r.stage, "status": r.status, "reason": r.reason} for r in results]})
+    screen.answer({"out": str(plans.out), "flights": decided})
+    raise_all(errors)
+
+
 def _write_figures(screen: Screen, files: Iterable[tuple[str, str | bytes]], to: Path) -> None:
     """The figures of a stage, in a folder of the user's, beside what may lie there. All are drawn before the first is written."""
     from awescli.artifacts import put_beside
@@ -71,16 +118,19 @@ def _write_figures(screen: Screen, files: Iterable[tuple[str, str | bytes]], to:
     screen.line(f"figures: {len(drawn)} files in {to}")
 
 
-def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str]) -> None:
-    """Everything that can be wrong before hours are spent; all complaints together."""
+def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Sequence[str], flight: str = "") -> None:
+    """Everything that can be wrong before hours are spent; all complaints together. flight: which one of many, in full."""
     from awescli.engine.object_cache import why_unused
     from awescli.flightlog.reconstruction.flight_path import reconstruct
     from awescli.physics.doubts import doubts
     from awescli.stages.base import Inputs
     from awescli.stages.checking import raise_all, refused
-    from awescli.stages.plan import read_plan
+    from awescli.stages.plan import read_plans
 
-    plan = read_plan(file, stages, _overrides(settings))
+    plans = read_plans(file, stages, _overrides(settings))
+    if plans.many and not flight:
+        return check_many(screen, stages, plans)
+    plan = plans.one(flight)
     screen.paragraph(f"plan    {plan.file}: good, runs {', '.join(plan.planned) or 'nothing'}")
     if why := why_unused():
         screen.paragraph(f"cache   compiled code is not kept, each start takes seconds longer: {why}")
@@ -115,8 +165,36 @@ def check(screen: Screen, stages: tuple[Stage, ...], file: Path, settings: Seque
     raise_all(errors)
     if plan.planned:
         at = "" if str(plan.file) == "stages.yaml" else f" --stages {plan.file}"
+        at += f" --flight {flight}" if flight else ""
         one_by_one = "" if at else f"; stage by stage: {', '.join(f'awes {name}' for name in plan.planned[:2])}, ..."
         screen.line(f"next: awes run{at}{one_by_one}")
+
+
+def check_many(screen: Screen, stages: tuple[Stage, ...], plans: Any) -> None:
+    """The flights of a plan, a line each; all complaints together."""
+    from awescli.stages.base import Inputs
+    from awescli.stages.checking import raise_all, refused
+
+    errors: list[BadInput] = []
+    told = {}
+    for name, plan in plans.by_flight.items():
+        inputs = Inputs(plan.flight, plan.kite, plan.split)
+        mistakes = list({str(e): e for s in stages if s.name in plan.planned for e in refused(s, inputs, plan)}.values())
+        errors += [e if str(plan.flight) in str(e) else BadInput(f"flight {name}: {e.what}", e.where, e.do) for e in mistakes]
+        try:
+            log, failed = inputs.log, [c.name for c in inputs.quality.checks if not c.ok]
+        except BadInput:
+            screen.line(f"{name}: cannot be read")
+            told[name] = {"refused": [str(e) for e in mistakes]}
+            continue
+        seen = "refused" if mistakes else f"look at {', '.join(failed)}" if failed else "good"
+        screen.line(f"{name}: {len(log)} samples in {len(log) * log.dt:.1f} s at {1 / log.dt:.4g} Hz: {seen}")
+        told[name] = {"quality": inputs.quality.as_dict(), "refused": [str(e) for e in mistakes]}
+    screen.answer(json_safe({"plan": str(plans.file), "flights": told}))
+    raise_all(errors)
+    at = "" if str(plans.file) == "stages.yaml" else f" --stages {plans.file}"
+    first = next(iter(plans.by_flight))
+    screen.line(f"next: awes run{at}; one flight in full: awes check{at} --flight {first}")
 
 
 def quality_sections(quality: Any) -> dict[str, Any]:

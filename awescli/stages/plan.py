@@ -5,7 +5,7 @@ else to the file's folder; `--set out=...` is always relative to the current fol
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +16,7 @@ from awescli.flightlog.check_names import NAMES
 from awescli.notation.document import Document, open_document
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
 from awescli.stages.base import Split, Stage, StageConfig
+from awescli.stages.flights import FLIGHT, FLIGHTS, alone
 
 OMIT = ("stages",)
 """`identify.horizon` is short for `stages.identify.horizon`, in messages and in `--set`."""
@@ -27,6 +28,10 @@ class SharedSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     flight: Path = Field(description="folder of the flight log")
+    flights: list[Path] = Field(
+        [], min_length=1, max_length=10_000,
+        description="instead of `flight`: folders of many flights, or patterns (logs/2024*); each is run by itself, into out/ITS_NAME",
+    )  # fmt: skip
     kite: Path = Field(description="kite file: the declared model of the kite")
     out: Path = Field(Path("out"), description="folder for the results")
     seed: int = Field(0, ge=0, lt=2**63, description="seed of everything random")
@@ -48,7 +53,7 @@ class Plan:
 
     file: the stages.yaml; settings: stage name -> its settings, for every stage there is; planned: the stages that `awes run`
     runs, in the order of the stages table; ignore: data checks that may not stop it; where: parts of a key -> its place,
-    `stages.yaml:12: identify.horizon` or `--set ...`.
+    `stages.yaml:12: identify.horizon` or `--set ...`; name: which one of the plan's `flights` this is, empty where it names one `flight`.
     """
 
     file: Path
@@ -61,6 +66,44 @@ class Plan:
     planned: tuple[str, ...]
     ignore: tuple[str, ...] = ()
     where: Callable[..., str] = lambda *key: ".".join(key[1:])
+    name: str = ""
+
+    def anchored(self) -> "Plan":
+        """The same plan with paths that mean the same from every folder: for processes that stand elsewhere."""
+        settings = {name: _each_path(config, lambda path, loc: path.absolute(), ()) for name, config in self.settings.items()}
+        ends = {key: getattr(self, key).absolute() for key in ("file", "flight", "kite", "out")}
+        return replace(self, settings=settings, **ends)
+
+
+@dataclass(frozen=True)
+class Plans:
+    """What a stages.yaml asks for: one plan, or one for each of its `flights`.
+
+    file: the stages.yaml; out: folder of all results; by_flight: name of the flight -> its plan; "" where the file names one `flight`.
+    """
+
+    file: Path
+    out: Path
+    by_flight: Mapping[str, Plan]
+
+    @property
+    def many(self) -> bool:
+        """Does the file name `flights`, be it one?"""
+        return "" not in self.by_flight
+
+    def one(self, name: str = "") -> Plan:
+        """The plan of the flight called `name`. Raises BadInput where it is not said which, or not known."""
+        if name in self.by_flight:
+            return self.by_flight[name]
+        if not self.many:
+            do = f"Leave it out; for another flight: --set {FLIGHT}=DIR."
+            raise BadInput("the plan names one flight, and no `flights`", f"--flight {name}", do)
+        if name:
+            raise BadInput(f"the plan has no flight '{name}'", "--flight", did_you_mean(name, self.by_flight))
+        names = list(self.by_flight)
+        known = f"{', '.join(names[:8])}{', ...' if len(names) > 8 else ''}"
+        what = f"the plan names {len(names)} flights, and this is asked of one"
+        raise BadInput(what, str(self.file), f"Choose one: --flight {names[0]} (there are {known}).")
 
 
 @cache
@@ -86,12 +129,36 @@ def plan_model(stages: tuple[Stage, ...]) -> type[SharedSettings]:
 
 
 def read_plan(path: Path, stages: Sequence[Stage], overrides: Mapping[str, str] | None = None) -> Plan:
-    """The plan in `path` with `overrides` (dotted key -> YAML text); raises BadInput, or BadInputs for several mistakes."""
-    return plan_of(open_document(path, omit=OMIT).with_overrides(overrides or {}, plan_model(tuple(stages))), path, stages)
+    """The plan in `path`, of one flight, with `overrides` (dotted key -> YAML text); raises BadInput, or BadInputs for several mistakes."""
+    return read_plans(path, stages, overrides).one()
+
+
+def read_plans(path: Path, stages: Sequence[Stage], overrides: Mapping[str, str] | None = None) -> Plans:
+    """What `path` asks for, of one flight or of many; raises as `read_plan` does, for a folder of `flights` that is no flight too."""
+    document = open_document(path, omit=OMIT).with_overrides(overrides or {}, plan_model(tuple(stages)))
+    if not isinstance(document.data, dict) or FLIGHTS not in document.data:
+        plan = plan_of(document, path, stages)
+        return Plans(path, plan.out, {"": plan})
+    if FLIGHT in document.data:
+        do = f"Keep one of them; to run one of several: --{FLIGHT} NAME."
+        raise BadInput(f"the plan names a `{FLIGHT}` and `{FLIGHTS}` too", document.where(FLIGHTS), do)
+    checked: Any = replace(document, data={**document.data, FLIGHT: "."}).check(plan_model(tuple(stages)))
+    out = _Paths(document, path.parent).of(checked.out, ("out",), exists=False)
+    of_each = alone(document, path.parent, checked.flights, checked.out, [s.name for s in stages])
+    found, errors = {}, []
+    for name, own in of_each.items():
+        try:
+            found[name] = replace(plan_of(own, path, stages), name=name)
+        except BadInput as e:
+            errors += e.errors if isinstance(e, BadInputs) else [e]
+    once = list({str(e): e for e in errors}.values())
+    if once:
+        raise once[0] if len(once) == 1 else BadInputs(once)
+    return Plans(path, out, found)
 
 
 def plan_of(document: Document, path: Path, stages: Sequence[Stage]) -> Plan:
-    """The plan that a document holds, as if it stood in `path`; raises as `read_plan` does."""
+    """The plan of one flight that a document holds, as if it stood in `path`; raises as `read_plan` does."""
     checked: Any = document.check(plan_model(tuple(stages)))
     place = _Paths(document, path.parent)
     settings = {s.name: place.inside(getattr(checked.stages, s.name.replace("-", "_")), ("stages", s.name)) for s in stages}
@@ -128,17 +195,22 @@ class _Paths:
 
     def inside(self, value: Any, loc: tuple[str | int, ...]) -> Any:
         """The same value with every Path in it made ready to open."""
-        if isinstance(value, Path):
-            return self.of(value, loc)
-        if isinstance(value, BaseModel):
-            fields = type(value).model_fields
-            new = {name: self.inside(getattr(value, name), (*loc, field.alias or name)) for name, field in fields.items()}
-            return value.model_copy(update={k: v for k, v in new.items() if v is not getattr(value, k)})
-        if isinstance(value, dict):
-            return {k: self.inside(v, (*loc, str(k))) for k, v in value.items()}
-        if isinstance(value, (list, tuple)) and any(isinstance(v, (Path, BaseModel)) for v in value):
-            return type(value)(self.inside(v, (*loc, i)) for i, v in enumerate(value))
-        return value
+        return _each_path(value, self.of, loc)
+
+
+def _each_path(value: Any, new: Callable[[Path, tuple[str | int, ...]], Path], loc: tuple[str | int, ...]) -> Any:
+    """The same value with every Path in it, at whatever depth, replaced by new(path, where it stands)."""
+    if isinstance(value, Path):
+        return new(value, loc)
+    if isinstance(value, BaseModel):
+        fields = type(value).model_fields
+        found = {name: _each_path(getattr(value, name), new, (*loc, field.alias or name)) for name, field in fields.items()}
+        return value.model_copy(update={k: v for k, v in found.items() if v is not getattr(value, k)})
+    if isinstance(value, dict):
+        return {k: _each_path(v, new, (*loc, str(k))) for k, v in value.items()}
+    if isinstance(value, (list, tuple)) and any(isinstance(v, (Path, BaseModel)) for v in value):
+        return type(value)(_each_path(v, new, (*loc, i)) for i, v in enumerate(value))
+    return value
 
 
 def _check_paths(plan: Plan, document: Document) -> None:

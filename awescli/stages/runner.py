@@ -321,8 +321,8 @@ class _Run:
 
     def command(self, name: str) -> str:
         """What to type to run a stage."""
-        plan = self.plan.file
-        return f"awes {name}" if str(plan) == "stages.yaml" else f"awes {name} --stages {plan}"
+        at = "" if str(self.plan.file) == "stages.yaml" else f" --stages {self.plan.file}"
+        return f"awes {name}{at}{f' --flight {self.plan.name}' if self.plan.name else ''}"
 
     def _unusable(self, name: str) -> str:
         """Why the artifacts of a stage must not be used; empty if they may."""

@@ -8,6 +8,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from awescli.stages.base import Split, Stage
+from awescli.stages.flights import FLIGHT, FLIGHTS
 from awescli.stages.plan import SharedSettings, plan_model
 
 
@@ -58,6 +59,9 @@ def _yaml(value: Any) -> str:
 def plan_schema(stages: Sequence[Stage]) -> dict[str, Any]:
     """JSON Schema of stages.yaml."""
     schema = draft7(plan_model(tuple(stages)))
+    schema["required"].remove(FLIGHT)
+    schema["oneOf"] = [{"required": [FLIGHT]}, {"required": [FLIGHTS]}]
+    schema["properties"][FLIGHTS].pop("default")  # no list is allowed that is as empty
     settings = schema["definitions"]["Stages"]
     for name, of_stage in settings["properties"].items():
         # `identify:` with nothing after it means defaults

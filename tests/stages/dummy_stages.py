@@ -1,5 +1,6 @@
 """Three small stages shaped like the real ones, and a folder with a plan for them."""
 
+import time
 from pathlib import Path
 from typing import Literal
 
@@ -13,7 +14,7 @@ from awescli.stages.base import FAILURE, KITE_FILE, Need, Stage, StageConfig
 class FitConfig(StageConfig):
     horizon: float = Field(5.0, gt=0, description="seconds between re-initialisations")
     law: Literal["thesis", "exact"] = Field("thesis", description="tether law")
-    end: Literal["good", "diverge", "fault", "interrupt", "no answer"] = Field("good", description="how the stage ends")
+    end: Literal["good", "diverge", "fault", "interrupt", "no answer", "wait"] = Field("good", description="how the stage ends")
     weights: Path | None = Field(None, description="a file")
 
 
@@ -43,6 +44,9 @@ class Fit(Stage):
                 raise ZeroDivisionError("division by zero")
             if step == 1 and config.end == "interrupt":
                 raise KeyboardInterrupt
+        while config.end == "wait" and not (context.flight.parent / f"{context.flight.name}.go").is_file():
+            time.sleep(0.02)
+            task.advance(0)
         artifacts.write_json(context.folder / "params.json", {"horizon": config.horizon, "seed": context.seed})
         artifacts.write_text(context.folder / KITE_FILE, f"from: identify {config.horizon}\n")
         if config.end == "no answer":

@@ -84,4 +84,4 @@ def test_schema_is_draft_7():
     text = json.dumps(schema)
     assert schema["$schema"].endswith("draft-07/schema#") and "$defs" not in text and "prefixItems" not in text
     assert set(schema["definitions"]["Stages"]["properties"]) == {s.name for s in DUMMIES}
-    assert schema["required"] == ["flight", "kite"]
+    assert schema["required"] == ["kite"] and schema["oneOf"] == [{"required": ["flight"]}, {"required": ["flights"]}]
