@@ -20,7 +20,8 @@ from awescli.simulation.campaign_flights import dev_like
 
 TRUTH = Path(__file__).parents[2] / "data" / "kites" / "development.yaml"
 SEED = 12
-SIZE = 0.009
+SECONDS = 200.0
+SIZE = 0.006
 
 
 class YawThatGivesWay(Effect):
@@ -39,7 +40,7 @@ class YawThatGivesWay(Effect):
 
 def main(folder: Path, seed: int = SEED) -> None:
     EFFECTS[YawThatGivesWay.name] = YawThatGivesWay  # in this process only: the commands that get the log know nothing of it
-    made = dev_like(read_kite(TRUTH), seed, {YawThatGivesWay.name: {"k": SIZE}})
+    made = dev_like(read_kite(TRUTH), seed, {YawThatGivesWay.name: {"k": SIZE}}, duration=SECONDS)
     kite, wind = to_kitemill_csv(made.log)
     write_text(folder / "flight" / "kite.csv", kite)
     write_text(folder / "flight" / "wind.csv", wind)
