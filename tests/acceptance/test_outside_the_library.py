@@ -26,8 +26,7 @@ def out(tmp_path_factory):
         for name in set(EFFECTS) - known:  # what runs in one process with the commands must not help them
             del EFFECTS[name]
     assert "yaw_that_gives_way" not in (folder / "data" / "kite.yaml").read_text()
-    settings = (f"flight={folder / 'data' / 'flight'}", f"kite={folder / 'data' / 'kite.yaml'}", f"out={folder / 'out'}",
-                "train-hybrid.budget=1e6")  # fmt: skip
+    settings = (f"flight={folder / 'data' / 'flight'}", f"kite={folder / 'data' / 'kite.yaml'}", f"out={folder / 'out'}")
     words = ["run", "--stages", str(EXAMPLE / "stages.yaml"), *(w for s in settings for w in ("--set", s))]
     done = CliRunner().invoke(build_app(STAGES), words)
     assert done.exit_code == 0, done.output
