@@ -1,10 +1,11 @@
 """Identified flight controllers: error on unseen loops, sparsity, and whether they fly; d01, d02 and fresh synthetic flights in one table.
 
-    python benchmarks/controller_flights.py [--dev FOLDER] [--seeds 201 202 ...] [--out benchmarks/results/controllers.md]
+    python benchmarks/controller_flights.py [--dev FOLDER] [--flights d01 d02 ...] [--seeds 201 202 ...] [--out FILE]
 
 Fitted on train, chosen on validation and by closed-loop flights from train and validation states of the declared kite, reported on test
 (the last 30 % of the loops). The declared kite is what a user would declare: its free parameters are 5-30 % off. The fresh flights are
-drawn from their seed; the method was developed on other ones (d03-d10, seeds 101-106). FOLDER holds d01, d02; without it they are left out.
+drawn from their seed; the method was developed on other ones (d03-d10, seeds 101-106). FOLDER holds the development
+flights; without it they are left out.
 """
 
 import awescli  # noqa: F401, I001  (before numpy: one BLAS thread)
@@ -77,12 +78,13 @@ def rows_of(name: str, log, kite) -> tuple[list[tuple], str]:
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--dev", type=Path, default=ROOT.parent / "shared" / "flights" / "dev")
+    parser.add_argument("--flights", nargs="*", default=["d01", "d02"], help="development flights; the method was developed on d03 to d10")
     parser.add_argument("--seeds", type=int, nargs="*", default=[201, 202, 203, 204, 301, 302, 303, 304])
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results" / "controllers.md")
     arguments = parser.parse_args()
     truth = read_kite(ROOT / "data" / "kites" / "development.yaml")
     table, notes = [HEAD, tuple("---" for _ in HEAD)], []
-    flights = [(d, lambda d=d: development(arguments.dev / d)) for d in ("d01", "d02") if (arguments.dev / d).exists()]
+    flights = [(d, lambda d=d: development(arguments.dev / d)) for d in arguments.flights if (arguments.dev / d).exists()]
     for seed in arguments.seeds:
         flights.append((f"seed {seed}", lambda seed=seed: _fresh(truth, seed)))
     for name, load in flights:

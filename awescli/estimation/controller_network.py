@@ -54,7 +54,8 @@ def _train(problem: Problem, rows: np.ndarray, decay: float, config, hold, itera
     share = hold.strength**2 * rows.size / max(hold.X.shape[0], 1)
     weight = np.concatenate([np.ones(rows.size), np.full(hold.X.shape[0], share)])[:, None]
     A = affine_design(X)
-    start = np.linalg.lstsq(np.sqrt(weight) * A, np.sqrt(weight) * U / unit, rcond=None)[0].T
+    # of several surfaces a transpose is not contiguous, which LBFGS does not take
+    start = np.ascontiguousarray(np.linalg.lstsq(np.sqrt(weight) * A, np.sqrt(weight) * U / unit, rcond=None)[0].T)
     random = np.random.default_rng(config.seed)
     f, s, h = X.shape[1], U.shape[1], config.network_width
     shapes = {"weights_1": (h, f), "bias_1": (h,), "weights_2": (h, h), "bias_2": (h,), "weights_3": (s, h)}
