@@ -76,9 +76,11 @@ class Reader:
             "LOG_FOLDER": self.folder / "flight", "KITE.yaml": self.folder / "kite.yaml", "OUT": self.folder / "OUT",
             "FLIGHT/nominal.yaml": DEV / "nominal.yaml", "FLIGHT": DEV, "RUN_A": self.folder / "out", "RUN_B": self.folder / "out",
             "LOG.csv": self.folder / "unknown" / "LOG.csv", "LONG": self.folder / "flight",
+            "DATA/flight": self.folder / "flight", "DATA/kite.yaml": self.folder / "kite.yaml",
             "DIR": self.folder / "figures", "RUN": self.folder / "out", "NAME": "flight",
         }  # fmt: skip
-        return [re.sub(r"(^|=)([A-Z_]+(?:/nominal\.yaml|\.yaml|\.csv)?)$", lambda m: m[1] + str(real.get(m[2], m[2])), w) for w in command]
+        name = r"(^|=)([A-Z_]+(?:/nominal\.yaml|/kite\.yaml|/flight|\.yaml|\.csv)?)$"
+        return [re.sub(name, lambda m: m[1] + str(real.get(m[2], m[2])), w) for w in command]
 
     def types(self, command: list[str], monkeypatch) -> None:
         program, *rest = self.words(command)
