@@ -20,8 +20,8 @@ MOST_HASHED = 8_000_000_000
 """Bytes of one file: a log of a day at 50 Hz is a fifth of it, and a file that claims more is not read through."""
 
 NUMBERS_DEPEND_ON = (
-    "daqp", "llvmlite", "matplotlib", "numpy", "plotly", "polars", "pydantic", "pyyaml", "safetensors", "scipy", "threadpoolctl", "torch",
-    "torchdiffeq",
+    "daqp", "jinja2", "llvmlite", "markupsafe", "matplotlib", "numpy", "plotly", "polars", "pydantic", "pyyaml", "safetensors", "scipy",
+    "threadpoolctl", "torch", "torchdiffeq",
 )  # fmt: skip
 """Packages whose version may change an artifact: solvers, compilers, readers, what draws. Only the terminal's (rich, typer) may not."""
 

@@ -198,8 +198,9 @@ def answer_lines(effects: dict, kite_file) -> list[str]:
     if not effects["effects"]:
         says = shorten(f"{verdict}: {effects['reason'] or SAYS[verdict]}", 200, placeholder=" ...")
         short = [shorten(e, WIDTH - 4, placeholder=" ...") for e in empirical]
-        ends = ([*empirical, *alone, *end], [*empirical, *alone, *end[::2]], [*short, *briefly, *end[::2]])
-        return fitting(TraceResidual.name, ([says, *e] for e in ends))
+        brief = shorten(says, 120, placeholder=" ...")
+        versions = [[says, *empirical, *alone, *end], [says, *empirical, *alone, *end[::2]], [brief, *short, *briefly, *end[::2]]]
+        return fitting(TraceResidual.name, versions)
     found = [[_said(e, most) for e in effects["effects"]] for most in (9, 1, 0)]
     versions = [[f"{verdict}: {first}", *(f"and {e}" for e in others), *empirical, *alone, *end] for first, *others in found]
     names = shorten(f"{verdict}: {', '.join(named(e) for e in effects['effects'])}", 200, placeholder=" ...")

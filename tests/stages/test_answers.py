@@ -12,6 +12,7 @@ from awescli.cli import build_app
 from awescli.stages import STAGES
 from awescli.stages.answers import lines_of, number, sized
 from awescli.stages.trace_residual import SAYS, answer_lines, detectable
+from awescli.tracing.verdict import OBJECTIONS
 
 APP = build_app(STAGES)
 
@@ -106,6 +107,8 @@ def test_tracing_leaves_params_and_says_where_fitted_values_come_from(run):
 EFFECT = {"name": "surface_effectiveness", "acts_on": "elevator", "rivals": [], "parameters": {}}
 SIZES = {n: {"value": -123.456, "std": 0.01234, "unit": "N s/m"} for n in ("threshold", "inertia", "lateral")}
 
+REASON = f"surface_effectiveness:elevator comes nearest, but {' and '.join(OBJECTIONS.values())}."
+
 
 @pytest.mark.parametrize("verdict", SAYS)
 @pytest.mark.parametrize("count", [0, 1, 3])
@@ -117,6 +120,7 @@ def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen):
     unexplained = {"expression": "; ".join(f"m_y += qbar*S*(+0.0{i}234*alpha*V_a)" for i in range(6))} if verdict == "unexplained" else None
     effects = {
         "verdict": verdict,
+        "reason": REASON if verdict == "unexplained" else None,
         "effects": [entry] * count,
         "error": error,
         "left": {"chi2": 1.234, "share": 0.5},
