@@ -60,7 +60,6 @@ class FlightLines:
             what = row["reason"].partition("\n")[0] or what
         self.screen.line(f"[{self.ended}/{self.count}] {flight}: {row['status']}{f': {what}' if what else ''} ({row['seconds']:.0f} s)")
 
-
     def _running(self) -> None:
         """What the screen says of an interruption."""
         self.screen.running = ", ".join(name for name in self.lines if name not in self.screen.finished)

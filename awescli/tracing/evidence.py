@@ -28,8 +28,8 @@ class Evidence:
     """search: of the library; bare: the declared model without model error; model: the answer, the declared model where there is none;
     rest: what it leaves; rivals: accepted effect -> what the flight cannot tell from it; suspects: effects that a parameter at its bound
     stands for; bank: the search of empirical terms, None where there was no reason for it; gusts: group -> level [m/s] beside the answer;
-    gusts_repeat: how much of them, None where there are none or too few loops;
-    steadiness: of the answer (`constancy.steadiness`).
+    gusts_repeat: how much of them repeats from loop to loop, None where there are none or too few loops; steadiness: of the answer
+    (`constancy.steadiness`).
 
     null_error, identified_error: mean NRMSE of the declared model and of the one that identify handed on, on validation loops; None
     without one.

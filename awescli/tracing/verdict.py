@@ -17,7 +17,7 @@ OBJECTIONS = {
     "sensors_plausible": "a sensor would have to drift, or be noisier, beyond what is plausible for it",
     "no_better_empirical_term": "as few empirical terms fit better",
     "gusts_do_not_repeat": "what would have to be gusts beside it repeats from loop to loop, as no gust does",
-    "effect_leads": "another effect, which cannot be as large as it would have to be, fits better",
+    "effect_leads": "another effect, which is no answer itself, fits better",
     "effect_steady": "its size drifts through the flight: look for what changes with time",
 }
 """Criterion -> why an effect that takes most of the residual away is no answer."""

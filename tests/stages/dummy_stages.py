@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
+from typer.testing import CliRunner
 
 from awescli import artifacts
+from awescli.cli import build_app
 from awescli.notation.errors import NumericalFailure
 from awescli.stages.base import FAILURE, KITE_FILE, Need, Stage, StageConfig
 
@@ -103,3 +105,12 @@ def make_folder(folder: Path) -> Path:
     (folder / "kite.yaml").write_text("from: declared\n")
     (folder / "stages.yaml").write_text(PLAN)
     return folder / "stages.yaml"
+
+
+APP = build_app(DUMMIES)
+
+
+def awes(*arguments):
+    result = CliRunner().invoke(APP, list(arguments))
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result

@@ -10,14 +10,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from stages.dummy_stages import DUMMIES, make_folder
+from stages.dummy_stages import DUMMIES, awes, make_folder
 from typer.testing import CliRunner
 
 from awescli.cli import build_app
 from awescli.cli.screen import _PlainTask
 from awescli.stages import STAGES
 
-APP = build_app(DUMMIES)
 ROOT = Path(__file__).parents[2]
 
 
@@ -26,12 +25,6 @@ def folder(tmp_path, monkeypatch):
     make_folder(tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def awes(*arguments):
-    result = CliRunner().invoke(APP, list(arguments))
-    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    return result
 
 
 def test_the_users_own_sequence(folder):

@@ -5,14 +5,11 @@ import json
 import re
 
 import pytest
-from stages.dummy_stages import DUMMIES, make_folder
-from typer.testing import CliRunner
+from stages.dummy_stages import DUMMIES, awes, make_folder
 
-from awescli.cli import build_app
 from awescli.notation.errors import BadInput
 from awescli.stages.plan import read_plan, read_plans
 
-APP = build_app(DUMMIES)
 SERIAL = ("--workers", "0")
 
 
@@ -26,12 +23,6 @@ def folder(tmp_path, monkeypatch):
     plan.write_text(plan.read_text().replace("flight: flight", "flights: [logs/a, logs/b, logs/c]"))
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def awes(*arguments):
-    result = CliRunner().invoke(APP, list(arguments))
-    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    return result
 
 
 def table(folder):
