@@ -12,7 +12,7 @@ from awescli.estimation.fit import Fit, JointFit, Share, fit_together
 from awescli.estimation.levels import noise_factors, opened, prior_deviance, relevelled
 from awescli.estimation.misfit import Misfit, Own
 from awescli.estimation.problem import EstimationProblem
-from awescli.estimation.processes.base import Process
+from awescli.estimation.processes.base import Group, Process
 from awescli.notation.parameters import ParameterTable
 
 MODEL_ERROR = "model_error"
@@ -22,10 +22,9 @@ COARSE = 0.1
 """[s] between nodes while processes are only looked for."""
 SLIGHT = 0.05
 """The same of whatever may be there, once the parameters are near."""
-OPEN = (("gusts", "drift"), ("roll_gusts",))
-"""Processes that are looked for once model error has shown what they are not; the last ones only where there are gusts: in calm air, what
-rolls a kite against its model is no gust."""
-GUSTY = "gusts"
+GUSTS, ROLL_GUSTS = "gusts", "roll_gusts"
+OPEN = (GUSTS, "drift", ROLL_GUSTS)
+"""Processes that are looked for once model error has shown what they are not."""
 LEVEL_ROUNDS = 4
 """The same while parameters are held."""
 OUTPUT_ERROR_ITERATIONS = 100
@@ -112,14 +111,12 @@ def fit_flights(
     problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
     owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
     result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
-    for kinds in OPEN if result.ended else ():
-        if kinds is not OPEN[0] and not any(g.level > 0 for p in problems for q in p.processes if q.name == GUSTY for g in q.groups):
-            break
-        looked = [_looked_for(p, f, kinds) for p, f in zip(problems, result.flights, strict=True)]
-        if any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=True)):
-            tables, owns = [f.parameters for f in result.flights], [own for _, own in looked]
-            problems = [p for p, _ in looked]
-            result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    looked = [_looked_for(p, f, OPEN) for p, f in zip(problems, result.flights, strict=True)] if result.ended else []
+    if any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=False)):
+        tables = [f.parameters for f in result.flights]
+        problems = [p.with_processes(_closed(p.processes, MODEL_ERROR, SLIGHT)) if gusty(p) else p for p, _ in looked]
+        owns = [new.misfit().carried(own, old.misfit()) for new, (old, own) in zip(problems, looked, strict=True)]
+        result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
     return widened(result), tuple(problems)
 
 
@@ -199,15 +196,28 @@ def levels_of(processes: Sequence[Process]) -> dict[str, float]:
     return {g.name: g.level for p in processes for g in p.groups if g.level > 0}
 
 
+def gusty(flight: EstimationProblem | Misfit) -> bool:
+    """Are there gusts in it?"""
+    return any(g.level > 0 for p in flight.processes if p.name == GUSTS for g in p.groups)
+
+
+def _closed(processes: Sequence[Process], kind: str, share: float) -> tuple[Process, ...]:
+    """The processes with those of a kind at a share of their prior's median at most: what they stood for may have been found since. What
+    was not opens them again."""
+    return tuple(p.at({g.name: min(g.level, share * g.of_level.median) for g in p.groups}) if p.name == kind else p for p in processes)
+
+
 def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> tuple[EstimationProblem, Own]:
     """The problem with what of some kinds of processes the flight shows at a fit, at nodes as far apart as they are, and the nuisances to
-    go on from."""
+    go on from. Roll gusts are there where gusts are: in calm air, what rolls a kite against its model is no gust."""
     if not problem.processes or not len(fit.heard):
         return problem, fit.own
     wide = fit.misfit.with_processes([replace(p, spacing=max(p.spacing, COARSE)) for p in opened(problem.processes, kinds, SLIGHT)])
     own = wide.carried(fit.own, fit.misfit)
     links, trajectories = wide.links(fit.parameters.vector(fit.names), own)
     processes, _ = relevelled(wide, links.gram(), own, fit.heard)
+    if not gusty(wide.with_processes(processes)):
+        processes = _closed(processes, ROLL_GUSTS, 0.0)
     new = problem.with_processes(tuple(replace(p, spacing=old.spacing) for p, old in zip(processes, problem.processes, strict=True)))
     return new, new.misfit(fit.misfit.simulator).carried(own, wide)
 
@@ -237,11 +247,12 @@ def fit_levels(
         return _fitted(problems, labels, tables, owns, per_flight, prior, tolerance, on_iteration, tilts=tilts)
 
     result, lost = fitted(max(tolerance, LOOSE)), 0
+    risen: list[set[str]] = [set() for _ in problems]
     for _ in range(rounds - 1):
         lost = 0 if result.ended else lost + 1
         if lost == LOST:
             return result, list(problems)
-        moved = [_relevelled(p, f, noise) for p, f in zip(problems, result.flights, strict=True)]
+        moved = [_relevelled(p, f, noise, r) for p, f, r in zip(problems, result.flights, risen, strict=True)]
         if all(gain < UNCHANGED for _, _, gain in moved):
             break
         problems, owns = ([m[i] for m in moved] for i in (0, 1))
@@ -263,15 +274,17 @@ def _fitted(
     return fit_together(shares, **how, on_iteration=lambda i, c: on_iteration(length, i, c))
 
 
-def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool) -> tuple[EstimationProblem, Own, float]:
+def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool, risen: set[str]) -> tuple[EstimationProblem, Own, float]:
     """The problem with the likeliest levels and noise at a fit, the nuisances to go on from, and the deviance that the levels gain (that
-    of a noise that is off is not counted, and enough)."""
+    of a noise that is off is not counted, and enough). risen: groups whose level has risen in a round; those that rise now are added."""
     if not len(fit.heard) or not problem.processes:
         return problem, fit.own, 0.0
     processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.heard)
     factors = noise_factors(fit.misfit, fit.information, fit.links, fit.heard) if noise else {}
     off = {n: g for n, f in factors.items() if abs((g := _trusted(problem.factors.get(n, 1.0), f)) - 1) > OFF}
-    problem = problem.with_processes(_hurried(problem.processes, processes))
+    before, after = levels_of(problem.processes), levels_of(processes)
+    risen |= {name for name, level in after.items() if level > before.get(name, 0.0)}
+    problem = problem.with_processes(_hurried(problem.processes, processes, risen))
     new = problem.with_factors(off) if off else problem
     return new, new.misfit(fit.misfit.simulator).carried(fit.own, fit.misfit), np.inf if off else gain
 
@@ -282,11 +295,16 @@ def _trusted(before: float, factor: float) -> float:
     return float(np.clip(before * np.clip(factor, 1 / AT_ONCE, AT_ONCE), SMALLEST, LARGEST)) / before
 
 
-def _hurried(before: Sequence[Process], after: Sequence[Process]) -> tuple[Process, ...]:
+def _hurried(before: Sequence[Process], after: Sequence[Process], risen: set[str]) -> tuple[Process, ...]:
     """Levels that fall fall twice as far (in logarithms): with the parameters held they would come down slowly, fit after fit, as the
-    parameters give up what they had left to the process."""
+    parameters give up what they had left to the process. Not one that has risen before: it is near its value, and would swing about it."""
     was = levels_of(before)
-    return tuple(p.at({g.name: g.level * min(g.level / was.get(g.name, g.level), 1.0) for g in p.groups if g.level > 0}) for p in after)
+
+    def level(g: Group) -> float:
+        share = g.level / was.get(g.name, g.level)
+        return g.level if g.name in risen else g.level * min(share, 1.0)
+
+    return tuple(p.at({g.name: level(g) for g in p.groups if g.level > 0}) for p in after)
 
 
 def _share(problem: EstimationProblem, label: str, table: ParameterTable, own: Own | None, per_flight) -> Share:
