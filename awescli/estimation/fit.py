@@ -135,7 +135,8 @@ class JointFit:
     @property
     def known(self) -> np.ndarray:
         """(n, n) information of all segments on the unknowns, without the prior."""
-        return sum(_lifted(f.information.H, place, len(self.names)) for f, place in zip(self.flights, self.places, strict=True))
+        lifted = [_lifted(f.information.H, place, len(self.names)) for f, place in zip(self.flights, self.places, strict=True)]
+        return np.sum(lifted, axis=0)
 
     def with_covariance(self, covariance: np.ndarray) -> "JointFit":
         """The same fit with another covariance (n, n), the flights' own included."""
@@ -279,9 +280,9 @@ class _Problem:
             return i
         if i.tilted_at is None and before is not None and float((step := x - before.known[0]) @ before.H @ step) > FAR:
             return i
-        if i.tilted_at is not None and before is None:
-            return i
         if i.tilted_at is not None:
+            if before is None:
+                return i
             step, moved = x - before.known[0], x - i.tilted_at
             distance = float(moved @ before.H @ moved)
             small = float(step @ before.H @ step) <= FAR

@@ -16,7 +16,8 @@ from awescli.flightlog.split import Split
 from awescli.notation.errors import BadInput
 from awescli.notation.frames import rotate, rotation_body_to_ned
 from awescli.notation.quantities import OF_LINE, STATES, SURFACES
-from awescli.physics.kite import Kite, needed_by
+from awescli.physics.flight_model import FlightModel
+from awescli.physics.kite import needed_by
 from awescli.simulation.rollout import wind_inputs
 
 PLACE, ATTITUDE = ("p_n", "p_e", "p_d"), ("phi", "theta", "psi")
@@ -80,7 +81,7 @@ class LinearBaseline:
         return np.concatenate([_ahead(self.model, self.signals, first, 1), _ahead(self.model, self.signals, first + 1, ahead)], axis=1)
 
 
-def linear_baseline(log, parts: Split, kite: Kite, horizon: float, closed: bool = False) -> LinearBaseline | None:
+def linear_baseline(log, parts: Split, kite: FlightModel, horizon: float, closed: bool = False) -> LinearBaseline | None:
     """Fitted to train, chosen by errors `horizon` seconds ahead on validation; closed: it predicts the surfaces too, instead of being told
     them. None where the parts are too short for any order, or for a prediction on validation ("too_short")."""
     signals = signals_of(log, kite, closed)
@@ -118,7 +119,7 @@ def linear_baseline(log, parts: Split, kite: Kite, horizon: float, closed: bool 
     return best
 
 
-def signals_of(log, kite: Kite, closed: bool) -> Signals:
+def signals_of(log, kite: FlightModel, closed: bool) -> Signals:
     """Outputs: the scored channels that the log has. Inputs: what the kite's own rollouts are given: surfaces, winch, wind, and what its
     effects ask the log for. Where the loop is closed the surfaces are outputs."""
     moved = [n for n in SURFACES if n in log.inputs and np.ptp(log.inputs[n]) > 0]
@@ -126,7 +127,7 @@ def signals_of(log, kite: Kite, closed: bool) -> Signals:
     given += [n for n in (*OF_LINE, *needed_by(kite.declaration)) if n in log.inputs and n not in moved]
     outputs = [n for n in SCORED if n in STATES or n in log] + (moved if closed else [])
     y = np.stack([np.unwrap(log[n]) if n in ATTITUDE else log[n] for n in outputs], axis=1)
-    inputs = {n: log[n] for n in dict.fromkeys([*([] if closed else moved), *given])} | _wind(log)
+    inputs: dict[str, np.ndarray] = {n: log[n] for n in dict.fromkeys([*([] if closed else moved), *given])} | _wind(log)
     u = np.stack(list(inputs.values()), axis=1)
     return Signals(tuple(outputs), y, tuple(inputs), u)
 

@@ -108,7 +108,8 @@ def fit_flights(
         owns = [recut(f, p.misfit(p.simulator.holding(f.parameters))) for f, p in zip(result.flights, problems, strict=True)]
     if not horizons:
         wide = [p.with_processes(opened(p.processes, (MODEL_ERROR,), WIDE)) for p in problems]
-        problems, owns = levels_first(wide, labels, tables, per_flight, on_iteration)
+        problems, first = levels_first(wide, labels, tables, per_flight, on_iteration)
+        owns = [*first]
     problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
     owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
     result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
@@ -117,7 +118,8 @@ def fit_flights(
             break
         looked = [_looked_for(p, f, kinds) for p, f in zip(problems, result.flights, strict=True)]
         if any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=True)):
-            tables, owns = [f.parameters for f in result.flights], [own for _, own in looked]
+            tables = [f.parameters for f in result.flights]
+            owns = [own for _, own in looked]
             problems = [p for p, _ in looked]
             result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
     return widened(result), tuple(problems)
@@ -244,7 +246,7 @@ def fit_levels(
         moved = [_relevelled(p, f, noise) for p, f in zip(problems, result.flights, strict=True)]
         if all(gain < UNCHANGED for _, _, gain in moved):
             break
-        problems, owns = ([m[i] for m in moved] for i in (0, 1))
+        problems, owns = [problem for problem, _, _ in moved], [own for _, own, _ in moved]
         tables = [f.parameters for f in result.flights]
         result = fitted(max(tolerance, LOOSE))
     if tolerance < LOOSE:
@@ -257,7 +259,8 @@ def _fitted(
     problems, labels, tables, owns, per_flight, prior: bool, tolerance: float, on_iteration: OnIteration, iterations: int = 30, tilts=None
 ) -> JointFit:
     tilts = tilts or [None] * len(problems)
-    shares = [replace(_share(*each, per_flight), tilt=t) for *each, t in zip(problems, labels, tables, owns, tilts, strict=True)]
+    each = zip(problems, labels, tables, owns, tilts, strict=True)
+    shares = [replace(_share(problem, label, table, own, per_flight), tilt=t) for problem, label, table, own, t in each]
     length = max(p.horizon for p in problems)
     how = {"prior": prior, "tolerance": tolerance, "iterations": iterations, "probes": FEW if tolerance >= LOOSE else MANY}
     return fit_together(shares, **how, on_iteration=lambda i, c: on_iteration(length, i, c))
@@ -307,15 +310,18 @@ def fit_from_starts(
 ) -> tuple[JointFit, tuple[EstimationProblem, ...], list[Optimum]]:
     """`fit_flights` from the declared values and from `starts` - 1 draws of the prior inside its bounds; the best of them, and all."""
     random = np.random.default_rng([seed, 3])
-    best, optima = None, []
+    found: list[tuple[JointFit, tuple[EstimationProblem, ...]]] = []
+    optima: list[Optimum] = []
     for i in range(starts):
         on_start(i)
         start = _drawn(flights[0].problem, random) if i else None
         result, problems = fit_flights(flights, horizons, start=start, **how)
         optima.append(Optimum(_whole_deviance(result, problems), result.solution.outcome, result.solution.x))
-        if best is None or optima[-1].cost < min(o.cost for o in optima[:-1]):
-            best = result, problems
-    return *best, optima
+        # only the best is kept: a fit is large
+        if not found or optima[-1].cost < min(o.cost for o in optima[:-1]):
+            found = [(result, problems)]
+    (result, problems) = found[0]
+    return result, problems, optima
 
 
 def _whole_deviance(result: JointFit, problems: Sequence[EstimationProblem]) -> float:

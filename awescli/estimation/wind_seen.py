@@ -21,7 +21,7 @@ from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import MEASURED
 from awescli.physics.airflow import declared_wind, wind_vector
-from awescli.physics.kite import Kite
+from awescli.physics.flight_model import FlightModel
 from awescli.simulation.rollout import Simulator, wind_inputs
 from awescli.simulation.segments import observe
 
@@ -73,7 +73,7 @@ def wind_profile(
     return _by_height(log, rows, best, drawn, _station(log, simulator.kite, rows))
 
 
-def _station(log, kite: Kite, rows: np.ndarray) -> np.ndarray:
+def _station(log, kite: FlightModel, rows: np.ndarray) -> np.ndarray:
     """(2, K, N+1) wind north, east [m/s] that the kite file makes of the record at the kite's heights."""
     inputs = {name: series[rows] for name, series in wind_inputs(log).items()}
     wind = wind_vector(*declared_wind(kite.declaration.wind, kite.heights, -log["p_d"][rows], inputs), inputs["density"])

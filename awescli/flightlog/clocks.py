@@ -67,7 +67,8 @@ def motor_lateness(log) -> float | None:
     both = [log[name] for name in ("throttle", "motor_speed")] if "throttle" in log and "motor_speed" in log else []
     if not both or min(x.std() for x in both) == 0:
         return None
-    seen = clock_offset(*((x - x.mean()) / x.std() for x in both), log.dt)
+    throttle, speed = ((x - x.mean()) / x.std() for x in both)
+    seen = clock_offset(throttle, speed, log.dt)
     return seen.late if seen is not None and seen.clear and abs(seen.late) > MOTOR else None
 
 

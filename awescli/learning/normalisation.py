@@ -34,7 +34,8 @@ def instants(log, kite: Kite, values: Mapping[str, float] | None = None):
     values: parameters that differ from the kite's, within their bounds or not.
     """
     U, SP, Z = inputs_of(log, kite).T, setpoints_of(log).T, smooth_states(log).T
-    c = [float((values or {}).get(n, v)) for n, v in zip(kite.parameter_names, kite.parameters.vector(), strict=True)]
+    own_values = dict(zip(kite.parameter_names, kite.parameters.vector(), strict=True)) | dict(values or {})
+    c = [float(own_values[n]) for n in kite.parameter_names]
     own = len(kite.state_names) - 12
     x = [*Z, *(np.zeros(len(log)) for _ in range(own)), *SP]
     x[12 : 12 + own] = kite.initial(x, list(U), c)

@@ -20,6 +20,7 @@ from awescli.learning.optimisers import Adam, Lowest, lbfgs
 from awescli.learning.orthogonality import parametric
 from awescli.learning.problem import Data, Problem
 from awescli.notation.errors import BadInput, NumericalFailure
+from awescli.notation.present import present
 from awescli.physics.kite import Kite
 
 
@@ -371,13 +372,14 @@ def compare(problem: Problem, last: _Horizon, phase: int, state: State, config: 
 
     training = lambda w: float(problem.costs(last.train(w), w).mean())  # noqa: E731
     validation = lambda w: float(last.validation_costs(w).mean())  # noqa: E731
-    start, best = state.switch[0], state.best
+    switch = present(state.switch, "where L-BFGS took over")
+    start, best = switch[0], state.best
     numbers = {
         "gradients": gradients, "seconds": seconds, "spent": {},
         "training": {"switch": training(start), "adam_lbfgs": training(state.weights)},
         "validation": {"switch": validation(start), "adam_lbfgs": validation(best)},
     }  # fmt: skip
-    found = adam_alone(state.switch, one_round, validation(start), gradients, seconds, clock)
+    found = adam_alone(switch, one_round, validation(start), gradients, seconds, clock)
     corrections = {"adam_lbfgs": correction.with_weights(state.best)}
     for name, run in zip(("adam", "adam_equal_time"), found, strict=True):
         corrections[name] = correction.with_weights(run.best)

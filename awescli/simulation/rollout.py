@@ -11,7 +11,7 @@ from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.physics.disturbances import DISTURBANCES, GUSTS, PHASE, ROLL_GUST, both
-from awescli.physics.kite import Kite
+from awescli.physics.flight_model import FlightModel
 from awescli.simulation.stepping import Stepping, longest_step
 
 _INDEX = {name: i for i, name in enumerate(OUTPUTS)}
@@ -116,7 +116,7 @@ class Simulator:
     step: longest step [s]; None: as the poles of the kite ask for (`stepping.longest_step`).
     """
 
-    def __init__(self, kite: Kite, wrt: Sequence[str] | None = None, law: Callable | None = None, step: float | None = None):
+    def __init__(self, kite: FlightModel, wrt: Sequence[str] | None = None, law: Callable | None = None, step: float | None = None):
         self.kite, self.step, self._longest = kite, step, step
         self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *both((*GUSTS, ROLL_GUST))])
         self.n_s = len(kite.state_names)
@@ -171,10 +171,13 @@ class Simulator:
             c[:, place[name]] = value
         return c
 
-    def _inputs(self, segments: Segments, values) -> tuple:
+    def _inputs(
+        self, segments: Segments, values: Mapping[str, float] | None
+    ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, Stepping]:
         """(n_s, X0, SP, U, C, h, stepping) as the kernels take them."""
         arrays = (segments.starts_for(self.n_s), segments.setpoints, segments.inputs, self._parameters(segments, values))
-        return self.n_s, *(np.ascontiguousarray(a, dtype=float) for a in arrays), segments.dt, self.stepping(segments)
+        starts, setpoints, inputs, parameters = (np.ascontiguousarray(a, dtype=float) for a in arrays)
+        return self.n_s, starts, setpoints, inputs, parameters, segments.dt, self.stepping(segments)
 
     def _room(self, segments: Segments) -> tuple[np.ndarray, np.ndarray]:
         """(states, outputs) of all segments, to be filled."""
@@ -233,7 +236,7 @@ def setpoints_of(log, which=SURFACES) -> np.ndarray:
     return np.stack([log.inputs.get(name, np.zeros(len(log))) for name in which], axis=1)
 
 
-def inputs_of(log, kite: Kite) -> np.ndarray:
+def inputs_of(log, kite: FlightModel) -> np.ndarray:
     """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: time, line, density, measured tension and motor speed, recorded rates,
     wind."""
     zero = np.zeros(len(log))

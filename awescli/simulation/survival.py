@@ -100,7 +100,7 @@ def loop_gain(declaration: KiteDeclaration, law: Law, log, wind_direction: float
     calm = simulator.rollout(replace(segments, setpoints=_others(segments.setpoints, law, {})))
     lasted = samples_flown(calm) > steps
 
-    def seen(trajectories: Trajectories, k: int) -> np.ndarray:
+    def seen(trajectories: Trajectories, k: int | np.intp) -> np.ndarray:
         z = {name: trajectories.states[k, :, i] for i, name in enumerate(STATES)}
         names = simulator.kite.input_names
         line = {n: segments.inputs[k, :, names.index(n)] for n in ("tether_length", "reel_out_speed") if n in names}

@@ -52,7 +52,7 @@ def driven_upstream(context: Context, declaration, log):
     from awescli.physics.kite import Kite
 
     driven, closes = closing_upstream(context, declaration, log)
-    return driven, closes(Kite(driven, log.wind.height))
+    return driven, closes(Kite(driven, log.recorded_wind.height))
 
 
 def closing_upstream(context: Context, declaration, log):
@@ -63,7 +63,7 @@ def closing_upstream(context: Context, declaration, log):
     from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
     from awescli.stages.controller_artifact import read_controller, wind_direction
 
-    fitted = read_controller(context.upstream("fit-controller"))
+    fitted = read_controller(context.made_by("fit-controller"))
     direction = wind_direction(log)
     return with_setpoint_dynamics(declaration, fitted), lambda kite: loop(fitted, kite, direction)
 

@@ -34,9 +34,10 @@ class Forced:
             kept = read_json(file)
         except BadInput:
             kept = None
-        known = isinstance(kept, dict) and kept.get("command") == command
-        if known and isinstance(kept.get("done"), dict) and isinstance(kept.get("running"), str):
-            return cls(file, command, {str(k): str(v) for k, v in kept["done"].items()}, kept["running"])
+        if isinstance(kept, dict) and kept.get("command") == command:
+            done, running = kept.get("done"), kept.get("running")
+            if isinstance(done, dict) and isinstance(running, str):
+                return cls(file, command, {str(k): str(v) for k, v in done.items()}, running)
         return cls(file, command)
 
     def starts(self, stage: str) -> bool:

@@ -68,7 +68,7 @@ class TraceResidual(Stage):
         from awescli.tracing.flight import trace_flight
 
         declared = read_kite(context.kite)
-        identified = read_kite(context.upstream("identify") / KITE_FILE)
+        identified = read_kite(context.made_by("identify") / KITE_FILE)
         task = context.progress.task("tracing the residual")
 
         def progress(text):
@@ -76,7 +76,7 @@ class TraceResidual(Stage):
             task.update(text)
 
         # the prior is what the user declared; the search starts from what identify found
-        handed_on = read_json(context.upstream("identify") / "metrics.json")
+        handed_on = read_json(context.made_by("identify") / "metrics.json")
         surfaces = surfaces_of(context, config.surfaces)
         began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon, surfaces)}
         closed = surfaces == "controller"
@@ -99,7 +99,7 @@ class TraceResidual(Stage):
         effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), models, predictions, config.horizon)
         scores = {which: scores_of(p, config.horizon) for which, p in predictions.items()}
         testable = finding.verdict != "not_testable"
-        params = traced_params(finding.model, effects) if testable else read_json(context.upstream("identify") / "params.json")
+        params = traced_params(finding.model, effects) if testable else read_json(context.made_by("identify") / "params.json")
         found = with_what_was_found(finding.declaration(), driven, declared)
         kite = with_sources(found, params, log.name) if testable else identified
         write_json(context.folder / "effects.json", effects)

@@ -208,12 +208,11 @@ def _gain(null: FittedModel, t: Tried) -> float:
 def _unexplained(finding: Finding) -> dict:
     """Channel, share and a sparse expression for what has no name in the library."""
     bank = finding.evidence.bank
-    terms = bank.final.keys if bank is not None else ()
-    if not terms:
+    if bank is None or not bank.final.keys:
         levels = finding.evidence.rest.levels
-        channel = max(levels, key=levels.get, default=finding.evidence.rest.largest)
+        channel = max(levels, key=lambda axis: levels[axis], default=finding.evidence.rest.largest)
         return {"channel": _short(channel), "share": 0.0, "expression": None, "terms": []}
-    excess = max(finding.evidence.bare.chi2 - 1, 1e-9)
+    terms, excess = bank.final.keys, max(finding.evidence.bare.chi2 - 1, 1e-9)
     values = {k: bank.final.table[f"{k}.k"].value for k in terms}
     pieces = [f"{v:+.4g}*{k.partition(':')[2].partition('*')[2]}" for k, v in values.items()]
     channels = [k.partition(":")[2].partition("*")[0] for k in terms]

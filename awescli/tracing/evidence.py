@@ -63,7 +63,7 @@ class Evidence:
         its gain on some loops only; 0 where none does."""
         last = next((r for r in reversed(self.search.rounds) if r.accepted), None)
         gains = {t.key: t.gain for t in last.contenders} if last and self.model.keys else {}
-        if len(gains) < 2 or last.accepted not in gains:
+        if last is None or len(gains) < 2 or last.accepted not in gains:
             return 0.0
         return max(max(gains.values()) - gains[last.accepted], 0.0)
 

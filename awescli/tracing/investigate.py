@@ -151,7 +151,7 @@ def _since(frame: Frame, evidence: Evidence, answer: str, criteria: Criteria) ->
     if answer in ("found", "cannot_tell") and model.keys:
         return in_flights(frame, null, model, criteria)
     nearest = evidence.search.rounds[0].contenders[:1] if answer == "unexplained" and evidence.search.rounds else []
-    found = [in_flights(frame, null, t.model, criteria) for t in nearest if t.gain > criteria.decisive]
+    found = [in_flights(frame, null, t.fitted, criteria) for t in nearest if t.gain > criteria.decisive]
     return next((flights for flights in found if any(f.onset for f in flights)), ())
 
 
@@ -167,7 +167,7 @@ def _implausible(frame: Frame, evidence: Evidence, criteria: Criteria) -> tuple[
     lead = evidence.search.null.deviance - evidence.model.deviance if evidence.model.keys else 0.0
     first = evidence.search.rounds[0].contenders if evidence.search.rounds else []
     found = [t for t in first if not t.plausible and t.gain > max(lead, criteria.decisive)]
-    return tuple((t, fit_beyond(frame, t.model, t.score.moving).light()) for t in found[:1])
+    return tuple((t, fit_beyond(frame, t.fitted, t.score.moving).light()) for t in found[:1])
 
 
 def _roll_gusts(frame: Frame, null: FittedModel, criteria: Criteria = CRITERIA) -> RollGusts | None:

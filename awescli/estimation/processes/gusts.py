@@ -40,4 +40,5 @@ def mean_airspeed(log) -> float:
     """[m/s] over the valid part of a log; over ground where it has no airspeed."""
     if "V_a" in log:
         return max(float(log["V_a"][log.valid].mean()), 5.0)
-    return max(float(np.sqrt(sum(log[n][log.valid] ** 2 for n in ("v_n", "v_e", "v_d")).mean())), 5.0)
+    velocity = np.stack([log[n][log.valid] for n in ("v_n", "v_e", "v_d")])
+    return max(float(np.sqrt((velocity**2).sum(axis=0).mean())), 5.0)

@@ -4,6 +4,7 @@ import math
 import re
 
 from awescli.notation.errors import BadInput, did_you_mean
+from awescli.notation.present import present
 from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.notation.scalars import absolute, cos, sin
 from awescli.physics.effects.base import Effect
@@ -39,8 +40,9 @@ class Aerodynamics(Effect):
 
     def __init__(self, target="", declaration=None):
         super().__init__(target, declaration)
-        self.table = declaration.aerodynamics
-        self.signs = {name: surface.sign for name, surface in declaration.surfaces.items()}
+        declared = present(declaration, f"the kite file that '{self.name}' reads")
+        self.table = declared.aerodynamics
+        self.signs = {name: surface.sign for name, surface in declared.surfaces.items()}
 
     def coefficients(self, coefficients, at, own):
         c = self._evaluate(at, at.alpha)
@@ -69,9 +71,10 @@ class Aerodynamics(Effect):
                         term = term * factor
                 total = total + term
             C.append(total)
+        X, Y, Z, *moments = C
         if self.table.frame == "body":
-            C[:3] = wind_axes(*C[:3], at.alpha, at.beta)
-        return Coefficients(*C)
+            X, Y, Z = wind_axes(X, Y, Z, at.alpha, at.beta)
+        return Coefficients._make((X, Y, Z, *moments, 0.0))
 
 
 def wind_axes(CX, CY, CZ, alpha, beta):

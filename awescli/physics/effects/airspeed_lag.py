@@ -19,10 +19,12 @@ class AirspeedLag(Effect):
     probes = {"tau": (0.06, 0.15, 0.4)}
 
     def report(self, reported, at, own):
-        return {**reported, "V_a": lagged(*self.own_states(at), reported["V_a"], own.tau)}
+        (state,) = self.own_states(at)
+        return {**reported, "V_a": lagged(state, reported["V_a"], own.tau)}
 
     def rates(self, at, own):
-        return (lag_rate(*self.own_states(at), at.V_a, own.tau),)
+        (state,) = self.own_states(at)
+        return (lag_rate(state, at.V_a, own.tau),)
 
     def initial(self, at, own):
         # the airspeed has been changing as it does now, in a wind that stays

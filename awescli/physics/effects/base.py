@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import UNITS
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.instant import Body, Coefficients, Instant, Line, Load, Wind
 
 PLACES = ("airflow", "actuate", "body", "coefficients", "line", "load", "report")
@@ -56,7 +57,7 @@ class Effect:
     of_line: bool = False
     weight: bool = False
 
-    def __init__(self, target: str = "", declaration=None):
+    def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):
         """target: one of `targets`, or empty; declaration: the kite file (`declaration.KiteDeclaration`) it stands in."""
         self.target = target
 

@@ -2,6 +2,7 @@
 
 import re
 
+from awescli.notation.errors import BadInput
 from awescli.notation.parameters import Parameter
 from awescli.notation.scalars import cos, sin
 from awescli.physics.effects.base import Effect
@@ -50,18 +51,23 @@ class CustomTerm(Effect):
 
     def __init__(self, target="", declaration=None):
         super().__init__(target, declaration)
-        factors = parse_term(target)[1]
-        self.reads = ("tension",) if "tension" in factors else ()
-        self.of_line = bool({"tension", "tether_length"} & set(factors))
+        term = parse_term(target)
+        if term is None:
+            raise BadInput(
+                f"cannot read the term '{target}'", where="effects", do=f"One of f_x to m_z, times any of {', '.join(FEATURES)}."
+            )
+        self.channel, self.factors = term
+        self.reads = ("tension",) if "tension" in self.factors else ()
+        self.of_line = bool({"tension", "tether_length"} & set(self.factors))
 
     @classmethod
     def accepts(cls, target):
         return parse_term(target) is not None
 
     def load(self, at, own):
-        channel, factors = parse_term(self.target)
+        channel = self.channel
         value = own.k * at.dynamic_pressure * at.values["S"]
-        for factor in factors:
+        for factor in self.factors:
             value = value * FEATURES[factor](at)
         if channel[0] == "m":
             value = value * at.values["c" if channel == "m_y" else "b"]

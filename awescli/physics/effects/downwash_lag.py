@@ -29,12 +29,14 @@ class DownwashLag(Effect):
         return own.arm * at.values["c"] / at.V_a
 
     def coefficients(self, coefficients, at, own):
-        seen = lagged(*self.own_states(at), at.alpha, self._tau(at, own))
+        (state,) = self.own_states(at)
+        seen = lagged(state, at.alpha, self._tau(at, own))
         # c / (2 V_a) / tau = 1 / (2 arm)
         return coefficients._replace(Cm=coefficients.Cm + own.Cm_adot * (at.alpha - seen) / (2 * own.arm))
 
     def rates(self, at, own):
-        return (lag_rate(*self.own_states(at), at.alpha, self._tau(at, own)),)
+        (state,) = self.own_states(at)
+        return (lag_rate(state, at.alpha, self._tau(at, own)),)
 
     def initial(self, at, own):
         # the velocity through air that stays changes with that over ground, and turns as the body does

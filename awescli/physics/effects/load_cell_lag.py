@@ -18,10 +18,12 @@ class LoadCellLag(Effect):
     probes = {"tau": (0.06, 0.15, 0.4)}
 
     def report(self, reported, at, own):
-        return {**reported, "tension": lagged(*self.own_states(at), reported["tension"], own.tau)}
+        (state,) = self.own_states(at)
+        return {**reported, "tension": lagged(state, reported["tension"], own.tau)}
 
     def rates(self, at, own):
-        return (lag_rate(*self.own_states(at), at.tension, own.tau),)
+        (state,) = self.own_states(at)
+        return (lag_rate(state, at.tension, own.tau),)
 
     def initial(self, at, own):
         # the measured rate of the load stands for the true one: both are slow against the filter

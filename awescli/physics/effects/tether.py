@@ -1,6 +1,7 @@
 """The tether: line constraint, virtual spring, drag sag, attachment moment: docs/equations.md (12) to (17)."""
 
 from awescli.notation.frames import add, cross, dot, rotate, rotate_back, scale
+from awescli.notation.present import present
 from awescli.notation.scalars import maximum, select, sqrt
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Line, Load
@@ -53,7 +54,8 @@ class Tether(Effect):
 
     def __init__(self, target="", declaration=None):
         super().__init__(target, declaration)
-        self.pull, self.measured = LAWS[declaration.tether.law], declaration.tether.tension == "measured"
+        declared = present(declaration, f"the kite file that '{self.name}' reads")
+        self.pull, self.measured = LAWS[declared.tether.law], declared.tether.tension == "measured"
         self.reads = ("tension",) if self.measured else ()
 
     def declared_line(self, at):

@@ -5,6 +5,7 @@ import math
 from awescli.notation.errors import BadInput
 from awescli.notation.frames import add, cross, dot, scale
 from awescli.notation.parameters import Parameter
+from awescli.notation.present import present
 from awescli.notation.scalars import exp, log, maximum
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Load
@@ -38,7 +39,8 @@ class Thrust(Effect):
 
     def __init__(self, target="", declaration=None):
         super().__init__(target, declaration)
-        self.propellers = declaration.propellers
+        declared = present(declaration, f"the kite file that '{self.name}' reads")
+        self.propellers = declared.propellers
         if not self.propellers:
             raise BadInput("effect 'thrust' has no propeller", where="effects", do="Declare `propellers`, a list with at least one.")
         recorded = any(p.speed.law == "recorded" for p in self.propellers)

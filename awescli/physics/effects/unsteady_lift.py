@@ -17,10 +17,12 @@ class UnsteadyLift(Effect):
     probes = {"tau": (0.05, 0.1, 0.2)}
 
     def coefficients(self, coefficients, at, own):
-        return coefficients._replace(CL=lagged(*self.own_states(at), coefficients.CL, own.tau))
+        (state,) = self.own_states(at)
+        return coefficients._replace(CL=lagged(state, coefficients.CL, own.tau))
 
     def rates(self, at, own):
-        return (lag_rate(*self.own_states(at), self.received(at).CL, own.tau),)
+        (state,) = self.own_states(at)
+        return (lag_rate(state, self.received(at).CL, own.tau),)
 
     def initial(self, at, own):
         return (self.received(at).CL,)
