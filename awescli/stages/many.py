@@ -1,7 +1,8 @@
 """A plan of many flights: the ordinary run of each, into a folder of its own, on several processes; one row of the table for each.
 
 Flights know nothing of each other. One that is refused, or has no answer, is a row that says so, and the others go on. A flight's folder is
-that of an ordinary run: what stands there is not made again, and a run that was interrupted goes on where it stopped.
+that of an ordinary run: what stands there is not made again, and a run that was interrupted goes on where it stopped; of a forced one,
+what had ended counts as done until all flights are over.
 """
 
 import time
@@ -15,6 +16,7 @@ from awescli.notation.errors import AwesError, BadInput
 from awescli.stages.base import Stage
 from awescli.stages.flight_table import as_csv, as_written, row
 from awescli.stages.flights import TABLE, TABLE_JSON
+from awescli.stages.forced import forget
 from awescli.stages.plan import Plan, Plans
 from awescli.stages.runner import Result, code_hash, run_plan
 from awescli.stages.workers import connected, outcomes, tell
@@ -60,6 +62,8 @@ def run_flights(
                     found = _fault(plans.by_flight[name], outcome) if isinstance(outcome, Exception) else outcome
                     rows[name] = as_written(found, plans.by_flight[name])
                     hear(name, {"row": rows[name]})
+            for plan in plans.by_flight.values():
+                forget(plan.out)
             table = [rows[name] for name in cases]
             write_json(plans.out / TABLE_JSON, {"plan": str(plans.file), "flights": table})
             write_text(plans.out / TABLE, as_csv(table))
@@ -73,7 +77,7 @@ def fly(name: str, case: tuple[Plan, tuple[Stage, ...], str | None, bool], say: 
     told = _Told(name, say, Journal(plan.out))
     began, error = time.monotonic(), None
     try:
-        run_plan(plan, stages, begin=begin, force=force, progress=told, report=told.stage_event)
+        run_plan(plan, stages, begin=begin, force=force, progress=told, report=told.stage_event, among_many=True)
     except AwesError as e:
         error = e
         told.journal.write([f"error: {e}"])
