@@ -5,17 +5,19 @@ that of an ordinary run: what stands there is not made again, and a run that was
 what had ended counts as done until all flights are over.
 """
 
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from awescli.artifacts import Journal, locked, write_json, write_text
 from awescli.notation.errors import AwesError, BadInput
 from awescli.stages.base import Stage
 from awescli.stages.flight_table import as_csv, as_written, row
-from awescli.stages.flights import TABLE, TABLE_JSON
+from awescli.stages.flights import PAGE, TABLE, TABLE_JSON
 from awescli.stages.forced import forget
 from awescli.stages.plan import Plan, Plans
 from awescli.stages.runner import Result, code_hash, run_plan
@@ -67,7 +69,18 @@ def run_flights(
             table = [rows[name] for name in cases]
             write_json(plans.out / TABLE_JSON, {"plan": str(plans.file), "flights": table})
             write_text(plans.out / TABLE, as_csv(table))
+            write_text(plans.out / PAGE, _page(plans, table))
     return table
+
+
+def _page(plans: Plans, table: Sequence[Mapping[str, Any]]) -> str:
+    """flights.html, with links to the reports that stand beside it."""
+    from awescli.artifacts import versions
+    from awescli.reporting.many_flights import Flights, flights_page
+
+    kites = dict.fromkeys(plan.kite.name for plan in plans.by_flight.values())
+    reports = {row["flight"]: Path(os.path.relpath(row["report"], plans.out)).as_posix() for row in table if row["report"]}
+    return flights_page(Flights(table, reports, plans.file.name, ", ".join(kites), versions()["awes"]))
 
 
 def fly(name: str, case: tuple[Plan, tuple[Stage, ...], str | None, bool], say: Hear = tell) -> dict[str, Any]:

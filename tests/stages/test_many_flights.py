@@ -48,6 +48,14 @@ def test_every_flight_has_an_ordinary_run_of_its_own(folder, workers):
     assert {row["stages"]["identify"] for row in table(folder).values()} == {"unchanged"} and again.exit_code == 0
 
 
+def test_a_page_stands_beside_the_table_and_links_to_the_reports_that_there_are(folder):
+    result = awes("run", *SERIAL, "--set", "evaluate.report=true")
+    assert result.exit_code == 0 and "flights.html" in result.stdout
+    page = (folder / "out" / "flights.html").read_text()
+    links = re.findall(r'<a href="\./([^"]*)"', page)
+    assert links == [f"{name}/evaluate/report.html" for name in "abc"] and all((folder / "out" / link).is_file() for link in links)
+
+
 def test_what_has_changed_is_run_again_and_nothing_else(folder):
     awes("run", *SERIAL)
     (folder / "logs" / "b" / "kite.csv").write_text("changed\n")
