@@ -85,6 +85,7 @@ class Pumping:
     def fly(
         self, wind: WindRecord, *, start: np.ndarray, length: float, duration: float, dt: float, cycles: int | None = None,
         speed: float = 0.0, load: float = 0.0, begins: float = 0.0, seed: int = 0, values: Mapping[str, float] | None = None,
+        rates: Mapping[str, float] | None = None,
     ) -> Pumped:  # fmt: skip
         """Fly through the phases, again and again, for `duration` seconds or to the end of `cycles`.
 
@@ -97,6 +98,8 @@ class Pumping:
         line: dict[str, np.ndarray] = dict(zip(("tether_length", "reel_out_speed"), ReelOut(length, 0.0).at(time), strict=True))
         inputs = inputs_of(Commanded(time, dt, line, wind), kite)
         inputs[:, kite.input_names.index("time")] += begins
+        for name, value in (rates or {}).items():
+            inputs[0, kite.input_names.index(name)] = value
         switches = None if cycles is None else cycles * len(self.phases) - 1
         how = start, {f"{CONTROL}.load": load, f"{DRUM}.speed": speed}, dt, switches
         flown = self._through(kite, inputs, *how)

@@ -260,6 +260,13 @@ def inputs_of(log, kite: FlightModel) -> np.ndarray:
     return np.stack([signals[name] for name in kite.input_names], axis=1)
 
 
+def rates_at(log, kite: FlightModel, sample: int) -> dict[str, float]:
+    """Rates of the recorded set-points, and of the load [N/s], at a sample of a log, by name of the input: what lags behind them has its
+    start from these (`Effect.initial`), where a flight sets out in the middle of a log."""
+    row = inputs_of(log, kite)[sample]
+    return {name: float(row[i]) for i, name in enumerate(kite.input_names) if name.endswith("_rate")}
+
+
 def wind_inputs(log) -> dict[str, np.ndarray]:
     """The wind record on the log's clock, linear in time: speed, direction and down at each of its heights, and density."""
     wind = log.wind

@@ -160,6 +160,7 @@ def simulate_flight(
     seed: int = 0,
     step: float = 0.005,
     begins: float = 0.0,
+    rates: Mapping[str, float] | None = None,
 ) -> Flown:
     """Simulate one long segment, up to its end or to where the kite departs.
 
@@ -168,7 +169,8 @@ def simulate_flight(
     a kite that flies free;
     start: (12,) states at t = 0, or None: the kite is put on the pattern at several phases and speeds `settle` seconds before t = 0,
     and the run that follows the pattern best is kept. seed: of the gusts; step: longest of RK4 [s]; begins: what the flight's
-    clock shows at t = 0 [s], for what drifts with it. pattern: what the kite must not stray from; without one only a kite that the numbers
+    clock shows at t = 0 [s], for what drifts with it; rates: of set-points and load at `start` (`rollout.rates_at`), behind which a lag
+    stands there; default zero: they were at rest. pattern: what the kite must not stray from; without one only a kite that the numbers
     or the ground end departs.
     """
     refuse_measured(kite.declaration)
@@ -181,6 +183,8 @@ def simulate_flight(
     inputs = inputs_of(Commanded(time, dt, line, wind), kite)
     at = {n: i for i, n in enumerate(kite.input_names)}
     inputs[:, at["time"]] += begins
+    for name, value in (rates or {}).items():
+        inputs[0, at[name]] = value
     if start is None:
         if pattern is None:
             raise BadInput("without a start the kite needs a pattern to be put on")

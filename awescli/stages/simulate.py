@@ -40,7 +40,10 @@ class SimulateConfig(StageConfig):
     effects: dict[str, dict[str, float]] = Field(default={}, description="effects switched on, e.g. {actuator_lag:rudder: {tau: 0.2}}")
     wind: Wind = Field(default=Wind(), description="wind of one's own: speed, direction, height, shear; default as recorded")
     start: float | None = Field(
-        default=None, ge=0, description="where in the flight it sets out [s]; default where the longest test stretch begins"
+        default=None,
+        ge=0,
+        description="where in the flight it sets out [s], from the states, set-points and their rates there; default where the longest "
+        "test stretch begins",
     )
     duration: float = Field(
         default=60.0, ge=0.5, le=LONGEST, description="how long it flies [s]; beyond the log winch and wind go on as they were"
@@ -113,7 +116,7 @@ class Simulate(Stage):
         from awescli.flightlog.kitemill_csv import to_kitemill_csv
         from awescli.flightlog.plausible_units import YEARS
         from awescli.simulation.free_flight import compared, side_by_side
-        from awescli.simulation.rollout import setpoints_of
+        from awescli.simulation.rollout import rates_at, setpoints_of
         from awescli.simulation.segments import smooth_states
         from awescli.simulation.synthetic import EPOCH, LoggedReelOut, as_recorded, simulate_flight
         from awescli.stages.controller_artifact import read_controller
@@ -138,7 +141,7 @@ class Simulate(Stage):
         seed = context.seed if config.seed is None else config.seed
         context.progress.task(f"flying {duration:g} s, {model}")
         how = {"duration": duration, "dt": log.dt, "start": smooth_states(log)[first], "seed": seed}
-        how["begins"] = float(log.time[first])
+        how |= {"begins": float(log.time[first]), "rates": rates_at(log, kite, first)}
         if config.phases:
             known = known_of(context, model, kite)
             flown, pumped = fly_phases(config, log, first, kite, fitted, wind, how, known)
