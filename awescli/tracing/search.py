@@ -1,7 +1,7 @@
 """Search the library: screen all effects, fit the best ones, accept the likeliest where it beats "something else", again; then go back
 over what was accepted."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +15,8 @@ from awescli.tracing.screen import Score, Screening, holm, screen
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
 """Shares of its one-step estimate from which a candidate is fitted, and whether without the help of model error; the next one where the fit
 before failed."""
+AT_END = 1e-3
+"""Share of its range, of a lower end above zero itself, within which a strength sits at that end."""
 WORSE = 5.0
 """Deviance by which a fit with one effect more may end above the model without it: more, and the optimiser has failed."""
 
@@ -98,6 +100,8 @@ def search(
         if best is not None and crowded(tried):
             model, best, tried = _base_revisited(frame, model, best, tried, criteria, progress)
             null = null if record else model
+        if best is not None and mends(frame, best, Search(null, model, tuple(record)).gains, model.deviance - best.deviance, criteria):
+            best = None
         record.append(Round(model.light(), tried, best.keys[-1] if best else "", screening.untestable))
         if best is None:
             break
@@ -115,12 +119,22 @@ def admissible(before: FittedModel, after: FittedModel, criteria: Criteria = CRI
     return bool(gain >= least and gain - loudest >= criteria.decisive and before.unseen > after.unseen)
 
 
+def mends(frame: Frame, model: FittedModel, gains: Mapping[str, float], gain: float, criteria: Criteria = CRITERIA) -> bool:
+    """Does the last effect of a model only mend the form of an earlier error of the same instrument? gains: of the earlier effects, in
+    deviance; gain: of the last one."""
+    instrument = make_effect(model.keys[-1], frame.declared).instrument
+    same = [g for key, g in gains.items() if instrument and make_effect(key, frame.declared).instrument == instrument]
+    return any(gain < criteria.second_error * g for g in same)
+
+
 def plausible(model: FittedModel, key: str) -> bool:
     """No fitted strength of an effect sits at the end of its plausible range, null aside."""
     for name in (n for n in model.strengths if n.startswith(f"{key}.")):
         p = model.table[name]
-        width, null_at_lower = p.upper - p.lower, abs(p.lower) < 1e-12
-        if p.value > p.upper - 1e-3 * width or (p.value < p.lower + 1e-3 * width and not null_at_lower):
+        near, null_at_lower = AT_END * (p.upper - p.lower), abs(p.lower) < 1e-12
+        # a range over decades begins where its smallest sizes are told apart
+        above = min(near, AT_END * p.lower) if p.lower > 0 else near
+        if p.value > p.upper - near or (p.value < p.lower + above and not null_at_lower):
             return False
     return True
 
@@ -145,6 +159,9 @@ def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Crite
     chosen += [s for s in leaders[criteria.competitors : 2 * criteria.competitors] if s.drop > drops]
     # what points in a leader's direction competes with it, whatever its rank
     chosen += [s for s in scores if s not in chosen and any(screening.cosine(s, c) > criteria.alike for c in chosen[:2])][:3]
+    # and so does what acts on the same surface, axis or clock: what an actuator does is seldom nearly linear
+    targets = {t for s in chosen[:2] if (t := make_effect(s.key, frame.declared).target)}
+    chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).target in targets]
     if here.rest:
         # an abrupt effect changes a flight at its start already: only a fit from its probe can judge it
         chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).abrupt]

@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from kites import DEVELOPMENT
 
+from awescli.notation.parameters import Parameter
 from awescli.tracing import search as searching
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.search import STARTS, Search
@@ -67,3 +69,23 @@ def test_a_significant_candidate_that_stays_failed_is_not_forgotten(monkeypatch)
     assert begun == list(STARTS) and found.significant and found.outcome == "failed" and found.model is None
     record = searching.Round(BASE, (found,), "", ())
     assert Search(BASE, BASE, (record,)).failed == ("pitch_curvature",)
+
+
+def test_of_one_instrument_one_error():
+    """Guards a pitot whose error is linear in sideslip (JSBSim) against a second name: the library's square of sideslip left to a scale of
+    the same pitot a quarter of what it gained itself. An error of its own size stays, and so does one of another instrument."""
+    frame = SimpleNamespace(declared=DEVELOPMENT)
+    after = {key: SimpleNamespace(keys=("pitot_position_error", key)) for key in ("airspeed_scale", "heading_bias", "sideslip_drag")}
+    first = {"pitot_position_error": 204.0}
+    assert searching.mends(frame, after["airspeed_scale"], first, 53.0)
+    assert not searching.mends(frame, after["airspeed_scale"], first, 190.0)
+    assert not searching.mends(frame, after["heading_bias"], first, 53.0)
+    assert not searching.mends(frame, after["sideslip_drag"], {"surface_bias:yaw": 204.0}, 53.0)
+
+
+@pytest.mark.parametrize("rate, there", [(0.0021, True), (0.002, False), (1.0, True), (49.99, False)])
+def test_a_range_over_decades_does_not_end_in_its_middle(rate, there):
+    """Guards a slow trim motor: its limit of 0.005 rad/s lay "at the end" of a range from 0.002 to 50, by a thousandth of that."""
+    row = Parameter("actuator_lag:elevator.rate", rate, "rad/s", 0.002, 50.0)
+    model = SimpleNamespace(strengths=(row.name,), table={row.name: row})
+    assert searching.plausible(model, "actuator_lag:elevator") is there

@@ -12,6 +12,7 @@ class AirspeedLag(Effect):
 
     name = "airspeed_lag"
     doc = "reported airspeed lags, pneumatic tubes"
+    instrument = "pitot"
     parameters = (Parameter("tau", 0.0, "s", 0.0, 1.5, source="0.1-0.5 s, pneumatic tubes"),)
     states = ("airspeed",)
     units = ("m/s",)

@@ -9,6 +9,7 @@ class AirspeedScale(Effect):
 
     name = "airspeed_scale"
     doc = "scale and offset of the pitot"
+    instrument = "pitot"
     parameters = (
         Parameter("s", 1.0, "-", 0.7, 1.3, source="2-5 %"),
         Parameter("b", 0.0, "m/s", -5.0, 5.0, source="pressure offset"),

@@ -11,6 +11,7 @@ class AntennaArm(Effect):
 
     name = "antenna_arm"
     doc = "position and velocity are those of an antenna off the reference point"
+    instrument = "position receiver"
     parameters = (
         Parameter("x", 0.0, "m", -2.0, 2.0, source="0.2-1 m"),
         Parameter("z", 0.0, "m", -2.0, 2.0, source="0.2-1 m"),

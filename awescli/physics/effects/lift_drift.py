@@ -3,13 +3,15 @@
 from awescli.notation.parameters import Parameter
 from awescli.notation.scalars import tanh
 from awescli.physics.effects.base import Effect
+from awescli.physics.effects.lag import lag_time
 
 SUDDEN = 1.0
-"""[s] within which a step happens: damage or a shed layer of ice is fast against a loop, and the cost must have a slope in its time."""
+"""[s] within which a step happens where nothing else is known: fast against a loop, and slow enough for the cost to have a slope in its
+time."""
 
 
 class LiftDrift(Effect):
-    """C_L times 1 + rate t + step s(t - at), t the flight's clock, s a smooth step from 0 to 1: rain, icing, damage, temperature.
+    """C_L times 1 + rate t + step (1 + tanh((t - at) / within)) / 2, t the flight's clock: rain, icing, temperature; damage, a shed layer.
     Source: 1-10 % (Lynch & Khodadoust, Effects of ice accretions on aircraft aerodynamics, Prog. Aerospace Sci. 37, 2001)."""
 
     name = "lift_drift"
@@ -18,11 +20,13 @@ class LiftDrift(Effect):
         Parameter("rate", 0.0, "1/s", -0.002, 0.002, source="1-10 % in minutes"),
         Parameter("step", 0.0, "-", -0.3, 0.3, source="1-10 %"),
         Parameter("at", 60.0, "s", 0.0, 1e5, source="onset on the flight's clock; gives form only"),
+        Parameter("within", SUDDEN, "s", 0.0, 10.0, source="from damage to rain; gives form only"),
     )
     probes = {"at": (20.0, 40.0, 60.0, 80.0, 100.0, 120.0)}
-    shapes = ("at",)
+    shapes = ("at", "within")
+    refinements = {"within": (0.3, 0.1)}
 
     def coefficients(self, coefficients, at, own):
         time = at.inputs["time"]
-        since = (1 + tanh((time - own.at) / SUDDEN)) / 2
+        since = (1 + tanh((time - own.at) / lag_time(own.within))) / 2
         return coefficients._replace(CL=coefficients.CL * (1 + own.rate * time + own.step * since))

@@ -10,6 +10,7 @@ class LoadCellLag(Effect):
 
     name = "load_cell_lag"
     doc = "filtered load cell"
+    instrument = "load cell"
     of_line = True
     parameters = (Parameter("tau", 0.0, "s", 0.0, 1.5, source="0.1-0.5 s"),)
     states = ("load",)

@@ -9,6 +9,7 @@ class LoadCellScale(Effect):
 
     name = "load_cell_scale"
     doc = "scale and offset of the load cell"
+    instrument = "load cell"
     of_line = True
     parameters = (
         Parameter("s", 1.0, "-", 0.5, 1.5, source="5-10 %"),

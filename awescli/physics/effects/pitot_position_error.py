@@ -11,6 +11,7 @@ class PitotPositionError(Effect):
 
     name = "pitot_position_error"
     doc = "airspeed off with angle of attack and sideslip"
+    instrument = "pitot"
     parameters = (
         Parameter("k_a", 0.0, "1/rad", -2.0, 2.0, source="1-5 % at 0.1 rad"),
         Parameter("k_b", 0.0, "1/rad2", -5.0, 5.0, source="1-5 % at 0.2 rad"),
