@@ -204,12 +204,12 @@ def levels_of(processes: Sequence[Process]) -> dict[str, float]:
 def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> tuple[EstimationProblem, Own]:
     """The problem with what of some kinds of processes the flight shows at a fit, at nodes as far apart as they are, and the nuisances to
     go on from."""
-    if not problem.processes or not len(fit.heard):
+    if not problem.processes or not len(fit.counted):
         return problem, fit.own
     wide = fit.misfit.with_processes([replace(p, spacing=max(p.spacing, COARSE)) for p in opened(problem.processes, kinds, SLIGHT)])
     own = wide.carried(fit.own, fit.misfit)
     links, trajectories = wide.links(fit.parameters.vector(fit.names), own)
-    processes, _ = relevelled(wide, links.gram(), own, fit.heard)
+    processes, _ = relevelled(wide, links.gram(), own, fit.counted)
     new = problem.with_processes(tuple(replace(p, spacing=old.spacing) for p, old in zip(processes, problem.processes, strict=True)))
     return new, new.misfit(fit.misfit.simulator).carried(own, wide)
 
@@ -225,18 +225,18 @@ def fit_levels(
     on_iteration: OnIteration = lambda h, i, c: None,
     owns: Sequence[Own | None] | None = None,
     noise: bool = True,
-    tilts: Sequence[np.ndarray | None] | None = None,
+    slopes: Sequence[np.ndarray | None] | None = None,
 ) -> tuple[JointFit, list[EstimationProblem]]:
     """Fit parameters and levels in turn until neither moves, at most `rounds` times; the last fit has the levels that are returned. Ends
     where fits do not come to their minimum (`JointFit.ended`).
 
-    tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; tilts: as of `Share`; others as
+    tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; slopes: as of `Share`; others as
     `fit_flights`.
     """
-    owns, tilts = owns or [None] * len(problems), tilts or [None] * len(problems)
+    owns, slopes = owns or [None] * len(problems), slopes or [None] * len(problems)
 
     def fitted(tolerance: float) -> JointFit:
-        return _fitted(problems, labels, tables, owns, per_flight, prior, tolerance, on_iteration, tilts=tilts)
+        return _fitted(problems, labels, tables, owns, per_flight, prior, tolerance, on_iteration, slopes=slopes)
 
     result, lost = fitted(max(tolerance, LOOSE)), 0
     for _ in range(rounds - 1):
@@ -256,11 +256,20 @@ def fit_levels(
 
 
 def _fitted(
-    problems, labels, tables, owns, per_flight, prior: bool, tolerance: float, on_iteration: OnIteration, iterations: int = 30, tilts=None
+    problems,
+    labels,
+    tables,
+    owns,
+    per_flight,
+    prior: bool,
+    tolerance: float,
+    on_iteration: OnIteration,
+    iterations: int = 30,
+    slopes=None,
 ) -> JointFit:
-    tilts = tilts or [None] * len(problems)
-    each = zip(problems, labels, tables, owns, tilts, strict=True)
-    shares = [replace(_share(problem, label, table, own, per_flight), tilt=t) for problem, label, table, own, t in each]
+    slopes = slopes or [None] * len(problems)
+    each = zip(problems, labels, tables, owns, slopes, strict=True)
+    shares = [replace(_share(problem, label, table, own, per_flight), slope=t) for problem, label, table, own, t in each]
     length = max(p.horizon for p in problems)
     how = {"prior": prior, "tolerance": tolerance, "iterations": iterations, "probes": FEW if tolerance >= LOOSE else MANY}
     return fit_together(shares, **how, on_iteration=lambda i, c: on_iteration(length, i, c))
@@ -269,10 +278,10 @@ def _fitted(
 def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool) -> tuple[EstimationProblem, Own, float]:
     """The problem with the likeliest levels and noise at a fit, the nuisances to go on from, and the deviance that the levels gain (that
     of a noise that is off is not counted, and enough)."""
-    if not len(fit.heard) or not problem.processes:
+    if not len(fit.counted) or not problem.processes:
         return problem, fit.own, 0.0
-    processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.heard)
-    factors = noise_factors(fit.misfit, fit.information, fit.links, fit.heard) if noise else {}
+    processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.counted)
+    factors = noise_factors(fit.misfit, fit.information, fit.links, fit.counted) if noise else {}
     off = {n: g for n, f in factors.items() if abs((g := _trusted(problem.factors.get(n, 1.0), f)) - 1) > OFF}
     problem = problem.with_processes(_hurried(problem.processes, processes))
     new = problem.with_factors(off) if off else problem

@@ -1,4 +1,4 @@
-"""The power curve of a plan's pumping cycles: every physical model of the ladder, in closed loop, over a range of winds."""
+"""The power curve of a plan's pumping cycles: every physical one of the nested models, in closed loop, over a range of winds."""
 
 import csv
 import io

@@ -64,8 +64,8 @@ class TraceResidual(Stage):
         from awescli.simulation.closed_loop import with_what_was_found
         from awescli.stages.flight_parts import predicted, scores_of
         from awescli.stages.handed_on import traced_params, with_sources
-        from awescli.tracing.account import account, residual_arrays
         from awescli.tracing.flight import trace_flight
+        from awescli.tracing.summary import residual_arrays, summary
 
         declared = read_kite(context.kite)
         identified = read_kite(context.made_by("identify") / KITE_FILE)
@@ -92,7 +92,7 @@ class TraceResidual(Stage):
         before = predicted(models["before"], log, parts, config.horizon)
         after = before if finding.model is finding.null else predicted(models["after"], log, parts, config.horizon)
         predictions = {"before": before, "after": after}
-        effects = account(finding, log, config.horizon, *(p["test"] for p in predictions.values()))
+        effects = summary(finding, log, config.horizon, *(p["test"] for p in predictions.values()))
         effects["kinematics"] = kinematics(log)
         for seen in effects["kinematics"]:
             context.progress.note(f"Kinematics alone: {seen['sentence']}.")

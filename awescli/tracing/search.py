@@ -198,9 +198,9 @@ def _best(
     frame: Frame, here: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress
 ) -> tuple[FittedModel | None, tuple[Tried, ...]]:
     """(the likeliest model of those that are admissible, fitted to the end, shapes included; what was tried, with those that were)."""
-    runners = sorted((t for t in tried if t.model is not None and t.plausible), key=lambda t: -t.gain)
-    runners = [t for t in runners if t.gain > criteria.decisive]
-    finalists = [t for t in runners if t.gain > runners[0].gain - criteria.in_reach(criteria.finalists, runners[0].gain)]
+    leaders = sorted((t for t in tried if t.model is not None and t.plausible), key=lambda t: -t.gain)
+    leaders = [t for t in leaders if t.gain > criteria.decisive]
+    finalists = [t for t in leaders if t.gain > leaders[0].gain - criteria.in_reach(criteria.finalists, leaders[0].gain)]
     finished = {}
     for t in finalists[: criteria.competitors]:
         progress(f"fitting with {t.key} to the end")

@@ -1,6 +1,6 @@
 """The reference, read off the code: one function a page, Markdown out. Nothing here is written twice, so nothing can be out of date.
 
-    python docs/make/reference.py effects      prints one page
+python docs/make/reference.py effects      prints one page
 """
 
 import ast
@@ -28,7 +28,7 @@ from awescli.stages import STAGES
 from awescli.stages.base import Inputs, Split
 from awescli.stages.plan import SharedSettings
 from awescli.tracing import criteria, verdict
-from awescli.tracing.account import SENTENCES
+from awescli.tracing.summary import SENTENCES
 
 ROOT = Path(__file__).parents[2]
 MADE = "*This page is read off the code while the site is built.*"

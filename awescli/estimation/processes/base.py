@@ -65,7 +65,7 @@ class Process(ABC):
     name: ClassVar[str]
     doc: ClassVar[str]
     random: ClassVar[bool] = False
-    """Does the model depend on it so strongly, and so little linearly, that the log determinant has a slope (`laplace.tilt`)?"""
+    """Does the model depend on it so strongly, and so little linearly, that the log determinant has a slope (`laplace`)?"""
     certain: ClassVar[bool] = False
     """Is it there on every flight, however little one flight shows of it?"""
 

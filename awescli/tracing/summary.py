@@ -1,4 +1,4 @@
-"""The account of a trace: effects.json and the arrays behind its pictures."""
+"""The summary of a trace: effects.json and the arrays behind its pictures."""
 
 from collections.abc import Mapping
 from math import log as ln
@@ -31,7 +31,7 @@ SENTENCES = {
 }
 
 
-def account(finding: Finding, log, horizon: float, before: Prediction, after: Prediction) -> dict:
+def summary(finding: Finding, log, horizon: float, before: Prediction, after: Prediction) -> dict:
     """effects.json: verdict and its criteria, effects with sizes, intervals and what they cannot be told from, ranking, what is
     unexplained, error on test loops, parameter shifts. before, after: of the test loops."""
     null, model, evidence = finding.null, finding.model, finding.evidence
@@ -207,17 +207,17 @@ def _gain(null: FittedModel, t: Tried) -> float:
 
 def _unexplained(finding: Finding) -> dict:
     """Channel, share and a sparse expression for what has no name in the library."""
-    bank = finding.evidence.bank
-    if bank is None or not bank.final.keys:
+    empirical = finding.evidence.empirical
+    if empirical is None or not empirical.final.keys:
         levels = finding.evidence.rest.levels
         channel = max(levels, key=lambda axis: levels[axis], default=finding.evidence.rest.largest)
         return {"channel": _short(channel), "share": 0.0, "expression": None, "terms": []}
-    terms, excess = bank.final.keys, max(finding.evidence.bare.chi2 - 1, 1e-9)
-    values = {k: bank.final.table[f"{k}.k"].value for k in terms}
+    terms, excess = empirical.final.keys, max(finding.evidence.bare.chi2 - 1, 1e-9)
+    values = {k: empirical.final.table[f"{k}.k"].value for k in terms}
     pieces = [f"{v:+.4g}*{k.partition(':')[2].partition('*')[2]}" for k, v in values.items()]
     channels = [k.partition(":")[2].partition("*")[0] for k in terms]
     expression = "; ".join(f"{c} += qbar*S*({p})" for c, p in zip(channels, pieces, strict=True))
-    share = float(np.clip(1 - (bank.final.chi2 - 1) / excess, 0, 1))
+    share = float(np.clip(1 - (empirical.final.chi2 - 1) / excess, 0, 1))
     return {
         "channel": channels[0],
         "share": share,
