@@ -20,7 +20,7 @@ from awescli.flightlog.text_stamps import ISO
 from awescli.notation.errors import BadInput
 from awescli.notation.present import present
 
-CURE = "Correct the unit, sign or frame of column {column} in flight.yaml; if all is right as it stands, add `believe: [{column}]`."
+CURE = "Correct the unit, sign or frame of column {column} in flight.yaml; if all is right as it stands, add `unchecked: [{column}]`."
 """What to do about a column that contradicts its unit."""
 
 
@@ -41,9 +41,9 @@ def read_mapped(found: FlightFiles, max_gap: float = 0.2) -> FlightLog:
     signals, groups = mapped_signals(table, mapping)
     places = _places(path, mapping)
     # a mapping declares its tension: how large a wing it may need is not known here
-    believed = [*mapping.believe, *(spec.column for quantity, spec in mapping.signals.items() if quantity == "tension")]
+    believed = [*mapping.unchecked, *(spec.column for quantity, spec in mapping.signals.items() if quantity == "tension")]
     signals, spikes = without_spikes(signals, usable_stamps(seconds)[0])
-    check_frames(seconds, signals, places, mapping.believe, _frames(mapping), CURE)
+    check_frames(seconds, signals, places, mapping.unchecked, _frames(mapping), CURE)
     check_units(seconds, signals, places, believed, CURE)
     wind, notes = mapped_wind(found, table, seconds, start)
     if wind is not None:
