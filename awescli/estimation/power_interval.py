@@ -18,6 +18,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from awescli.estimation.prediction import WARM_UP, Prediction
+from awescli.flightlog.log import FlightLog
 from awescli.physics.flight_model import FlightModel
 from awescli.simulation.rollout import Columns, Simulator
 from awescli.simulation.segments import observe
@@ -98,7 +99,7 @@ class Seen:
         return cls(tension, share, float(np.sqrt(left @ left / (len(rows) - 1))), float(seconds.mean()), len(rows))
 
 
-def energy_sensitivities(simulator: Simulator, log, prediction: Prediction, names: Sequence[str]) -> np.ndarray:
+def energy_sensitivities(simulator: Simulator, log: FlightLog, prediction: Prediction, names: Sequence[str]) -> np.ndarray:
     """(K, N, n) [J per unit] by how much the predicted energy between two samples changes with parameters.
 
     Segments begin at measured states, WARM_UP before the prediction, where a line whose length is changed has come to rest: as its start,

@@ -84,11 +84,11 @@ class EstimationProblem:
 
 
 def simulator_of(
-    declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None, closes: Callable[[Kite], Callable] | None = None
+    declaration: KiteDeclaration, log: FlightLog, extra: Sequence[str] = (), law=None, closes: Callable[[Kite], Callable] | None = None
 ) -> Simulator:
     """Compile the declared kite with `extra` effects at null, differentiable in its free parameters, in those of `extra`, and in all that
     acts beside them. law: closes the loop, as in `Simulator`; closes: makes it for the kite with its extra effects."""
-    kite = Kite(declaration, log.wind.height, extra)
+    kite = Kite(declaration, log.recorded_wind.height, extra)
     own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
     beside = {*both(DISTURBANCES), *kite.record}
     wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in beside]

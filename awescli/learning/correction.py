@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from awescli.engine.dense import FARTHEST, layer_slices, weight_count
+from awescli.flightlog.log import FlightLog
 from awescli.learning.network_inputs import check_inputs, inputs_of_instant
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import Parameter, ParameterTable
@@ -226,7 +227,7 @@ class HybridKite:
 
 
 def hybrid_from_artifact(
-    description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log, law: Callable | None = None
+    description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log: FlightLog, law: Callable | None = None
 ) -> Simulator:
     """The simulator of what train-hybrid left (network.json, network.safetensors) on the kite file beside them; law: as of the physics."""
     kite = kite_from_artifact(description, arrays, declaration, log.recorded_wind.height)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from awescli.estimation.misfit import DIVERGED_COST
+from awescli.flightlog.log import FlightLog
 from awescli.learning.correction import ROWS, Correction, HybridKite, of_physics
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
 from awescli.learning.orthogonality import Parametric
@@ -50,7 +51,7 @@ class Problem:
     """One flight, one kite, one shape of network. `data` cuts segments, `cost` and `gradient` judge weights on them."""
 
     def __init__(
-        self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, step: float | None = None, decay: float = 0.0,
+        self, kite: Kite, log: FlightLog, correction: Correction, warmup: float, *, law=None, step: float | None = None, decay: float = 0.0,
         solver: str = "rk4", parametric: Parametric | None = None, orthogonality: float = 0.0, known_starts: bool = False,
         by_range: bool = False,
     ):  # fmt: skip
@@ -159,7 +160,7 @@ class Problem:
         return cost, bar, diverged
 
 
-def state_noise(kite: Kite, log) -> np.ndarray:
+def state_noise(kite: Kite, log: FlightLog) -> np.ndarray:
     """(12,) standard deviation of the measured states; u, v, w carry the noise of the velocity and of the angles that turn it."""
     noise = kite.declaration.noise
     typical = {name: float(np.median(noise_std(noise, name, log[name]))) for name in MEASURED_STATE}

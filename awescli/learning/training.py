@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from awescli.flightlog.log import FlightLog
 from awescli.learning.acceptance import gate, ungated, verdict
 from awescli.learning.comparison import adam_alone
 from awescli.learning.correction import Correction, HybridKite
@@ -143,7 +144,7 @@ class Trained:
 
 def train(
     kite: Kite,
-    log,
+    log: FlightLog,
     train_ranges: Sequence[tuple[int, int]],
     validation_ranges: Sequence[tuple[int, int]],
     config: TrainingConfig = TrainingConfig(),
@@ -191,13 +192,13 @@ def train(
     return _concluded(problem, sets, state, config, correction, dropped, out_of_time, (train_ranges, validation_ranges), clock)
 
 
-def usable_inputs(kite, log, train_ranges, validation_ranges, names) -> tuple[tuple[str, ...], dict[str, str]]:
+def usable_inputs(kite, log: FlightLog, train_ranges, validation_ranges, names) -> tuple[tuple[str, ...], dict[str, str]]:
     """(names to use, left out: name -> reason)"""
     drift = drifting(log, kite, names, train_ranges, validation_ranges)
     return tuple(n for n in names if n not in drift), {n: "leaves its training range on validation, or runs with time" for n in drift}
 
 
-def _usable(horizons, log, train_ranges, validation_ranges, config) -> list[float]:
+def _usable(horizons, log: FlightLog, train_ranges, validation_ranges, config) -> list[float]:
     """Horizons that fit into the ranges, ascending; at least one."""
 
     def fits(h: float) -> bool:

@@ -3,10 +3,12 @@
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from awescli.engine.machine import Program, compile_program
+from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
@@ -231,12 +233,43 @@ class Simulator:
         return Trajectories(X, Y, sensitivities(*programs, *self._inputs(segments, values), at, restart, X, Y, J, ends)), J, ends
 
 
-def setpoints_of(log, which=SURFACES) -> np.ndarray:
+class Recorded(Protocol):
+    """What a model is driven by: a flight log, or what is commanded before there is one (`synthetic.Commanded`)."""
+
+    @property
+    def time(self) -> np.ndarray:
+        """(N,) s."""
+        ...
+
+    @property
+    def dt(self) -> float:
+        """[s] between samples."""
+        ...
+
+    @property
+    def inputs(self) -> Mapping[str, np.ndarray]:
+        """What was commanded, each (N,)."""
+        ...
+
+    @property
+    def measured(self) -> Mapping[str, np.ndarray]:
+        """What sensors reported, each (N,)."""
+        ...
+
+    @property
+    def recorded_wind(self) -> WindRecord:
+        """The wind record."""
+        ...
+
+    def __len__(self) -> int: ...
+
+
+def setpoints_of(log: FlightLog, which=SURFACES) -> np.ndarray:
     """(N, 5) recorded set-points of a log; what the log lacks stays at zero."""
     return np.stack([log.inputs.get(name, np.zeros(len(log))) for name in which], axis=1)
 
 
-def inputs_of(log, kite: FlightModel) -> np.ndarray:
+def inputs_of(log: Recorded, kite: FlightModel) -> np.ndarray:
     """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: time, line, density, measured tension and motor speed, recorded rates,
     wind."""
     zero = np.zeros(len(log))
@@ -260,16 +293,16 @@ def inputs_of(log, kite: FlightModel) -> np.ndarray:
     return np.stack([signals[name] for name in kite.input_names], axis=1)
 
 
-def rates_at(log, kite: FlightModel, sample: int) -> dict[str, float]:
+def rates_at(log: FlightLog, kite: FlightModel, sample: int) -> dict[str, float]:
     """Rates of the recorded set-points, and of the load [N/s], at a sample of a log, by name of the input: what lags behind them has its
     start from these (`Effect.initial`), where a flight sets out in the middle of a log."""
     row = inputs_of(log, kite)[sample]
     return {name: float(row[i]) for i, name in enumerate(kite.input_names) if name.endswith("_rate")}
 
 
-def wind_inputs(log) -> dict[str, np.ndarray]:
+def wind_inputs(log: Recorded) -> dict[str, np.ndarray]:
     """The wind record on the log's clock, linear in time: speed, direction and down at each of its heights, and density."""
-    wind = log.wind
+    wind = log.recorded_wind
     at = lambda values: np.interp(log.time, wind.time, values)  # noqa: E731
     series = {"density": at(wind.density) if wind.density is not None else np.full(len(log), 1.225)}
     for kind in ("speed", "direction", "down"):

@@ -75,7 +75,7 @@ class Commanded:
     time: np.ndarray
     dt: float
     inputs: Mapping[str, np.ndarray]
-    wind: WindRecord
+    recorded_wind: WindRecord
     measured: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:

@@ -7,6 +7,7 @@ import numpy as np
 
 from awescli.estimation.processes.base import Group
 from awescli.estimation.processes.roll_gusts import RollGusts as RollGustProcess
+from awescli.flightlog.log import FlightLog
 from awescli.notation.quantities import SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
@@ -223,12 +224,12 @@ def suspects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Cri
     return tuple(sorted(found, key=lambda s: -s.gain)[:2])
 
 
-def moving(log) -> list[str]:
+def moving(log: FlightLog) -> list[str]:
     """Surfaces that move on a log."""
     return [s for s in SURFACES if s in log.inputs and np.ptp(log.inputs[s]) > STILL]
 
 
-def library_keys(declared: KiteDeclaration, log, wanted: Sequence[str] | None = None) -> list[str]:
+def library_keys(declared: KiteDeclaration, log: FlightLog, wanted: Sequence[str] | None = None) -> list[str]:
     """Keys of the effects to try on a log: those asked for, else all that it could show. Raises BadInput for an unknown one."""
     if wanted is None:
         return candidates(declared, list(log.measured), moving(log))

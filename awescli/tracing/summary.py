@@ -6,6 +6,7 @@ from math import log as ln
 import numpy as np
 
 from awescli.estimation.prediction import Prediction
+from awescli.flightlog.log import FlightLog
 from awescli.notation.quantities import UNITS
 from awescli.physics.disturbances import DISTURBANCE_UNITS
 from awescli.physics.effects.base import Effect
@@ -31,7 +32,7 @@ SENTENCES = {
 }
 
 
-def summary(finding: Finding, log, horizon: float, before: Prediction, after: Prediction) -> dict:
+def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction, after: Prediction) -> dict:
     """effects.json: verdict and its criteria, effects with sizes, intervals and what they cannot be told from, ranking, what is
     unexplained, error on test loops, parameter shifts. before, after: of the test loops."""
     null, model, evidence = finding.null, finding.model, finding.evidence
@@ -131,7 +132,7 @@ def _roll_gusts(finding: Finding) -> dict | None:
     }  # fmt: skip
 
 
-def sizes(key: str, model: FittedModel, log) -> dict:
+def sizes(key: str, model: FittedModel, log: FlightLog) -> dict:
     """parameter -> value, std, unit. A time is known to no better than where in a sample things happen, dt / (2 sqrt 3)."""
     std = dict(zip(model.fit.names, np.sqrt(np.diag(model.fit.covariance)), strict=True))
     found = {}
@@ -146,7 +147,7 @@ def _named(effect: Effect) -> dict:
     return {"name": effect.name, "acts_on": effect.acts_on}
 
 
-def _effect(finding: Finding, key: str, model: FittedModel, log) -> dict:
+def _effect(finding: Finding, key: str, model: FittedModel, log: FlightLog) -> dict:
     effect = make_effect(key, finding.frame.declared)
     rivals = finding.evidence.rivals.get(key, ())
     others = [(make_effect(r.key, finding.frame.declared), r) for r in rivals]
@@ -158,7 +159,7 @@ def _effect(finding: Finding, key: str, model: FittedModel, log) -> dict:
     }  # fmt: skip
 
 
-def _suspect(finding: Finding, suspect, log) -> dict:
+def _suspect(finding: Finding, suspect, log: FlightLog) -> dict:
     effect = make_effect(suspect.key, finding.frame.declared)
     mine = sizes(suspect.key, suspect.model, log)
     bound = finding.null.table[suspect.parameter]
@@ -270,7 +271,7 @@ def _began(finding: Finding) -> str:
 
 
 def residual_arrays(
-    log, parts, loops, models: Mapping[str, Simulator], predictions: Mapping[str, Mapping[str, Prediction]], horizon: float
+    log: FlightLog, parts, loops, models: Mapping[str, Simulator], predictions: Mapping[str, Mapping[str, Prediction]], horizon: float
 ) -> tuple[dict, dict[str, np.ndarray]]:
     """(summaries before and after, arrays of residuals.npz). models, predictions: "before" and "after" -> simulator, part -> prediction.
 

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from awescli.estimation.axes import Axes
+from awescli.flightlog.log import FlightLog
 from awescli.physics.disturbances import DISTURBANCES
 
 
@@ -71,7 +72,7 @@ class Process(ABC):
 
     @classmethod
     @abstractmethod
-    def of(cls, declaration, log) -> "Process":
+    def of(cls, declaration, log: FlightLog) -> "Process":
         """The process as it is known before anything is fitted to a flight of a kite."""
 
     def at(self, levels: dict[str, float], memories: dict[str, float] | None = None) -> "Process":
