@@ -37,8 +37,9 @@ ROUNDS = 8
 def relevelled(misfit: Misfit, gram: Gram, own: Own, which: np.ndarray, rounds: int = ROUNDS) -> tuple[tuple[Process, ...], float]:
     """(processes at their likeliest levels, deviance that this gains) at a fixed linearisation, without the groups that are worth nothing.
 
-    gram: of `misfit` about `own`; which: segments that count.
+    gram: of `misfit` about `own`; which: segments that count. The globals are held, so their columns are left out.
     """
+    gram = gram.of(np.zeros(0, int))
 
     def at(processes: Sequence[Process]) -> tuple[Information, float]:
         info = misfit.eliminated(gram, own, which, processes)

@@ -176,8 +176,10 @@ def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Crite
 
 
 def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score, significant: bool) -> Tried:
-    """The model with a candidate added, from the first start from which the fit succeeds."""
-    for share, alone in STARTS if here.rest else STARTS[1:]:
+    """The model with a candidate added, from the first start from which the fit succeeds; one that is not significant is begun once, for
+    its failure would say nothing."""
+    starts = STARTS if here.rest else STARTS[1:]
+    for share, alone in starts if significant else starts[:1]:
         strengths, shapes = score.start(screening.rows, share)
         model = fit_added(frame, here, score.key, strengths, shapes, alone)
         if _failed(here, model) and model.flies >= here.flies:

@@ -38,7 +38,7 @@ def beaten(monkeypatch, ends, to_the_end=lambda frame, model: model):
 
     monkeypatch.setattr(searching, "fit_added", fit_added)
     monkeypatch.setattr(searching, "fit_on", to_the_end)
-    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(abrupt=False))
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(abrupt=False, target=""))
     score = SimpleNamespace(key="pitch_curvature", p_value=1e-154, drop=700.0, start=lambda rows, share: ({"share": share}, {}))
     screening = SimpleNamespace(scores=(score,), rows={}, cosine=lambda a, b: 0.0)
     frame = SimpleNamespace(declared=None)
