@@ -16,7 +16,7 @@ from awescli.stages.base import Context, Silent
 from awescli.stages.plan import read_plan
 from awescli.stages.runner import run_plan
 
-SETTINGS = {"fit-controller.prove": "1.0", "evaluate.report": "false"}
+SETTINGS = {"fit-controller.closed_loop_time": "1.0", "evaluate.report": "false"}
 READ = (
     "fit-controller/controller.json", "fit-controller/metrics.json", "identify/params.json", "identify/metrics.json",
     "trace-residual/effects.json", "train-hybrid/network.json", "train-hybrid/metrics.json", "simulate/metrics.json",

@@ -39,15 +39,15 @@ def answered(folder: Path) -> dict[str, Any]:
     from awescli.flightlog.split import split
     from awescli.notation.errors import AwesError
     from awescli.physics.declaration import read_kite
-    from awescli.tracing.account import account
     from awescli.tracing.flight import trace_flight
+    from awescli.tracing.summary import summary
 
     try:
         log, declared = read_flight(folder), read_kite(folder / "kite.yaml")
         parts = split(find_loops(log), log=log)
         finding = trace_flight(declared, log, parts)
         before, after = (predict(model, log, parts.test, 5.0) for model in (finding.before(), finding.after()))
-        return account(finding, log, 5.0, before, after)
+        return summary(finding, log, 5.0, before, after)
     except AwesError as e:
         return {"verdict": "failed", "why": str(e).splitlines()[0]}
 

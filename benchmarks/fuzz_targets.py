@@ -246,7 +246,7 @@ def _small_out(folder: Path, *stages: str) -> list[Path]:
     from awescli.stages.plan import read_plan
     from awescli.stages.runner import run_plan
 
-    plan = read_plan(make_small_run(folder / "small"), STAGES, {"fit-controller.prove": "1.0"})
+    plan = read_plan(make_small_run(folder / "small"), STAGES, {"fit-controller.closed_loop_time": "1.0"})
     run_plan(plan, STAGES, only=stages)
     return [plan.out / stage for stage in stages]
 

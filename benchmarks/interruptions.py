@@ -38,7 +38,7 @@ WITH_TIMES = ("report.html",)
 """Artifacts that show when they were made."""
 
 OTHER = (
-    "fit-controller.prove=4.0", "identify.horizon=0.9", "trace-residual.horizon=0.9", "train-hybrid.horizons=[0.4]",
+    "fit-controller.closed_loop_time=4.0", "identify.horizon=0.9", "trace-residual.horizon=0.9", "train-hybrid.horizons=[0.4]",
     "simulate.duration=5.0", "evaluate.horizon=0.9",
 )  # fmt: skip
 """Settings of the second plan: they change the numbers of every stage."""

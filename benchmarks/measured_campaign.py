@@ -91,12 +91,12 @@ def answered(log, kite, parts, settings) -> dict[str, Any]:
     traced."""
     from awescli.estimation.prediction import predict
     from awescli.stages.trace_residual import kinematics
-    from awescli.tracing.account import account
     from awescli.tracing.flight import trace_flight
+    from awescli.tracing.summary import summary
 
     finding = trace_flight(kite, log, parts, horizon=settings.horizon, curriculum=settings.curriculum)
     before, after = (predict(model, log, parts.test, settings.horizon) for model in (finding.before(), finding.after()))
-    return account(finding, log, settings.horizon, before, after) | {"kinematics": kinematics(log)}
+    return summary(finding, log, settings.horizon, before, after) | {"kinematics": kinematics(log)}
 
 
 def beyond(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> Answer:

@@ -17,7 +17,7 @@ kite: kite.yaml
 seed: 3
 split: {train: 0.4, validation: 0.2, test: 0.4}
 stages:
-  fit-controller: {kind: linear, features: state, folds: 2, prove: 5.0}
+  fit-controller: {kind: linear, features: state, folds: 2, closed_loop_time: 5.0}
   identify: {horizon: 1.0, curriculum: [], outputs: [p_n, p_e, p_d, phi, theta, psi, V_a, tension]}
   trace-residual:
     horizon: 1.0

@@ -142,8 +142,8 @@ def run_case(name: str, case: dict) -> dict:
     from awescli.notation.errors import AwesError
     from awescli.physics.declaration import read_kite
     from awescli.simulation.campaign_flights import dev_like
-    from awescli.tracing.account import account
     from awescli.tracing.flight import trace_flight
+    from awescli.tracing.summary import summary
 
     truth = read_kite(HERE.parent / "data" / "kites" / "development.yaml")
     begin, clock, made_by = time.process_time(), time.perf_counter(), commit()
@@ -157,7 +157,7 @@ def run_case(name: str, case: dict) -> dict:
         parts = split(find_loops(flight.log), log=flight.log)
         finding = trace_flight(declared, flight.log, parts)
         before, after = (predict(model, flight.log, parts.test, 5.0) for model in (finding.before(), finding.after()))
-        told = account(finding, flight.log, 5.0, before, after)
+        told = summary(finding, flight.log, 5.0, before, after)
     except AwesError as e:
         return {"case": name, **case, "commit": made_by, "verdict": "failed", "error": str(e)}
     return {

@@ -33,7 +33,7 @@ def main(picture: Path, flight: Path = DATA / "km1_demo", kite_file: Path = DATA
     print("kind       test NRMSE  noise alone  terms  closed loop")
     errors, shown = {}, None
     for kind, (colour, how) in LAWS.items():
-        law = fit_controller(flown, kite, **how, surfaces=["rudder"], prove=SECONDS)
+        law = fit_controller(flown, kite, **how, surfaces=["rudder"], closed_loop_time=SECONDS)
         if shown is None:  # 20 s of the longest test stretch
             first, last = max(law.parts.test, key=lambda stretch: stretch[1] - stretch[0])
             shown = slice(first, min(last, first + int(20 / log.dt)))

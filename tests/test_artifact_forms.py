@@ -7,7 +7,7 @@ import pytest
 from fuzz_kinds import run_subject
 
 from awescli.artifacts import read_arrays, read_json, write_arrays, write_json
-from awescli.artifacts.forms import FORMS
+from awescli.artifacts.forms import ARRAYS, FORMS
 from awescli.notation.errors import BadInput
 
 PARAMS = {
@@ -115,3 +115,31 @@ def test_a_run_of_the_first_version_can_be_compared_and_is_run_again(tmp_path, m
     assert {r.reason for r in run_plan(plan, DUMMIES, dry_run=True)} == {
         "code changed", "upstream identify ran", "upstream identify, trace-residual ran",
     }  # fmt: skip
+
+
+def fields_of(schema: dict):
+    """(place, schema) of every field of a form and of the models inside it."""
+    for name, inner in {"": schema, **schema.get("$defs", {})}.items():
+        yield from ((f"{name}.{key}", field) for key, field in inner.get("properties", {}).items())
+
+
+def holds_numbers(field: dict) -> bool:
+    """Whether a value of a field is, or directly holds, a number with a unit (counts have none)."""
+    inner = [field.get("items"), field.get("additionalProperties"), *field.get("anyOf", ())]
+    return field.get("type") == "number" or any(holds_numbers(part) for part in inner if isinstance(part, dict))
+
+
+@pytest.mark.parametrize("file", FORMS)
+def test_every_field_says_what_it_means_and_every_number_its_unit(file):
+    """Fields were listed in the reference by name and type alone."""
+    schema = FORMS[file].model.model_json_schema(by_alias=True)
+    fields = dict(fields_of(schema))
+    assert fields
+    assert [place for place, field in fields.items() if len(field.get("description", "")) < 8] == []
+    assert [place for place, field in fields.items() if holds_numbers(field) and "[" not in field["description"]] == []
+    assert [name for name, inner in schema.get("$defs", {}).items() if not inner.get("description")] == []
+
+
+def test_every_array_says_what_it_is():
+    assert all("[" in array.means for arrays in ARRAYS.values() for array in arrays.values())
+    assert {file: [n for n, a in arrays.items() if not a.axes] for file, arrays in ARRAYS.items()} == {file: [] for file in ARRAYS}

@@ -14,7 +14,7 @@ from kites import DEVELOPMENT
 from pydantic import BaseModel
 
 import awescli
-from awescli.artifacts.forms import FORMS
+from awescli.artifacts.forms import ARRAYS, FORMS
 from awescli.flightlog.check_names import NAMES
 from awescli.flightlog.flight_file import FlightFile
 from awescli.physics import effects as room
@@ -96,7 +96,8 @@ def test_the_reference_names_all_that_there_is(reference):
             assert p.source.replace("|", "\\|") in reference["effects"]
     assert set(NAMES) <= set(rows_of(reference["data_checks"]))
     assert set(VERDICTS) | set(NULL) <= set(rows_of(reference["verdicts"]))
-    assert all(f"\n## {form}\n" in reference["artifacts"] for form in FORMS)
+    assert all(f"\n## {form}\n" in reference["artifacts"] for form in (*FORMS, *ARRAYS))
+    assert all(row[-1] for row in rows_of(reference["artifacts"]).values()), "a field without its meaning"
     assert {"0", "1", "2", "3", "130"} <= set(rows_of(reference["exit_codes"]))
     assert all(f"\n## awes {s.name}\n" in reference["commands"] for s in STAGES)
     assert all(f"\n## {name}\n" in reference["python"] for name in awescli.__all__)

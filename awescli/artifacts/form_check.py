@@ -43,7 +43,8 @@ def wrong_with(stage: str, name: str, content: Any) -> str:
 
 def wrong_arrays(name: str, arrays: Mapping[str, Any]) -> str:
     """What is wrong with the arrays of the file `name`; empty where they are of the sizes that their readers need, or no form is known."""
-    for array, form in ARRAYS.get(name, {}).items():
+    for array, known in ARRAYS.get(name, {}).items():
+        form = known.axes
         found = {n: a for n, a in arrays.items() if n == array or (array.endswith("*") and n.startswith(array[:-1]))}
         if not found and not array.endswith("*"):
             return f"not as awes writes it: '{array}' is missing"

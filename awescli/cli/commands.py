@@ -72,7 +72,7 @@ def run_many(
     """Run the plan of every flight, show the table over them; ends with the exit code of what went wrong."""
     from awescli.artifacts import Journal
     from awescli.cli.flights import FlightLines, raise_for, show_table
-    from awescli.stages.flights import TABLE, TABLE_JSON
+    from awescli.stages.flights import PAGE, TABLE, TABLE_JSON
     from awescli.stages.many import run_flights
 
     if dry_run:
@@ -81,7 +81,7 @@ def run_many(
     lines = FlightLines(screen, len(plans.by_flight))
     rows = run_flights(plans, stages, workers, scheduler, hear=lines.hear, **choices)
     screen.close()
-    show_table(screen, rows, [str(plans.out / name) for name in (TABLE, TABLE_JSON)])
+    show_table(screen, rows, [str(plans.out / name) for name in (TABLE, TABLE_JSON, PAGE)])
     screen.answer({"out": str(plans.out), "flights": json_safe(rows)})
     raise_for(rows)
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from awescli.control.features import check_features, evaluate
 from awescli.control.pattern import Pattern
+from awescli.flightlog.log import FlightLog
 from awescli.notation.angles import mean_direction
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import SURFACES
@@ -80,7 +81,7 @@ class Law(ABC):
         return driven | {name: float(value) for name, value in self.constants.items()}
 
 
-def state_mapping(log, wind_direction: float | None = None) -> dict[str, np.ndarray | float]:
+def state_mapping(log: FlightLog, wind_direction: float | None = None) -> dict[str, np.ndarray | float]:
     """z of a flight log, each (N,): the 12 states, the winch inputs it has, and the wind direction where it is known [rad, from]."""
     z: dict[str, np.ndarray | float] = {name: log[name] for name in ("p_n", "p_e", "p_d", "phi", "theta", "psi", "p", "q", "r")}
     z["u"], z["v"], z["w"] = log.body_velocity
@@ -105,6 +106,6 @@ def deflections_of_states(law: Law, z: Mapping) -> dict[str, np.ndarray]:
     return driven | {name: np.full(U.shape[0], value) for name, value in law.constants.items()}
 
 
-def deflections_of_log(law: Law, log, wind_direction: float | None = None) -> dict[str, np.ndarray]:
+def deflections_of_log(law: Law, log: FlightLog, wind_direction: float | None = None) -> dict[str, np.ndarray]:
     """What the law would have commanded at every (noisy, measured) state of a flight log: surface -> (N,) [rad]."""
     return deflections_of_states(law, state_mapping(log, wind_direction))

@@ -77,7 +77,7 @@ class _Seen:
     """The smoothed states of a log at some samples, their derivatives, and what the declared kite makes of them."""
 
     def __init__(self, declaration: KiteDeclaration, log: FlightLog, rows: np.ndarray):
-        self.kite, self.log, self.rows = Kite(declaration, log.wind.height), log, rows
+        self.kite, self.log, self.rows = Kite(declaration, log.recorded_wind.height), log, rows
         z = np.stack([np.unwrap(log[n]) if n in ANGLES else log[n] for n in STATES], axis=1)
         self.states, self.rates = local_quadratic(z, log.dt, SPAN)[rows], local_quadratic(z, log.dt, SPAN, derivative=1)[rows]
         self.setpoints = {0.0: self.late(0.0)}
@@ -183,6 +183,7 @@ def _regressed(
     A, scale = np.concatenate([effects, nuisances], axis=2), np.maximum(missing.std(axis=0), 1e-6)
     if not np.isfinite(A).all() or not np.isfinite(missing).all():
         return *(np.full(surfaces, np.nan) for _ in range(3)), np.inf
+    H, x, y = np.zeros((A.shape[2], A.shape[2])), np.zeros(A.shape[2]), np.zeros(0)
     for _ in range(4):
         W = 1 / (scale * np.sqrt(together))
         B, y = (A * W[None, :, None]).reshape(-1, A.shape[2]), (missing * W).reshape(-1)

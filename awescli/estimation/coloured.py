@@ -18,10 +18,10 @@ LAGS = 0.25
 
 def coloured_information(fit: Fit) -> np.ndarray:
     """(n, n) by how much the variance of the gradient J'r exceeds that of white noise; to be put between two covariances."""
-    if not len(fit.heard) or not fit.links.n:
+    if not len(fit.counted) or not fit.links.n:
         return np.zeros((fit.links.n,) * 2)
-    columns = fit.misfit.changed(fit.links, fit.information.responses(), np.eye(fit.links.n))[fit.heard]
-    return excess(columns, fit.links.r[fit.heard], fit.links.weight[fit.heard] > 0)
+    columns = fit.misfit.changed(fit.links, fit.information.responses(), np.eye(fit.links.n))[fit.counted]
+    return excess(columns, fit.links.r[fit.counted], fit.links.weight[fit.counted] > 0)
 
 
 def excess(columns: np.ndarray, r: np.ndarray, counted: np.ndarray) -> np.ndarray:

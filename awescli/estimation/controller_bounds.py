@@ -15,7 +15,7 @@ noise).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Pairs:
 def neighbour_pairs(X: np.ndarray, loop: np.ndarray, neighbours: int = 3) -> Pairs:
     """For each row of X (N, F) its nearest rows in other loops, each pair once."""
     a, b, d = [], [], []
-    tree = cKDTree(X)
-    distance, index = tree.query(X, k=min(X.shape[0], 16 * neighbours))
+    tree = KDTree(X)
+    distance, index = (np.asarray(found) for found in tree.query(X, k=min(X.shape[0], 16 * neighbours)))
     rows = np.broadcast_to(np.arange(X.shape[0])[:, None], index.shape)
     other = loop[rows] != loop[index]
     rank = np.cumsum(other, axis=1)

@@ -108,7 +108,7 @@ def _trial(problem: Problem, config, width: float, alpha: float) -> dict:
     unseen, late = problem.ahead[problem.unseen], problem.ahead[problem.late]
     ahead = whole.predicted(problem.M[unseen], solutions) - problem.U[unseen] if unseen.size else None
     far = missed(problem.rows[problem.early], late) if late.size and problem.early.any() else None
-    score = Score(*(None if e is None else span_error(e, problem.span) for e in (cv, ahead, far)))
+    score = Score(span_error(cv, problem.span), *(None if e is None else span_error(e, problem.span) for e in (ahead, far)))
     return {"width": width, "alpha": alpha, "nonzeros": int(_support(solutions).sum()), "score": score}
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from awescli.control.features import FEATURE_SETS, check_features
 from awescli.control.gaussian_law import design
 from awescli.estimation.controller_centres import farthest_points, thin
-from awescli.estimation.controller_problem import Score, pose, score_linear
+from awescli.estimation.controller_problem import Problem, Score, pose, score_linear
 from awescli.estimation.controller_samples import Samples, available, thinned
 from awescli.notation.errors import BadInput, did_you_mean
 
@@ -23,12 +23,13 @@ ADDED = 0.8
 the flown range. None is left out of a set: between known loops a set that is cut down scores as well, and beyond them it is worse."""
 
 
-def trial_regressors(problem):
+def trial_regressors(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(smoothed, measured, ahead) regressors of the stand-in."""
     rows = problem.X[problem.rows]
     centres = rows[farthest_points(rows, TRIAL_CENTRES)]
     width = TRIAL_WIDTH * np.sqrt(rows.shape[1])
-    return tuple(design(x, centres, width) for x in (rows, problem.M[problem.rows], problem.M[problem.ahead]))
+    smoothed, measured, ahead = (design(x, centres, width) for x in (rows, problem.M[problem.rows], problem.M[problem.ahead]))
+    return smoothed, measured, ahead
 
 
 def trial_score(samples: Samples, features: tuple[str, ...], folds: int) -> Score:

@@ -18,6 +18,7 @@ from awescli.estimation.controller_noise import NOISE, noise_through_law
 from awescli.estimation.controller_problem import blocks, pose
 from awescli.estimation.controller_samples import Samples, answered, gather, in_blocks, samples_at
 from awescli.estimation.controller_steering import Steering, find_steering
+from awescli.flightlog.log import FlightLog
 from awescli.notation.errors import BadInput, did_you_mean
 
 FITS = {"gaussian": fit_gaussian, "network": fit_network, "linear": fit_linear}
@@ -88,7 +89,7 @@ class ControllerFit:
 
 
 def fit_controller(
-    log, train_ranges, validation_ranges, config: ControllerConfig | None = None, fly: Callable[[Law], float] | None = None
+    log: FlightLog, train_ranges, validation_ranges, config: ControllerConfig | None = None, fly: Callable[[Law], float] | None = None
 ) -> ControllerFit:
     """Fit the controller of a FlightLog.
 

@@ -16,11 +16,11 @@ def fit_pattern(z, keep: np.ndarray, most: int = 4000) -> Pattern:
     thin = {name: z[name][rows] for name in ("p_n", "p_e", "p_d")}
     P = np.stack([thin["p_n"], thin["p_e"], thin["p_d"]], axis=1)
     c = (P / np.linalg.norm(P, axis=1)[:, None]).mean(axis=0)
-    start = np.array([np.arctan2(-c[2], np.hypot(c[0], c[1])), np.arctan2(c[1], c[0])])
-    radius = arc(thin, Pattern(*start, 0.0)).mean()
+    elevation, azimuth = float(np.arctan2(-c[2], np.hypot(c[0], c[1]))), float(np.arctan2(c[1], c[0]))
+    radius = arc(thin, Pattern(elevation, azimuth, 0.0)).mean()
     # the radius in units of itself, so that all unknowns are of order one; soft_l1: an entry or exit manoeuvre must not move the circle
     fit = least_squares(
-        lambda x: arc(thin, Pattern(x[0], x[1], 0.0)) / radius - x[2], [*start, 1.0], loss="soft_l1", f_scale=0.05, max_nfev=60
+        lambda x: arc(thin, Pattern(x[0], x[1], 0.0)) / radius - x[2], [elevation, azimuth, 1.0], loss="soft_l1", f_scale=0.05, max_nfev=60
     )
     pattern = Pattern(float(fit.x[0]), float(fit.x[1]), float(fit.x[2] * radius))
     growth = np.diff(phase(z, pattern))[keep[1:] & keep[:-1]].mean()

@@ -108,13 +108,14 @@ def score_linear(
         missed = [measured[f] @ solve_ridge(R, n_u, ridge)[0] - u[f] for f, R in zip(folds, left_out, strict=True)]
         asked = ((whole, problem.unseen), (early, problem.late))
         beyond = [(ahead @ solve_ridge(R, n_u, ridge)[0] - v)[rows] if rows.any() else None for R, rows in asked]
-        result[ridge] = Score(*(None if e is None else span_error(e, problem.span) for e in (np.concatenate(missed), *beyond)))
+        ahead_, far = (None if e is None else span_error(e, problem.span) for e in beyond)
+        result[ridge] = Score(span_error(np.concatenate(missed), problem.span), ahead_, far)
     return result
 
 
 def _joined(triangles: list[np.ndarray]) -> np.ndarray:
     """R of all the rows that went into several triangles."""
-    return np.linalg.qr(np.concatenate(triangles), mode="r")
+    return np.asarray(np.linalg.qr(np.concatenate(triangles), mode="r"))
 
 
 def span_error(error: np.ndarray, span: np.ndarray) -> float:

@@ -10,10 +10,10 @@ def triangle(blocks: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarra
 
     Tall-and-skinny QR: the next block is stacked under the R so far. Unlike A^T A it does not square the condition number.
     """
-    R, n = None, 0
+    R, n = np.zeros((0, 0)), 0
     for A, u in blocks:
         stacked = np.concatenate([A, u], axis=1)
-        R = np.linalg.qr(stacked if R is None else np.concatenate([R, stacked]), mode="r")
+        R = np.asarray(np.linalg.qr(np.concatenate([R, stacked]) if n else stacked, mode="r"))
         n += A.shape[0]
     return R, n
 

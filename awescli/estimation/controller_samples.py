@@ -10,6 +10,7 @@ from awescli.control.law import state_mapping
 from awescli.control.pattern import Pattern
 from awescli.estimation.controller_centres import thin
 from awescli.estimation.controller_pattern import fit_pattern, loop_numbers
+from awescli.flightlog.log import FlightLog
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import SURFACES
 
@@ -47,7 +48,7 @@ class Samples:
     looping: bool
 
 
-def smooth_states(log, window_s: float):
+def smooth_states(log: FlightLog, window_s: float):
     """The log with white sensor noise smoothed out of its states: a cubic Savitzky-Golay filter, run by run of valid samples.
 
     A law fitted to noisy states is an errors-in-variables problem: its gains shrink, its fit bends to the noise. The controller saw the
@@ -75,7 +76,7 @@ def mask_of(ranges, valid: np.ndarray, what: str) -> np.ndarray:
     return mask & valid
 
 
-def moving_surfaces(log, train: np.ndarray, wanted, least: float) -> tuple[tuple[str, ...], dict[str, float]]:
+def moving_surfaces(log: FlightLog, train: np.ndarray, wanted, least: float) -> tuple[tuple[str, ...], dict[str, float]]:
     """(surfaces whose set-point moves by more than `least` rad in the train samples, the others with their constant)."""
     logged = [name for name in SURFACES if name in log.inputs]
     span = {name: float(np.ptp(log.inputs[name][train])) for name in logged}
@@ -95,7 +96,9 @@ def moving_surfaces(log, train: np.ndarray, wanted, least: float) -> tuple[tuple
     return moving, {name: float(np.median(log.inputs[name][train])) for name in logged if name not in moving}
 
 
-def gather(log, train_ranges, validation_ranges, surfaces=None, smooth_window_s: float = 0.3, least_motion: float = 1e-4) -> Samples:
+def gather(
+    log: FlightLog, train_ranges, validation_ranges, surfaces=None, smooth_window_s: float = 0.3, least_motion: float = 1e-4
+) -> Samples:
     """The samples of a log; what is neither train nor validation is test."""
     train, validation = mask_of(train_ranges, log.valid, "training"), mask_of(validation_ranges, log.valid, "validation")
     if (train & validation).any():

@@ -8,7 +8,7 @@ import numpy as np
 
 from awescli.estimation.gauss_newton import Linearised, Solution, covariance, minimise
 from awescli.estimation.information_filter import Information
-from awescli.estimation.laplace import tilt
+from awescli.estimation.laplace import log_det_gradient
 from awescli.estimation.limits import limits_of
 from awescli.estimation.links import Gram, Links
 from awescli.estimation.misfit import DIVERGED_COST, Misfit, Own
@@ -39,7 +39,7 @@ class Share:
 
     misfit: its simulator holds the values of all parameters that are not fitted, its names are the fitted ones; parameters, prior: tables
     to start from and to be weighed against; unknowns: what the names are called in the fit: two flights share a parameter where their
-    names for it are the same; own: nuisances to begin from; tilt: (n,) that of a fit before (`laplace.tilt`), kept as long as this one
+    names for it are the same; own: nuisances to begin from; slope: (n,) of the log determinant, of a fit before, kept as long as this one
     stays near it.
     """
 
@@ -48,7 +48,7 @@ class Share:
     prior: ParameterTable
     unknowns: tuple[str, ...]
     own: Own | None = None
-    tilt: np.ndarray | None = None
+    slope: np.ndarray | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -69,9 +69,9 @@ class Fit:
     """What a fit found about one flight.
 
     parameters: all rows, new values for the fitted ones; misfit, own: of the segments, at the solution; solution: of all flights; links,
-    gram, information: there, in the order of the misfit's names; heard: indices of the segments that counted; alive: (K,) samples before a
+    gram, information: there, in the order of the misfit's names; counted: indices of the segments that do; alive: (K,) samples before a
     segment diverged; covariance: (n, n) of the fitted parameters, prior included; chi2: squared whitened residual per degree of freedom;
-    tilt: (n,) what the log determinant of the nuisances added to the gradient there.
+    slope: (n,) what the log determinant of the nuisances added to the gradient there.
     """
 
     parameters: ParameterTable
@@ -81,11 +81,11 @@ class Fit:
     links: Links
     gram: Gram
     information: Information
-    heard: np.ndarray
+    counted: np.ndarray
     alive: np.ndarray
     covariance: np.ndarray
     chi2: float
-    tilt: np.ndarray
+    slope: np.ndarray
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -101,7 +101,7 @@ class Fit:
         """-2 log likelihood of the segments that counted, parameters held, nuisances integrated out; that of a segment that diverged is its
         price."""
         lost = DIVERGED_COST * self.misfit.observed.measured[0].size * np.count_nonzero(~self.flies)
-        return float(self.information.deviance[self.heard].sum() + self.misfit.log_noise[self.heard].sum()) + lost
+        return float(self.information.deviance[self.counted].sum() + self.misfit.log_noise[self.counted].sum()) + lost
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,8 @@ class JointFit:
     @property
     def known(self) -> np.ndarray:
         """(n, n) information of all segments on the unknowns, without the prior."""
-        return sum(_lifted(f.information.H, place, len(self.names)) for f, place in zip(self.flights, self.places, strict=True))
+        lifted = [_lifted(f.information.H, place, len(self.names)) for f, place in zip(self.flights, self.places, strict=True)]
+        return np.sum(lifted, axis=0)
 
     def with_covariance(self, covariance: np.ndarray) -> "JointFit":
         """The same fit with another covariance (n, n), the flights' own included."""
@@ -156,8 +157,8 @@ class _Inner:
     misled: it has led uphill, and is left out."""
 
     own: Own
-    tilt: np.ndarray
-    tilted_at: np.ndarray | None
+    slope: np.ndarray
+    slope_at: np.ndarray | None
     swings: int = 0
     misled: int = 0
 
@@ -171,7 +172,7 @@ class _Known:
     information: Information
     alive: np.ndarray
     flies: np.ndarray
-    heard: np.ndarray
+    counted: np.ndarray
     log_det: float
 
 
@@ -195,7 +196,7 @@ class _Problem:
             own = share.own or share.misfit.own()
             if share.own is not None:
                 own = relaxed(share.misfit, x[place], own)
-            inner.append(_Inner(own, np.zeros(len(place)), None) if share.tilt is None else _Inner(own, share.tilt, x, SWINGS))
+            inner.append(_Inner(own, np.zeros(len(place)), None) if share.slope is None else _Inner(own, share.slope, x, SWINGS))
         return tuple(inner)
 
     def linearise(self, x: np.ndarray, inner: tuple[_Inner, ...], before: Linearised | None) -> Linearised:
@@ -207,17 +208,17 @@ class _Problem:
         each = zip(self.shares, self.places, inner, linked, flies, self.integrates, strict=True)
         for share, place, i, (links, trajectories), fly, integrates in each:
             misfit, gram = share.misfit, links.gram()
-            heard = np.flatnonzero(fly) if any_flies else np.arange(len(fly))
-            info = misfit.eliminated(gram, i.own, heard)
-            squares = float((links.r[heard] ** 2).sum()) + misfit.prior_cost(i.own, heard)
+            counted = np.flatnonzero(fly) if any_flies else np.arange(len(fly))
+            info = misfit.eliminated(gram, i.own, counted)
+            squares = float((links.r[counted] ** 2).sum()) + misfit.prior_cost(i.own, counted)
             near = before is not None or share.own is not None
-            i = self._integrated(share, x, place, i, before, links, gram, info, heard) if integrates and near and len(heard) else i
+            i = self._integrated(share, x, place, i, before, links, gram, info, counted) if integrates and near and len(counted) else i
             # what is not differentiated has no place in the merit either
             log_det = float(info.log_det.sum()) if integrates else 0.0
-            known.append(_Known(links, gram, info, trajectories.alive, fly, heard, log_det))
+            known.append(_Known(links, gram, info, trajectories.alive, fly, counted, log_det))
             new.append(i)
-            cost += squares + log_det + self._lost(share, fly, heard)
-            b[place] += info.b + i.tilt
+            cost += squares + log_det + self._lost(share, fly, counted)
+            b[place] += info.b + i.slope
             H[np.ix_(place, place)] += info.H
             # what the nuisances alone can still gain counts as progress too
             gain += squares - float(info.cost.sum()) if fly.any() else 0.0
@@ -229,7 +230,7 @@ class _Problem:
         moved = []
         for i, known, place in zip(at.inner, at.known[1], self.places, strict=True):
             # the filter's states belong to the step that it was asked for
-            change = known.information.nuisances(step[place]) if len(known.heard) else None
+            change = known.information.nuisances(step[place]) if len(known.counted) else None
             moved.append(i.own.moved(change, share, known.flies) if change is not None else i.own)
         cost = self._cost(at, x, moved)
         if not cost < at.cost:
@@ -250,49 +251,49 @@ class _Problem:
             if (k.flies & ~whole).any():
                 return np.inf  # a step may not lose a segment
             # segments that had diverged before are set aside at a fixed price until a new linearisation finds them flying
-            total += float(cost[k.heard].sum()) + share.misfit.prior_cost(own, k.heard) + self._lost(share, k.flies, k.heard)
-            total += k.log_det - 2 * float(i.tilt @ (x - x0)[place])
+            total += float(cost[k.counted].sum()) + share.misfit.prior_cost(own, k.counted) + self._lost(share, k.flies, k.counted)
+            total += k.log_det - 2 * float(i.slope @ (x - x0)[place])
         return total
 
     def _prior(self, x: np.ndarray) -> float:
         return float(self.precision @ (self.centre - x) ** 2)
 
     @staticmethod
-    def _lost(share: Share, flies: np.ndarray, heard: np.ndarray) -> float:
+    def _lost(share: Share, flies: np.ndarray, counted: np.ndarray) -> float:
         """The price of segments that have no say."""
-        return DIVERGED_COST * share.misfit.observed.measured[0].size * (len(flies) - len(heard))
+        return DIVERGED_COST * share.misfit.observed.measured[0].size * (len(flies) - len(counted))
 
     def _led_uphill(self, share: Share, place: np.ndarray, i: _Inner, known: _Known, x: np.ndarray, b: np.ndarray) -> _Inner:
-        """The tilt, found anew where its promise was not kept, and left out (of b too) where it changes too fast to be followed."""
-        b[place] -= i.tilt
+        """The slope, found anew where its promise was not kept, and left out (of b too) where it changes too fast to be followed."""
+        b[place] -= i.slope
         misled = i.misled + 1
-        again = misled < MISLED and len(known.heard) and len(place)
-        found = self._tilt(share, x, place, i, known.links, known.gram, known.information, known.heard) if again else None
-        new = 0.0 * i.tilt if found is None else found
+        again = misled < MISLED and len(known.counted) and len(place)
+        found = self._slope(share, x, place, i, known.links, known.gram, known.information, known.counted) if again else None
+        new = 0.0 * i.slope if found is None else found
         b[place] += new
-        return replace(i, tilt=new, tilted_at=x, misled=misled)
+        return replace(i, slope=new, slope_at=x, misled=misled)
 
-    def _integrated(self, share, x, place, i: _Inner, before: Linearised | None, links, gram, info, heard) -> _Inner:
-        """The tilt, found anew where it is due: never found, or the parameters have moved by a standard deviation since."""
+    def _integrated(self, share, x, place, i: _Inner, before: Linearised | None, links, gram, info, counted) -> _Inner:
+        """The slope, found anew where it is due: it never was, or the parameters have moved by a standard deviation since."""
         swings = i.swings
         if i.misled >= MISLED or not len(place):
             return i
-        if i.tilted_at is None and before is not None and float((step := x - before.known[0]) @ before.H @ step) > FAR:
+        if i.slope_at is None and before is not None and float((step := x - before.known[0]) @ before.H @ step) > FAR:
             return i
-        if i.tilted_at is not None and before is None:
-            return i
-        if i.tilted_at is not None:
-            step, moved = x - before.known[0], x - i.tilted_at
+        if i.slope_at is not None:
+            if before is None:
+                return i
+            step, moved = x - before.known[0], x - i.slope_at
             distance = float(moved @ before.H @ moved)
             small = float(step @ before.H @ step) <= FAR
             swings += small and 1.0 < distance < SWING
             if not (small and (distance > SWING or (distance > 1.0 and swings < SWINGS))):
                 return replace(i, swings=swings)
-        found = self._tilt(share, x, place, i, links, gram, info, heard)
-        return replace(i, tilt=i.tilt if found is None else found, tilted_at=x, swings=swings)
+        found = self._slope(share, x, place, i, links, gram, info, counted)
+        return replace(i, slope=i.slope if found is None else found, slope_at=x, swings=swings)
 
-    def _tilt(self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, links: Links, gram: Gram, info: Information, heard):
-        return tilt(share.misfit, x[place], i.own, links, gram, info, heard, self.precision[place], self.probes)
+    def _slope(self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, links: Links, gram: Gram, info: Information, counted):
+        return log_det_gradient(share.misfit, x[place], i.own, links, gram, info, counted, self.precision[place], self.probes)
 
 
 def relaxed(misfit: Misfit, x: np.ndarray, own: Own) -> Own:
@@ -302,10 +303,10 @@ def relaxed(misfit: Misfit, x: np.ndarray, own: Own) -> Own:
     for _ in range(RELAXATIONS):
         links, trajectories = misfit.links(x, own, parameters=())
         flies = trajectories.alive > misfit.observed.segments.steps
-        heard = np.flatnonzero(flies)
-        if not len(heard):
+        counted = np.flatnonzero(flies)
+        if not len(counted):
             return own
-        trial = own.moved(misfit.eliminated(links.gram(), own, heard).nuisances(), 1.0, flies)
+        trial = own.moved(misfit.eliminated(links.gram(), own, counted).nuisances(), 1.0, flies)
         trial_cost, trial_whole = misfit.costs(x, trial)
         if (whole & ~trial_whole).any():
             return own
@@ -331,7 +332,7 @@ def fit_together(
     BadInput where no values satisfy these.
 
     prior: weigh deviations from the shares' `prior` with each row's `prior_std` (maximum a posteriori); probes: of each look at the log
-    determinant of the nuisances (`laplace.tilt`).
+    determinant of the nuisances (`laplace.log_det_gradient`).
     """
     names = tuple(dict.fromkeys(u for share in shares for u in share.unknowns))
     # who comes first decides about a shared row
@@ -362,8 +363,8 @@ def _fit_of(share: Share, place: np.ndarray, inner: _Inner, known: _Known, solut
     cost, dof = (float(getattr(known.information, what)[flies].sum()) for what in ("cost", "dof"))
     chi2 = cost / max(dof - len(place), 1) if flies.any() else DIVERGED_COST
     return Fit(
-        table, share.misfit, inner.own, solution, known.links, known.gram, known.information, known.heard, known.alive,
-        spread[np.ix_(place, place)], chi2, inner.tilt,
+        table, share.misfit, inner.own, solution, known.links, known.gram, known.information, known.counted, known.alive,
+        spread[np.ix_(place, place)], chi2, inner.slope,
     )  # fmt: skip
 
 

@@ -47,9 +47,11 @@ class LeastSquares(Protocol):
 
     def linearise(self, x: np.ndarray, inner: Any, before: Linearised | None) -> Linearised:
         """The problem at x and `inner`; before: at the point that the last step left."""
+        ...
 
     def trial(self, at: Linearised, x: np.ndarray, step: np.ndarray, share: float) -> tuple[float, Any]:
         """(cost, inner unknowns) after a share of a step that leads to x, the inner unknowns moved along."""
+        ...
 
 
 @dataclass(frozen=True)

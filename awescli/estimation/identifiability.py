@@ -157,7 +157,8 @@ def common_factors(fit: JointFit, kept: np.ndarray) -> list[list[str]]:
     N = vectors[:, values < UNSEEN_SHARE]
     if not 0 < N.shape[1] <= MOST_DIRECTIONS:
         return []
-    pivots = qr(N.T, pivoting=True, mode="r")[1][: N.shape[1]]
+    *_, order = qr(N.T, pivoting=True, mode="r")
+    pivots = np.asarray(order)[: N.shape[1]]
     basis = N @ np.linalg.inv(N[pivots])
     groups: list[frozenset[int]] = []
     for pattern in sorted(product((0, 1), repeat=len(pivots)), key=sum)[1:]:

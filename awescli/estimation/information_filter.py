@@ -17,6 +17,7 @@ import numpy as np
 
 from awescli.estimation.axes import Axes, gap_between
 from awescli.estimation.links import Gram
+from awescli.notation.present import present
 
 RIDGE = 1e-12
 """Of the diagonal: what rounding asks for where an unknown is hardly seen."""
@@ -103,32 +104,35 @@ class Information:
     cost: np.ndarray
     log_det: np.ndarray
     dof: np.ndarray
-    _back: "_Back"
+    _back: "_Back | None"
 
     @property
     def deviance(self) -> np.ndarray:
         """(K,) -2 log likelihood but for the constant of the white noise (`Misfit.log_noise`)."""
         return self.cost + self.log_det
 
+    def _links_back(self) -> "_Back":
+        return present(self._back, "the way back to the nuisances of a fit without segments")
+
     def innovations(self) -> Innovations:
         """Of the processes, globals held: what their levels are estimated from."""
-        return self._back.innovations(self.nuisances().path[..., 0])
+        return self._links_back().innovations(self.nuisances().path[..., 0])
 
     def nuisances(self, change: np.ndarray | None = None) -> "Nuisances":
         """By how much the nuisances change, at best, with a change (n,) of the globals."""
         n = len(self.b)
         change = np.zeros(n) if change is None else change
-        return self._back.nuisances(change[:, None], np.ones(1), None)
+        return self._links_back().nuisances(change[:, None], np.ones(1), None)
 
     def responses(self) -> "Nuisances":
         """What the nuisances do at best as each of the globals grows by one: n cases."""
         n = len(self.b)
-        return self._back.nuisances(np.eye(n), np.zeros(n), None)
+        return self._links_back().nuisances(np.eye(n), np.zeros(n), None)
 
     def samples(self, count: int, seed: int) -> "Nuisances":
         """`count` draws of the nuisances about their best, globals held."""
         random = np.random.default_rng(seed)
-        return self._back.nuisances(np.zeros((len(self.b), count)), np.zeros(count), random)
+        return self._links_back().nuisances(np.zeros((len(self.b), count)), np.zeros(count), random)
 
 
 @dataclass(frozen=True)
@@ -239,9 +243,7 @@ class _Back:
         return found
 
 
-def eliminate(
-    gram: Gram, axes: Axes, path: np.ndarray, starts: np.ndarray, dt: float, which: np.ndarray | None = None
-) -> Information:
+def eliminate(gram: Gram, axes: Axes, path: np.ndarray, starts: np.ndarray, dt: float, which: np.ndarray | None = None) -> Information:
     """Integrate the nuisances of segments out.
 
     path: (K, L + 1, W) present values of the processes at the nodes, about which the segments are linearised; starts: (K,) times of the

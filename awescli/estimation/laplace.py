@@ -21,7 +21,7 @@ LARGEST = 0.1
 correction."""
 
 
-def tilt(
+def log_det_gradient(
     misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, info: Information, which: np.ndarray, precision: np.ndarray,
     probes: int,
 ) -> np.ndarray | None:  # fmt: skip
@@ -45,7 +45,7 @@ def tilt(
 
 
 def estimates(misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:
-    """(m, n) the tilt as each of m draws of the nuisances sees it; None where one loses a segment."""
+    """(m, n) the gradient as each of m draws of the nuisances sees it; None where one loses a segment."""
     mask, (rest_x, rest) = np.isin(np.arange(len(links)), which), links.gradients()
     every_x, every = [], []
     for case in range(draws.path.shape[-1]):

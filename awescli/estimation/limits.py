@@ -36,4 +36,5 @@ def limits_of(table: ParameterTable, names: Sequence[str], constraints: Sequence
             f"no parameter values inside their bounds satisfy {' and '.join(repr(c.text) for c in clash)}",
             "constraints", "Widen the bounds of the parameters, or drop a constraint.",
         )  # fmt: skip
-    return Limits(*(np.array([getattr(table[n], end) for n in names]) for end in ("lower", "upper")), A, low, high)
+    lower, upper = (np.array([getattr(table[n], end) for n in names]) for end in ("lower", "upper"))
+    return Limits(lower, upper, A, low, high)

@@ -12,11 +12,13 @@ import numpy as np
 
 from awescli.estimation.arx import Arx, each, fitted
 from awescli.estimation.prediction import SCORED, WARM_UP, Prediction, beside, prediction_starts
+from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Split
 from awescli.notation.errors import BadInput
 from awescli.notation.frames import rotate, rotation_body_to_ned
 from awescli.notation.quantities import OF_LINE, STATES, SURFACES
-from awescli.physics.kite import Kite, needed_by
+from awescli.physics.flight_model import FlightModel
+from awescli.physics.kite import needed_by
 from awescli.simulation.rollout import wind_inputs
 
 PLACE, ATTITUDE = ("p_n", "p_e", "p_d"), ("phi", "theta", "psi")
@@ -66,7 +68,7 @@ class LinearBaseline:
     outcome: str
     bounds: np.ndarray
 
-    def predict(self, log, noise, ranges, horizon: float, every: float | None = None) -> Prediction:
+    def predict(self, log: FlightLog, noise, ranges, horizon: float, every: float | None = None) -> Prediction:
         """As `prediction.predict`, from the same samples; it knows no more than the second before a prediction. What stands at the start is
         predicted too, from what was measured before it."""
         before, ahead = int(round(WARM_UP / log.dt)), int(round(horizon / log.dt))
@@ -80,7 +82,7 @@ class LinearBaseline:
         return np.concatenate([_ahead(self.model, self.signals, first, 1), _ahead(self.model, self.signals, first + 1, ahead)], axis=1)
 
 
-def linear_baseline(log, parts: Split, kite: Kite, horizon: float, closed: bool = False) -> LinearBaseline | None:
+def linear_baseline(log: FlightLog, parts: Split, kite: FlightModel, horizon: float, closed: bool = False) -> LinearBaseline | None:
     """Fitted to train, chosen by errors `horizon` seconds ahead on validation; closed: it predicts the surfaces too, instead of being told
     them. None where the parts are too short for any order, or for a prediction on validation ("too_short")."""
     signals = signals_of(log, kite, closed)
@@ -118,7 +120,7 @@ def linear_baseline(log, parts: Split, kite: Kite, horizon: float, closed: bool 
     return best
 
 
-def signals_of(log, kite: Kite, closed: bool) -> Signals:
+def signals_of(log: FlightLog, kite: FlightModel, closed: bool) -> Signals:
     """Outputs: the scored channels that the log has. Inputs: what the kite's own rollouts are given: surfaces, winch, wind, and what its
     effects ask the log for. Where the loop is closed the surfaces are outputs."""
     moved = [n for n in SURFACES if n in log.inputs and np.ptp(log.inputs[n]) > 0]
@@ -126,12 +128,13 @@ def signals_of(log, kite: Kite, closed: bool) -> Signals:
     given += [n for n in (*OF_LINE, *needed_by(kite.declaration)) if n in log.inputs and n not in moved]
     outputs = [n for n in SCORED if n in STATES or n in log] + (moved if closed else [])
     y = np.stack([np.unwrap(log[n]) if n in ATTITUDE else log[n] for n in outputs], axis=1)
-    inputs = {n: log[n] for n in dict.fromkeys([*([] if closed else moved), *given])} | _wind(log)
+    named: list[str] = [*([] if closed else moved), *given]
+    inputs: dict[str, np.ndarray] = {n: log[n] for n in dict.fromkeys(named)} | _wind(log)
     u = np.stack(list(inputs.values()), axis=1)
     return Signals(tuple(outputs), y, tuple(inputs), u)
 
 
-def _wind(log) -> dict[str, np.ndarray]:
+def _wind(log: FlightLog) -> dict[str, np.ndarray]:
     """The recorded wind at the height nearest to the flight's middle: velocity of the air, north, east, down [m/s]."""
     if log.wind is None:
         return {}
@@ -149,7 +152,7 @@ def _ahead(model: Arx, signals: Signals, first: np.ndarray, count: int) -> np.nd
     return model.simulate(signals.y[back], signals.u[np.minimum(over, len(signals.u) - 1)])
 
 
-def _beside(log, signals: Signals, y: np.ndarray, bounds: np.ndarray, first: np.ndarray, ranges, noise) -> Prediction:
+def _beside(log: FlightLog, signals: Signals, y: np.ndarray, bounds: np.ndarray, first: np.ndarray, ranges, noise) -> Prediction:
     y, alive = _held(y, bounds)
     return beside(log, _scored(signals, y), alive, first, ranges, noise)
 

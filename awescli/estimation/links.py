@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from awescli.notation.present import present
 from awescli.notation.quantities import STATES
 from awescli.simulation.groups import each_part
 
@@ -44,12 +45,15 @@ class Links:
     def __len__(self) -> int:
         return len(self.J)
 
+    def _known_offsets(self) -> np.ndarray:
+        return present(self.offsets, "the offset of the effects' states at the start")
+
     def from_known_starts(self) -> "Links":
         """The same where segments begin without an error: nothing depends on the kite's states there any more. They stay as columns whose
         change is zero by a prior of its own (standard deviation one, which leaves no determinant). J and ends are overwritten."""
         self.J[:, : self.bounds[1] if len(self.nodes) > 1 else None, :, : self.unknown] = 0.0
         self.ends[:, :1, :, : self.unknown] = 0.0
-        offsets = np.hstack([np.zeros((len(self), self.unknown)), self.offsets])
+        offsets = np.hstack([np.zeros((len(self), self.unknown)), self._known_offsets()])
         return replace(self, offsets=offsets, spread=np.r_[np.ones(self.unknown), self.spread], unknown=0)
 
     def pick(self, which) -> "Links":
@@ -108,8 +112,9 @@ class Links:
             return
         own, precision = np.arange(self.unknown, self.n_start), 1 / self.spread**2
         x[:, 0, own, own] += precision
-        xy[:, 0, own, -1] -= precision * self.offsets
-        y[:, -1, -1] += (precision * self.offsets**2).sum(axis=1)
+        offsets = self._known_offsets()
+        xy[:, 0, own, -1] -= precision * offsets
+        y[:, -1, -1] += (precision * offsets**2).sum(axis=1)
 
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
         """(K, L, q) and (K, n): products of the residual with the whitened columns of `gram`, x in each link and globals."""

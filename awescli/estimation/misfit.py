@@ -151,7 +151,7 @@ class Misfit:
         trajectories = self.simulator.rollout(self.segments(own), self.values(x))
         r = self.residual(trajectories, own)
         reached = self.reached(trajectories)
-        whole = reached.all(axis=1)
+        whole = np.asarray(reached.all(axis=1))
         squares, limit = (r * r).sum(axis=2), DIVERGED_COST * len(self.observed.outputs)
         squares[~whole] = np.where(reached[~whole], np.minimum(squares[~whole], limit), limit)
         return squares.sum(axis=1), whole

@@ -18,7 +18,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from awescli.estimation.prediction import WARM_UP, Prediction
-from awescli.physics.kite import Kite
+from awescli.flightlog.log import FlightLog
+from awescli.physics.flight_model import FlightModel
 from awescli.simulation.rollout import Columns, Simulator
 from awescli.simulation.segments import observe
 
@@ -37,14 +38,14 @@ class Known:
     found: np.ndarray
 
     @classmethod
-    def declared(cls, kite: Kite) -> "Known":
+    def declared(cls, kite: FlightModel) -> "Known":
         """Of a kite that nothing was fitted to: the stated prior deviations."""
         names = (*kite.parameters.free, *kite.record)
         std = np.array([kite.parameters[n].prior_std for n in names])
         return cls(names, np.diag(std**2), np.isin(names, kite.record), np.zeros(len(names)))
 
     @classmethod
-    def fitted(cls, params: Mapping, kite: Kite) -> "Known":
+    def fitted(cls, params: Mapping, kite: FlightModel) -> "Known":
         """Of what a fit left in params.json; what the kite does not have (of another flight) is left out."""
         rows = params["parameters"] | params["wind_record_error"]
         correlation = params["correlation"]
@@ -55,7 +56,7 @@ class Known:
         found = np.array([rows[n]["value"] if n in kite.record else 0.0 for n in names])
         return cls(names, np.array(correlation["matrix"])[np.ix_(kept, kept)] * np.outer(std, std), record, found)
 
-    def draws(self, kite: Kite, count: int, seed: int, of: np.ndarray | None = None) -> list[dict[str, float]]:
+    def draws(self, kite: FlightModel, count: int, seed: int, of: np.ndarray | None = None) -> list[dict[str, float]]:
         """`count` kites that might be this one: parameter -> value, from a normal distribution about the kite's own and what was found,
         kept within bounds. of: (n,) which of the names; default those of the kite: the record's errors are of one flight."""
         of = np.flatnonzero(~self.record if of is None else of)
@@ -98,7 +99,7 @@ class Seen:
         return cls(tension, share, float(np.sqrt(left @ left / (len(rows) - 1))), float(seconds.mean()), len(rows))
 
 
-def energy_sensitivities(simulator: Simulator, log, prediction: Prediction, names: Sequence[str]) -> np.ndarray:
+def energy_sensitivities(simulator: Simulator, log: FlightLog, prediction: Prediction, names: Sequence[str]) -> np.ndarray:
     """(K, N, n) [J per unit] by how much the predicted energy between two samples changes with parameters.
 
     Segments begin at measured states, WARM_UP before the prediction, where a line whose length is changed has come to rest: as its start,

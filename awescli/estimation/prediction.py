@@ -10,6 +10,7 @@ import numpy as np
 
 from awescli.estimation.fit import fit
 from awescli.estimation.misfit import Misfit
+from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import segments as segment_starts
 from awescli.notation.errors import BadInput
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
@@ -65,7 +66,7 @@ class Prediction:
 
 
 def predict(
-    simulator: Simulator, log, ranges, horizon: float, values=None, warm_up: float = WARM_UP, every: float | None = None,
+    simulator: Simulator, log: FlightLog, ranges, horizon: float, values=None, warm_up: float = WARM_UP, every: float | None = None,
     known_starts: bool = False,
 ) -> Prediction:  # fmt: skip
     """Predict `horizon` seconds ahead, again and again through the sample `ranges`, and compare.
@@ -83,7 +84,7 @@ def predict(
     return compare(log, trajectories, begin + before, skip, ranges, simulator.kite.declaration.noise)
 
 
-def forecast(simulator: Simulator, log, first: np.ndarray, ahead: int, before: int, values=None) -> tuple[Trajectories, int]:
+def forecast(simulator: Simulator, log: FlightLog, first: np.ndarray, ahead: int, before: int, values=None) -> tuple[Trajectories, int]:
     """(trajectories, which of their samples stands at `first`): `ahead` samples from each of the samples `first` (K,) of the log; before:
     samples of the warm-up that a start is fitted to, or 0: it is the measured state, smoothed."""
     observed = observe(log, simulator.kite, first - before, before + ahead, MEASURED)
@@ -91,7 +92,7 @@ def forecast(simulator: Simulator, log, first: np.ndarray, ahead: int, before: i
     return simulator.rollout(segments, values), before
 
 
-def prediction_starts(log, ranges, horizon: float, warm_up: float = WARM_UP, every: float | None = None) -> np.ndarray:
+def prediction_starts(log: FlightLog, ranges, horizon: float, warm_up: float = WARM_UP, every: float | None = None) -> np.ndarray:
     """(K,) samples where the warm-ups of predictions begin; none where no range is long enough."""
     before, ahead = int(round(warm_up / log.dt)), int(round(horizon / log.dt))
     stride = ahead if every is None else max(ahead, int(round(every / log.dt)))
@@ -105,13 +106,13 @@ def warmed_up(simulator: Simulator, observed: Observed, before: int, values=None
     return observed.segments.starting_at(warm.own.starts)
 
 
-def compare(log, trajectories: Trajectories, first: np.ndarray, skip: int, ranges, noise: Noise) -> Prediction:
+def compare(log: FlightLog, trajectories: Trajectories, first: np.ndarray, skip: int, ranges, noise: Noise) -> Prediction:
     """A Prediction from simulated segments whose sample `skip` stands at sample `first` of the log."""
     simulated = {n: trajectories[n][:, skip:] for n in SCORED if n in STATES or n in log}
     return beside(log, simulated, trajectories.alive - skip, first, ranges, noise)
 
 
-def beside(log, simulated: dict[str, np.ndarray], alive: np.ndarray, first: np.ndarray, ranges, noise: Noise) -> Prediction:
+def beside(log: FlightLog, simulated: dict[str, np.ndarray], alive: np.ndarray, first: np.ndarray, ranges, noise: Noise) -> Prediction:
     """A Prediction from simulated channels (K, N+1) that begin at the samples `first` of the log, beside what it measured; alive: (K,)
     samples before divergence."""
     count = simulated["p_n"].shape[1]
@@ -122,7 +123,7 @@ def beside(log, simulated: dict[str, np.ndarray], alive: np.ndarray, first: np.n
     return Prediction(np.arange(count) * log.dt, first, measured, simulated, alive, spans, noise_floor(log, spans, part, noise))
 
 
-def noise_floor(log, spans: dict[str, float], part: np.ndarray, noise: Noise) -> dict[str, float]:
+def noise_floor(log: FlightLog, spans: dict[str, float], part: np.ndarray, noise: Noise) -> dict[str, float]:
     """NRMSE of the measurement noise alone, per channel: what no model can undercut on these samples.
 
     (u, v, w) are derived from noisy velocities and Euler angles, so their noise is propagated (one seeded draw per sample).

@@ -8,6 +8,7 @@ from awescli.estimation.mechanical_power import mechanical_power
 from awescli.estimation.phase_power import flown_ranges, phase_power
 from awescli.estimation.power_interval import Known, Seen, energy_sensitivities, power_interval
 from awescli.estimation.prediction import Prediction, predict, prediction_starts
+from awescli.flightlog.log import FlightLog
 from awescli.flightlog.phases import phases
 from awescli.flightlog.split import PARTS, Split
 from awescli.notation.quantities import STATES
@@ -22,7 +23,13 @@ Forecast = Callable[..., Prediction]
 
 
 def scored(
-    simulator, log, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float], known_starts: bool = False,
+    simulator,
+    log: FlightLog,
+    parts: Split,
+    loops: np.ndarray,
+    horizon: float,
+    horizons: Sequence[float],
+    known_starts: bool = False,
     told_by: tuple[Simulator, Known] | None = None,
 ) -> tuple[dict, dict[str, Prediction]]:
     """(scores of one model, part -> its prediction).
@@ -43,7 +50,7 @@ def scored(
 
 
 def scores_of(
-    forecast: Forecast, log, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float]
+    forecast: Forecast, log: FlightLog, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float]
 ) -> tuple[dict, dict[str, Prediction]]:
     """(scores, part -> prediction) of whatever predicts from `prediction_starts`; the rest as in `scored`."""
     predictions = {part: forecast(getattr(parts, part), horizon) for part in PARTS}
@@ -62,7 +69,9 @@ def scores_of(
     }, predictions
 
 
-def _power_known(simulator, log, parts: Split, loops, test: Prediction, power: dict, horizon: float, known_starts: bool, seen, told_by):
+def _power_known(
+    simulator, log: FlightLog, parts: Split, loops, test: Prediction, power: dict, horizon: float, known_starts: bool, seen, told_by
+):
     """The interval of the test loops' mean power, and power per phase and cycle with theirs."""
     physical, known = told_by or (simulator, Known.declared(simulator.kite))
     rows = test.first[:, None] + np.arange(len(test.time) - 1)[None]
@@ -79,7 +88,7 @@ def _power_known(simulator, log, parts: Split, loops, test: Prediction, power: d
     return told | phase_power(flown, log["reel_out_speed"], labels, fitted, sensitivities, known, seen)
 
 
-def power_of(kite, prediction: Prediction, log, loops: np.ndarray) -> dict | None:
+def power_of(kite, prediction: Prediction, log: FlightLog, loops: np.ndarray) -> dict | None:
     """`mechanical_power` of a tethered flight; None without a line or a load cell, or where the model is given the measured tension."""
     tethered = any(e.name == "tether" for e in kite.effects) and kite.declaration.tether.tension == "constraint"
     if not tethered or "tension" not in prediction.simulated or "reel_out_speed" not in log:
@@ -100,7 +109,7 @@ def of_channels(prediction: Prediction, name: str) -> dict[str, float]:
     return {n: RELATIVES[name](prediction.errors(n), prediction.measured[n]) for n in prediction.simulated}
 
 
-def ahead(forecast: Forecast, log, ranges, horizon: float, every: float | None = None) -> dict | None:
+def ahead(forecast: Forecast, log: FlightLog, ranges, horizon: float, every: float | None = None) -> dict | None:
     """NRMSE, RMSE and divergence of predictions `horizon` seconds ahead; None where no range is long enough."""
     if not len(prediction_starts(log, ranges, horizon, every=every)):
         return None
@@ -109,7 +118,7 @@ def ahead(forecast: Forecast, log, ranges, horizon: float, every: float | None =
     return counts | {"nrmse": p.nrmse(), "rmse": of_channels(p, "rmse")}
 
 
-def by_loop(prediction: Prediction, log, loops: np.ndarray, part: str) -> list[dict]:
+def by_loop(prediction: Prediction, log: FlightLog, loops: np.ndarray, part: str) -> list[dict]:
     """NRMSE per channel of what was predicted of each loop; loops that no prediction reaches are left out."""
     rows = prediction.first[:, None] + np.arange(len(prediction.time))[None]
     errors = {n: prediction.errors(n) for n in prediction.simulated}

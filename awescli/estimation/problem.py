@@ -15,6 +15,7 @@ from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import UNITS
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.disturbances import DISTURBANCE_UNITS, DISTURBANCES, both
+from awescli.physics.flight_model import FlightModel
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed, observe
@@ -49,7 +50,7 @@ class EstimationProblem:
     known_starts: bool = False
 
     @property
-    def kite(self) -> Kite:
+    def kite(self) -> FlightModel:
         return self.simulator.kite
 
     def misfit(self, simulator: Simulator | None = None, names: Sequence[str] | None = None) -> Misfit:
@@ -83,18 +84,18 @@ class EstimationProblem:
 
 
 def simulator_of(
-    declaration: KiteDeclaration, log, extra: Sequence[str] = (), law=None, closes: Callable[[Kite], Callable] | None = None
+    declaration: KiteDeclaration, log: FlightLog, extra: Sequence[str] = (), law=None, closes: Callable[[Kite], Callable] | None = None
 ) -> Simulator:
     """Compile the declared kite with `extra` effects at null, differentiable in its free parameters, in those of `extra`, and in all that
     acts beside them. law: closes the loop, as in `Simulator`; closes: makes it for the kite with its extra effects."""
-    kite = Kite(declaration, log.wind.height, extra)
+    kite = Kite(declaration, log.recorded_wind.height, extra)
     own = {p.name for e in kite.effects if e.key in extra for p in e.rows()}
     beside = {*both(DISTURBANCES), *kite.record}
     wrt = [n for n in kite.parameter_names if kite.parameters[n].free or n in own or n in beside]
     return Simulator(kite, wrt, closes(kite) if closes else law)
 
 
-def without_record(kite: Kite, table: ParameterTable) -> ParameterTable:
+def without_record(kite: FlightModel, table: ParameterTable) -> ParameterTable:
     """The table with the wind record's fitted error taken out: what a kite file holds, and what predictions are scored with."""
     return table.with_values(dict.fromkeys(kite.record, 0.0))
 
@@ -106,7 +107,7 @@ def build(
     """Cut the log into segments of `horizon` seconds for fitting and for choosing. Processes that are always there have their level, others
     are at zero. Raises BadInput where a part is too short for a segment."""
     kite, steps = simulator.kite, int(round(horizon / log.dt))
-    observed = []
+    observed: list[Observed] = []
     for part in ("train", "validation"):
         first = segments(getattr(split, part), steps, valid=log.valid)
         if not len(first):
@@ -122,8 +123,9 @@ def build(
     # weights that are no noise have no likelihood in which a level could be found
     processes = () if by_range else tuple(p.of(kite.declaration, log) for p in PROCESSES.values())
     names = (*kite.parameters.free, *kite.record)
+    fitted, validation = observed
     return EstimationProblem(
-        simulator, log, split, horizon, observed[0].outputs, *observed, processes, names, kite.parameters, {}, by_range, known_starts
+        simulator, log, split, horizon, fitted.outputs, fitted, validation, processes, names, kite.parameters, {}, by_range, known_starts
     )  # fmt: skip
 
 

@@ -107,7 +107,8 @@ def fit_flights(
         owns = [recut(f, p.misfit(p.simulator.holding(f.parameters))) for f, p in zip(result.flights, problems, strict=True)]
     if not horizons:
         wide = [p.with_processes(opened(p.processes, (MODEL_ERROR,), WIDE)) for p in problems]
-        problems, owns = levels_first(wide, labels, tables, per_flight, on_iteration)
+        problems, first = levels_first(wide, labels, tables, per_flight, on_iteration)
+        owns = [*first]
     problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
     owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
     result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
@@ -210,12 +211,12 @@ def _closed(processes: Sequence[Process], kind: str, share: float) -> tuple[Proc
 def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> tuple[EstimationProblem, Own]:
     """The problem with what of some kinds of processes the flight shows at a fit, at nodes as far apart as they are, and the nuisances to
     go on from. Roll gusts are there where gusts are: in calm air, what rolls a kite against its model is no gust."""
-    if not problem.processes or not len(fit.heard):
+    if not problem.processes or not len(fit.counted):
         return problem, fit.own
     wide = fit.misfit.with_processes([replace(p, spacing=max(p.spacing, COARSE)) for p in opened(problem.processes, kinds, SLIGHT)])
     own = wide.carried(fit.own, fit.misfit)
     links, trajectories = wide.links(fit.parameters.vector(fit.names), own)
-    processes, _ = relevelled(wide, links.gram(), own, fit.heard)
+    processes, _ = relevelled(wide, links.gram(), own, fit.counted)
     if not gusty(wide.with_processes(processes)):
         processes = _closed(processes, ROLL_GUSTS, 0.0)
     new = problem.with_processes(tuple(replace(p, spacing=old.spacing) for p, old in zip(processes, problem.processes, strict=True)))
@@ -233,18 +234,18 @@ def fit_levels(
     on_iteration: OnIteration = lambda h, i, c: None,
     owns: Sequence[Own | None] | None = None,
     noise: bool = True,
-    tilts: Sequence[np.ndarray | None] | None = None,
+    slopes: Sequence[np.ndarray | None] | None = None,
 ) -> tuple[JointFit, list[EstimationProblem]]:
     """Fit parameters and levels in turn until neither moves, at most `rounds` times; the last fit has the levels that are returned. Ends
     where fits do not come to their minimum (`JointFit.ended`).
 
-    tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; tilts: as of `Share`; others as
+    tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; slopes: as of `Share`; others as
     `fit_flights`.
     """
-    owns, tilts = owns or [None] * len(problems), tilts or [None] * len(problems)
+    owns, slopes = owns or [None] * len(problems), slopes or [None] * len(problems)
 
     def fitted(tolerance: float) -> JointFit:
-        return _fitted(problems, labels, tables, owns, per_flight, prior, tolerance, on_iteration, tilts=tilts)
+        return _fitted(problems, labels, tables, owns, per_flight, prior, tolerance, on_iteration, slopes=slopes)
 
     result, lost = fitted(max(tolerance, LOOSE)), 0
     risen: list[set[str]] = [set() for _ in problems]
@@ -255,7 +256,7 @@ def fit_levels(
         moved = [_relevelled(p, f, noise, r) for p, f, r in zip(problems, result.flights, risen, strict=True)]
         if all(gain < UNCHANGED for _, _, gain in moved):
             break
-        problems, owns = ([m[i] for m in moved] for i in (0, 1))
+        problems, owns = [problem for problem, _, _ in moved], [own for _, own, _ in moved]
         tables = [f.parameters for f in result.flights]
         result = fitted(max(tolerance, LOOSE))
     if tolerance < LOOSE:
@@ -265,10 +266,20 @@ def fit_levels(
 
 
 def _fitted(
-    problems, labels, tables, owns, per_flight, prior: bool, tolerance: float, on_iteration: OnIteration, iterations: int = 30, tilts=None
+    problems,
+    labels,
+    tables,
+    owns,
+    per_flight,
+    prior: bool,
+    tolerance: float,
+    on_iteration: OnIteration,
+    iterations: int = 30,
+    slopes=None,
 ) -> JointFit:
-    tilts = tilts or [None] * len(problems)
-    shares = [replace(_share(*each, per_flight), tilt=t) for *each, t in zip(problems, labels, tables, owns, tilts, strict=True)]
+    slopes = slopes or [None] * len(problems)
+    each = zip(problems, labels, tables, owns, slopes, strict=True)
+    shares = [replace(_share(problem, label, table, own, per_flight), slope=t) for problem, label, table, own, t in each]
     length = max(p.horizon for p in problems)
     how = {"prior": prior, "tolerance": tolerance, "iterations": iterations, "probes": FEW if tolerance >= LOOSE else MANY}
     return fit_together(shares, **how, on_iteration=lambda i, c: on_iteration(length, i, c))
@@ -277,10 +288,10 @@ def _fitted(
 def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool, risen: set[str]) -> tuple[EstimationProblem, Own, float]:
     """The problem with the likeliest levels and noise at a fit, the nuisances to go on from, and the deviance that the levels gain (that
     of a noise that is off is not counted, and enough). risen: groups whose level has risen in a round; those that rise now are added."""
-    if not len(fit.heard) or not problem.processes:
+    if not len(fit.counted) or not problem.processes:
         return problem, fit.own, 0.0
-    processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.heard)
-    factors = noise_factors(fit.misfit, fit.information, fit.links, fit.heard) if noise else {}
+    processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.counted)
+    factors = noise_factors(fit.misfit, fit.information, fit.links, fit.counted) if noise else {}
     off = {n: g for n, f in factors.items() if abs((g := _trusted(problem.factors.get(n, 1.0), f)) - 1) > OFF}
     before, after = levels_of(problem.processes), levels_of(processes)
     risen |= {name for name, level in after.items() if level > before.get(name, 0.0)}
@@ -325,15 +336,18 @@ def fit_from_starts(
 ) -> tuple[JointFit, tuple[EstimationProblem, ...], list[Optimum]]:
     """`fit_flights` from the declared values and from `starts` - 1 draws of the prior inside its bounds; the best of them, and all."""
     random = np.random.default_rng([seed, 3])
-    best, optima = None, []
+    found: list[tuple[JointFit, tuple[EstimationProblem, ...]]] = []
+    optima: list[Optimum] = []
     for i in range(starts):
         on_start(i)
         start = _drawn(flights[0].problem, random) if i else None
         result, problems = fit_flights(flights, horizons, start=start, **how)
         optima.append(Optimum(_whole_deviance(result, problems), result.solution.outcome, result.solution.x))
-        if best is None or optima[-1].cost < min(o.cost for o in optima[:-1]):
-            best = result, problems
-    return *best, optima
+        # only the best is kept: a fit is large
+        if not found or optima[-1].cost < min(o.cost for o in optima[:-1]):
+            found = [(result, problems)]
+    (result, problems) = found[0]
+    return result, problems, optima
 
 
 def _whole_deviance(result: JointFit, problems: Sequence[EstimationProblem]) -> float:

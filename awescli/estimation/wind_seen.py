@@ -14,6 +14,7 @@ from awescli.estimation.misfit import Misfit, Own
 from awescli.estimation.power_interval import Known
 from awescli.estimation.processes import PROCESSES
 from awescli.estimation.processes.base import Process
+from awescli.flightlog.log import FlightLog
 from awescli.flightlog.reconstruction.wind import wind_of_airspeed
 from awescli.flightlog.split import segments as segment_starts
 from awescli.flightlog.wind_at import wind_ned
@@ -21,7 +22,7 @@ from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import MEASURED
 from awescli.physics.airflow import declared_wind, wind_vector
-from awescli.physics.kite import Kite
+from awescli.physics.flight_model import FlightModel
 from awescli.simulation.rollout import Simulator, wind_inputs
 from awescli.simulation.segments import observe
 
@@ -32,7 +33,7 @@ MOST = 100
 """Segments that are smoothed of a long flight, evenly spread."""
 
 
-def processes_at(declaration, log, levels: Mapping[str, Mapping]) -> tuple[Process, ...]:
+def processes_at(declaration, log: FlightLog, levels: Mapping[str, Mapping]) -> tuple[Process, ...]:
     """The processes of a fit as its metrics.json tells them: group -> {level, memory_s}; what is always there as it is."""
     made = []
     for kind in PROCESSES.values():
@@ -44,7 +45,7 @@ def processes_at(declaration, log, levels: Mapping[str, Mapping]) -> tuple[Proce
 
 
 def wind_profile(
-    simulator: Simulator, log, ranges: Sequence[tuple[int, int]], processes: Sequence[Process], known: Known,
+    simulator: Simulator, log: FlightLog, ranges: Sequence[tuple[int, int]], processes: Sequence[Process], known: Known,
     factors: Mapping[str, float], horizon: float = 5.0, seed: int = 0,
 ) -> list[dict]:  # fmt: skip
     """A row for each height [m] that is flown for long enough: seconds; speed_m_s and direction_deg (where it comes from) of the wind that
@@ -73,7 +74,7 @@ def wind_profile(
     return _by_height(log, rows, best, drawn, _station(log, simulator.kite, rows))
 
 
-def _station(log, kite: Kite, rows: np.ndarray) -> np.ndarray:
+def _station(log: FlightLog, kite: FlightModel, rows: np.ndarray) -> np.ndarray:
     """(2, K, N+1) wind north, east [m/s] that the kite file makes of the record at the kite's heights."""
     inputs = {name: series[rows] for name, series in wind_inputs(log).items()}
     wind = wind_vector(*declared_wind(kite.declaration.wind, kite.heights, -log["p_d"][rows], inputs), inputs["density"])
@@ -90,14 +91,14 @@ def _wind(misfit: Misfit, own: Own, values: Mapping[str, float], flies: np.ndarr
     return np.stack([np.broadcast_to(w, states.shape[:2]) for w in (wind.n, wind.e)])
 
 
-def _by_height(log, rows: np.ndarray, best: np.ndarray, drawn: np.ndarray, station: np.ndarray) -> list[dict]:
+def _by_height(log: FlightLog, rows: np.ndarray, best: np.ndarray, drawn: np.ndarray, station: np.ndarray) -> list[dict]:
     """rows: (K, N+1) samples of the log; best, station: (2, K, N+1), drawn: (D, 2, K, N+1) [m/s]."""
     height = -log["p_d"][rows]
     edges = np.linspace(height.min(), height.max(), BINS + 1)
     of = np.clip(np.searchsorted(edges, height, side="right") - 1, 0, BINS - 1)
     flown = [b for b in range(BINS) if (of == b).sum() * log.dt >= FEWEST]
     # what the pitot's reconstruction is linear about
-    recorded = np.stack(wind_ned(log.wind, log.time[rows.ravel()], height.ravel()))[:2].reshape(2, *rows.shape)
+    recorded = np.stack(wind_ned(log.recorded_wind, log.time[rows.ravel()], height.ravel()))[:2].reshape(2, *rows.shape)
     mean = recorded.mean(axis=(1, 2))
     along = mean / max(float(np.hypot(*mean)), 1e-9)
     heights = np.array([height[of == b].mean() for b in flown])

@@ -69,7 +69,7 @@ def derivatives(declaration: KiteDeclaration, values: Mapping[str, float], flaps
 
 def _text(model: ExportedModel) -> str:
     declaration = model.declaration
-    values = {s.name: s.value for s in model.parameters}
+    values = model.values
     found, left = derivatives(declaration, values, model.start.set_points.get("flaps", 0.0))
     told = [f"{key}: {value}" for key, value in model.provenance.items() if not isinstance(value, Mapping)]
     lines = [

@@ -87,10 +87,11 @@ def _stepped(ca, model: ExportedModel, f, hold, x, u, u_next, sp, sp_next, c):
 
 def _network(ca, model: ExportedModel) -> Callable | None:
     """The network as a function of what it sees: what `learning.correction` says, recorded."""
-    if model.correction is None:
+    correction = model.correction
+    if correction is None:
         return None
-    tape, outputs = record(lambda s: evaluate(s, model.correction)[0], s=len(model.correction.inputs))
-    s = ca.SX.sym("s", len(model.correction.inputs))
+    tape, outputs = record(lambda s: evaluate(s, correction)[0], s=len(correction.inputs))
+    s = ca.SX.sym("s", len(correction.inputs))
     program = Program("network", tape, tuple(outputs), (), {})
     return ca.Function("network", [s], [ca.vertcat(*_replayed(ca, program, None, s=s))], ["s"], ["n"])
 

@@ -93,9 +93,9 @@ def _rigid_body(model: ExportedModel) -> Body:
     tape, outputs = _recorded(model, lambda at: [at.body.mass, *at.body[2:6], *at.body.cg])
     if any(tape.nodes[i][:2] in (("input", "x"), ("input", "u")) for i in needed(Program("body", tape, tuple(outputs), (), {}))):
         raise _refused("a mass, inertia or centre of mass that changes in flight has no counterpart in JSBSim", "Leave the effect out.")
-    numbers = {"x": [0.0] * len(model.kite.x_names), "u": [0.0] * len(model.inputs), "c": [s.value for s in model.parameters]}
-    m, *inertia, x, y, z = values_of(tape, outputs, **numbers)
-    return Body(m, 0.0, *inertia, (x, y, z))
+    numbers = {"x": [0.0] * len(model.kite.x_names), "u": [0.0] * len(model.inputs), "c": [*model.values.values()]}
+    m, Jx, Jy, Jz, Jxz, x, y, z = values_of(tape, outputs, **numbers)
+    return Body(m, 0.0, Jx, Jy, Jz, Jxz, (x, y, z))
 
 
 def _recorded(model: ExportedModel, of: Callable, names: dict[int, str] | None = None) -> tuple[Tape, list[int]]:
@@ -136,7 +136,7 @@ def _loads(model: ExportedModel) -> tuple[list[str], Program]:
 
 def _aircraft(model: ExportedModel, body: Body) -> str:
     keys, program = _loads(model)
-    values = {name: s.value for name, s in zip(model.programs.parameters, model.parameters, strict=True)}
+    values = model.values
     beside = {name for name in DISTURBANCES if name not in _ATMOSPHERE}
     inputs = [n for n in model.programs.inputs if n not in _ATMOSPHERE and n not in beside]
     leaves = {

@@ -58,7 +58,7 @@ def curves(model: ExportedModel, angles: list[float]) -> dict[str, list[float]]:
         state = dict.fromkeys(STATES, 0.0) | {"p_n": 100.0, "p_d": -100.0, "u": AIRSPEED * math.cos(alpha), "w": AIRSPEED * math.sin(alpha)}
         held = [model.start.set_points.get(name, 0.0) for name in SURFACES]
         x = [*state.values(), *[0.0] * (len(physics.state_names) - 12), *held]
-        CL, CD = values_of(tape, outputs, x=x, u=[1.225], c=[s.value for s in model.parameters])
+        CL, CD = values_of(tape, outputs, x=x, u=[1.225], c=[*model.values.values()])
         found["CL"].append(CL)
         found["CD"].append(CD)
     return found
@@ -74,7 +74,7 @@ def _coefficients(physics, x, values: Mapping, u) -> list:
 
 
 def _lines(model: ExportedModel) -> Iterator[str]:
-    v = {s.name: s.value for s in model.parameters}
+    v = model.values
     yield f"# {model.declaration.name}, {model.label} model, as settings of KiteModels.jl. Made by awes {model.provenance.get('awes', '')}."
     for key, value in model.provenance.items():
         if not isinstance(value, Mapping):

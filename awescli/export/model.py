@@ -8,7 +8,7 @@ from awescli.control.law import Law
 from awescli.export.programs import Programs, record_programs
 from awescli.export.words import Signal, input_signal, output_signal, set_point_signal, state_signal
 from awescli.learning.correction import Correction, HybridKite
-from awescli.notation.quantities import OUTPUTS, STATES, SURFACES
+from awescli.notation.quantities import OUTPUTS, STATES, SURFACES, UNITS
 from awescli.physics.kite import Kite
 
 
@@ -56,6 +56,11 @@ class ExportedModel:
         return name if name[0].isalpha() else f"kite_{name}"
 
     @property
+    def values(self) -> dict[str, float]:
+        """Every parameter's value, in the order of `parameters`."""
+        return {n: self.kite.parameters[n].value for n in self.programs.parameters}
+
+    @property
     def physics(self) -> Kite:
         """The kite without a network."""
         return self.kite.kite if isinstance(self.kite, HybridKite) else self.kite
@@ -73,7 +78,8 @@ class ExportedModel:
     @cached_property
     def states(self) -> tuple[Signal, ...]:
         """The 12 states, then those of the effects."""
-        units = dict.fromkeys(STATES) | {n: u for e in self.kite.effects for n, u in zip(e.state_names(), e.state_units(), strict=True)}
+        units = {n: UNITS[n] for n in STATES}
+        units |= {n: u for e in self.kite.effects for n, u in zip(e.state_names(), e.state_units(), strict=True)}
         return tuple(state_signal(name, unit, self.start.states.get(name)) for name, unit in units.items())
 
     @cached_property

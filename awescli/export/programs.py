@@ -11,8 +11,10 @@ from dataclasses import dataclass
 
 from awescli.engine.record import Scalar, Tape, evaluate, record
 from awescli.learning.correction import CORRECTED, HybridKite
+from awescli.notation.present import present
 from awescli.physics.disturbances import PHASE
 from awescli.physics.disturbances import parameters as nuisance_parameters
+from awescli.physics.flight_model import FlightModel
 from awescli.physics.instant import Instant
 from awescli.physics.kite import Kite
 
@@ -98,7 +100,7 @@ def _record_all(kite: Kite | HybridKite, law: Callable | None, inputs: Sequence[
         known = dict(zip(kept, values, strict=True))
         return [known.get(name, 0.0) for name in names]
 
-    def recorded(name: str, of: Callable[[Kite], Callable]) -> Program:
+    def recorded(name: str, of: Callable[[FlightModel], Callable]) -> Program:
         seen: list = []
         names: dict[int, str] = {}
 
@@ -113,14 +115,15 @@ def _record_all(kite: Kite | HybridKite, law: Callable | None, inputs: Sequence[
                 x = [*x[:12], *(0.0 for _ in kite.state_names[12:]), *x[len(kite.state_names) :]]
             if of is not _law:
                 names.update(known_quantities(physics.instant(x, *full)))
-            return of(HybridKite(physics, kite.correction, network) if physics is not kite else kite)(x, *full)
+            flies = HybridKite(physics, kite.correction, network) if isinstance(kite, HybridKite) else kite
+            return of(flies)(x, *full)
 
         corrections = len(CORRECTED) if physics is not kite else 0
         tape, outputs = record(function, x=len(kite.x_names), u=len(inputs), c=len(parameters), n=corrections)
         return Program(name, tape, tuple(outputs), tuple(s.index for s in seen), names)
 
-    def _law(_):
-        return law
+    def _law(_) -> Callable:
+        return present(law, "the law of a closed loop")
 
     def _initial(k):
         return k.initial

@@ -37,10 +37,10 @@ _STATIONS = {"speed": ("m/s", "wind speed"), "direction": ("rad", "direction tha
              "down": ("m/s", "wind down")}  # fmt: skip
 
 
-def state_signal(name: str, unit: str | None, value: float | None) -> Signal:
-    """One of the 12 states (unit None: as everywhere), or of an effect's own."""
+def state_signal(name: str, unit: str, value: float | None) -> Signal:
+    """One of the 12 states, or of an effect's own."""
     if name in STATES:
-        return Signal(name, UNITS[name], IN_WORDS[name], value)
+        return Signal(name, unit, IN_WORDS[name], value)
     effect, _, own = name.rpartition(".")
     return Signal(name, unit, f"{own} of the effect {effect}", value)
 

@@ -69,7 +69,7 @@ def read_ampyx(path: Path, max_gap: float = 0.2, late: Mapping[str, float] | Non
         range_rate = (vectors["p"] * vectors["v"]).sum(0) / np.maximum(distance, 1.0)
         seen = clock_offset(range_rate, signals["reel_out_speed"], float(np.median(np.diff(seconds))))
         late["winch"] = round(seen.late, 2) if seen is not None and seen.clear else 0.0
-        if late["winch"]:
+        if seen is not None and late["winch"]:
             notes.append(
                 f"Winch signals come {late['winch']:.2f} s late against the range rate (correlation {seen.correlation:.3f}, without "
                 f"moving {seen.unshifted:.3f}); they were moved. `clocks: {{winch: 0}}` in flight.yaml leaves them."

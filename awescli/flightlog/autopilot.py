@@ -61,7 +61,7 @@ def mixed(how: Autopilot, lookup: Callable[[str], Channel | None], known: Callab
         except BadInput as e:
             raise BadInput(e.what, f"{how.where}: mix.{quantity}.unit", e.do) from None
         stamps = parts[0][1].stamps
-        total = sum(factor * channel.at(stamps) for factor, channel in parts)
+        total = sum((factor * channel.at(stamps) for factor, channel in parts), np.zeros(len(stamps)))
         result[quantity] = Channel(stamps, (total + mix.offset) * unit)
     return result
 
@@ -129,5 +129,3 @@ def local_ned(latitude: np.ndarray, longitude: np.ndarray, height: np.ndarray, o
     w = 1 - e2 * np.sin(lat) ** 2
     north, east = a * (1 - e2) / w**1.5 + high, a / np.sqrt(w) + high
     return (latitude - lat) * north, (longitude - lon) * east * np.cos(lat), high - height
-
-

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import correlate, correlation_lags
 
+from awescli.flightlog.log import FlightLog
+
 MAX_LAG = 10.0
 """s searched both ways: a larger offset between clocks of one flight is not a lag but another flight."""
 
@@ -59,7 +61,7 @@ def clock_offset(first: np.ndarray, second: np.ndarray, dt: float, max_lag: floa
     return ClockOffset(lag * dt, float(score[best]), float(score[zero]), clear)
 
 
-def motor_lateness(log) -> float | None:
+def motor_lateness(log: FlightLog) -> float | None:
     """[s] by which motor_speed follows the throttle, where that is clear and more than a motor takes (`MOTOR`); None otherwise.
 
     log: a FlightLog with both.
@@ -67,7 +69,8 @@ def motor_lateness(log) -> float | None:
     both = [log[name] for name in ("throttle", "motor_speed")] if "throttle" in log and "motor_speed" in log else []
     if not both or min(x.std() for x in both) == 0:
         return None
-    seen = clock_offset(*((x - x.mean()) / x.std() for x in both), log.dt)
+    throttle, speed = ((x - x.mean()) / x.std() for x in both)
+    seen = clock_offset(throttle, speed, log.dt)
     return seen.late if seen is not None and seen.clear and abs(seen.late) > MOTOR else None
 
 

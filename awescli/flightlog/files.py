@@ -5,6 +5,7 @@ from pathlib import Path
 
 from awescli.flightlog.flight_check import LOGS, Declared, read_flight_file
 from awescli.notation.errors import BadInput
+from awescli.notation.present import present
 
 DECLARED = "flight.yaml"
 MATLAB = "matlab"
@@ -25,6 +26,11 @@ class FlightFiles:
     weather: Path | None = None
     declared: Declared | None = None
     why_no_weather: str = ""
+
+    @property
+    def mapping(self) -> Declared:
+        """The flight.yaml of a flight that has one."""
+        return present(self.declared, "the flight.yaml of a mapped log")
 
     def opened(self) -> dict[str, Path]:
         """What each file is -> the file, of all that the reader opens."""
@@ -76,7 +82,7 @@ def find_weather(folder: Path) -> Path | None:
 def _declared(path: Path) -> FlightFiles:
     """What a flight.yaml describes."""
     declared = read_flight_file(path)
-    file, log = declared.file, declared.log
+    file, log = declared.file, declared.described
     if file.format == "csv":
         weather, why_not = _beside(declared) if file.wind is None else (path.parent / file.wind.file if file.wind.file else None, "")
         return FlightFiles(file.format, log, weather, declared, why_not)
@@ -85,7 +91,7 @@ def _declared(path: Path) -> FlightFiles:
 
 def _beside(declared: Declared) -> tuple[Path | None, str]:
     """(a weather file that nobody mapped, beside the log or its flight.yaml; why none is taken where there are several)"""
-    for folder in dict.fromkeys((declared.log.parent, declared.path.parent)):
+    for folder in dict.fromkeys((declared.described.parent, declared.path.parent)):
         try:
             found = find_weather(folder)
         except BadInput as e:

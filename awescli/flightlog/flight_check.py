@@ -10,6 +10,7 @@ from awescli.flightlog.text_stamps import ISO
 from awescli.flightlog.units import factor_to_si
 from awescli.notation.document import open_document
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
+from awescli.notation.present import present
 from awescli.notation.quantities import UNITS
 
 OF_WIND = {"direction": "rad", "speed": "m/s", "density": "kg/m3", "temperature": "K", "pressure": "Pa", "height": "m"}
@@ -38,6 +39,11 @@ class Declared:
     file: FlightFile
     log: Path | None
     where: Where
+
+    @property
+    def described(self) -> Path:
+        """The log, where more than the text was checked."""
+        return present(self.log, "the log that a flight.yaml describes")
 
 
 @dataclass(frozen=True)
@@ -68,7 +74,7 @@ def read_flight_file(path: Path, text: str | None = None) -> Declared:
             errors += more
             if file.format == "csv":
                 errors += _missing_columns(path, file, log, document.where)
-    if errors:
+    if errors or file is None:
         raise errors[0] if len(errors) == 1 else BadInputs(errors)
     return Declared(path, file, log, document.where)
 

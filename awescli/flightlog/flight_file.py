@@ -152,4 +152,4 @@ class FlightFile(_Strict):
         "estimator", description="formats umn, px4, ardupilot: position, velocity of the onboard estimator, or of the GNSS, at its own rate"
     )
     wind: Wind | None = Field(None, description="format csv: wind columns, or a weather file")
-    believe: tuple[str, ...] = Field((), description="format csv: columns whose unit is not to be checked against the others")
+    unchecked: tuple[str, ...] = Field((), description="format csv: columns whose unit is not to be checked against the others")

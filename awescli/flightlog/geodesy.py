@@ -39,7 +39,7 @@ def geodetic_from_ned(place: np.ndarray, origin: tuple[float, float, float]) -> 
     Newton steps with the radius of a sphere, which leave micrometres within a few kilometres."""
     found = np.array(origin, dtype=float)
     for _ in range(6):
-        north, east, down = (x[0] for x in ned_from_geodetic(*found[:, None], origin))
+        north, east, down = (x[0] for x in ned_from_geodetic(found[:1], found[1:2], found[2:], origin))
         n, e, d = np.asarray(place) - (north, east, down)
         found = found + (n / SEMI_MAJOR, e / (SEMI_MAJOR * np.cos(found[0])), -d)
     return float(found[0]), float(found[1]), float(found[2])

@@ -59,7 +59,7 @@ def read_wind(path: Path, start: float, flight: tuple[float, float], station_hei
 
 def wind_csv_text(log: FlightLog) -> str:
     """The log's wind as text of a weather file with heights."""
-    wind = log.wind
+    wind = log.recorded_wind
     heights = wind.height.size
     stamps = np.repeat(np.rint((log.start + wind.time) * 1e6).astype(np.int64) * 1000, heights)
     degrees = np.round(np.mod(np.rad2deg(wind.direction.ravel()), 360.0), 4)

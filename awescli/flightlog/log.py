@@ -90,6 +90,13 @@ class FlightLog:
         return name in self.measured or name in self.inputs
 
     @property
+    def recorded_wind(self) -> WindRecord:
+        """The wind record of a flight that has one. Raises BadInput where it has none."""
+        if self.wind is None:
+            raise BadInput(f"flight '{self.name}' has no wind record", do="Put a weather file beside the log, or map one in flight.yaml.")
+        return self.wind
+
+    @property
     def on_line(self) -> bool:
         """Whether the log has anything of a line; if not, it is of a free flight."""
         return any(name in self for name in OF_LINE)

@@ -18,30 +18,32 @@ from awescli.flightlog.spikes import without_spikes
 from awescli.flightlog.table import read_header, read_table
 from awescli.flightlog.text_stamps import ISO
 from awescli.notation.errors import BadInput
+from awescli.notation.present import present
 
-CURE = "Correct the unit, sign or frame of column {column} in flight.yaml; if all is right as it stands, add `believe: [{column}]`."
+CURE = "Correct the unit, sign or frame of column {column} in flight.yaml; if all is right as it stands, add `unchecked: [{column}]`."
 """What to do about a column that contradicts its unit."""
 
 
 def read_mapped(found: FlightFiles, max_gap: float = 0.2) -> FlightLog:
     """The log that a flight.yaml describes. Raises BadInput (BadInputs) for numbers that contradict their units or frames."""
-    declared, path = found.declared, found.log
+    declared, path = found.mapping, found.log
     mapping = declared.file
+    clock = present(mapping.time, "the clock of a mapped log")
     _, header = read_header(path)
     table = read_table(path, columns_in(use for use in uses(mapping) if not use.of_wind_file))
-    stamps = stamps_in_seconds(table, mapping.time)
+    stamps = stamps_in_seconds(table, clock)
     known = stamps[np.isfinite(stamps)]
     if known.size == 0:
-        raise BadInput("no time stamp can be read", f"{path}: column {mapping.time.column}", "Expected numbers.")
+        raise BadInput("no time stamp can be read", f"{path}: column {clock.column}", "Expected numbers.")
     start, seconds = float(known[0]), stamps - known[0]
-    if mapping.time.unit != ISO:
-        check_interval(seconds, mapping.time.unit, declared.where("time", "unit"))
+    if clock.unit != ISO:
+        check_interval(seconds, clock.unit, declared.where("time", "unit"))
     signals, groups = mapped_signals(table, mapping)
     places = _places(path, mapping)
     # a mapping declares its tension: how large a wing it may need is not known here
-    believed = [*mapping.believe, *(spec.column for quantity, spec in mapping.signals.items() if quantity == "tension")]
+    believed = [*mapping.unchecked, *(spec.column for quantity, spec in mapping.signals.items() if quantity == "tension")]
     signals, spikes = without_spikes(signals, usable_stamps(seconds)[0])
-    check_frames(seconds, signals, places, mapping.believe, _frames(mapping), CURE)
+    check_frames(seconds, signals, places, mapping.unchecked, _frames(mapping), CURE)
     check_units(seconds, signals, places, believed, CURE)
     wind, notes = mapped_wind(found, table, seconds, start)
     if wind is not None:

@@ -49,12 +49,12 @@ class FrameFit:
         return self.misfit / max(self.speed, 1e-9)
 
 
-def read_in(frame: str, columns: Sequence[np.ndarray]) -> np.ndarray:
+def read_in(frame: str, columns: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     """Three columns in a frame as (north, east, down), (3, N)."""
     return np.array([sign * columns[i] for i, sign in FRAMES[frame]])
 
 
-def columns_of(frame: str, ned: Sequence[np.ndarray]) -> np.ndarray:
+def columns_of(frame: str, ned: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
     """The inverse of `read_in`: what the columns of a frame hold, (3, N)."""
     columns = np.empty((3, len(ned[0])))
     for value, (i, sign) in zip(ned, FRAMES[frame], strict=True):

@@ -109,7 +109,8 @@ def _body_rates(turn: Mapping[str, np.ndarray], angle: Mapping[str, np.ndarray],
 def _attitudes() -> Iterator[tuple[str, tuple[int, int, int]]]:
     """As read, and with the sign of one or two angles turned round."""
     words = ("roll angle", "pitch angle", "heading")
-    for signs in product((1, -1), repeat=3):
+    for roll, pitch, yaw in product((1, -1), repeat=3):
+        signs = (roll, pitch, yaw)
         turned = [w for w, s in zip(words, signs, strict=True) if s < 0]
         if len(turned) < 3:
             yield (f"with the {' and '.join(turned)} of the other sign" if turned else ""), signs
@@ -119,7 +120,7 @@ def _nose(log: FlightLog, where: np.ndarray) -> Iterator[Check]:
     """The nose points where the air comes from, but for some degrees of alpha and beta, whatever turns the wing makes."""
     if log.wind is None or any(n not in log for n in ("phi", "theta", "psi", "v_n", "v_e", "v_d", "p_d")):
         return
-    wind = wind_ned(log.wind, log.time, -log["p_d"])
+    wind = wind_ned(log.recorded_wind, log.time, -log["p_d"])
     air = np.array([log[n] - w for n, w in zip(("v_n", "v_e", "v_d"), wind, strict=True)])[:, where]
     fast = np.sqrt((air**2).sum(0)) > FAST
     if fast.sum() < 100:
@@ -215,7 +216,7 @@ def _airspeed(triangle: Triangle | None) -> Iterator[Check]:
 
 def _recorded(log: FlightLog, where: np.ndarray) -> tuple[float, float]:
     """The recorded wind at the kite, mean north and east."""
-    n, e, _ = wind_ned(log.wind, log.time, -log["p_d"]) if "p_d" in log else (np.zeros(len(log)),) * 3
+    n, e, _ = wind_ned(log.recorded_wind, log.time, -log["p_d"]) if "p_d" in log else (np.zeros(len(log)),) * 3
     return float(n[where].mean()), float(e[where].mean())
 
 
@@ -259,7 +260,7 @@ def _downwind(log: FlightLog, where: np.ndarray, wind: tuple[float, float] | Non
     off = _angle(wind, at)
     sentence = "Angle between downwind and where the kite flies."
     misfit = {said: _angle(x, at) for said, x in _other_winds(*wind).items() if "speed" not in said}
-    misfit["north and east exchanged in position and velocity"] = _angle(wind, at[::-1])
+    misfit["north and east exchanged in position and velocity"] = _angle(wind, (at[1], at[0]))
     best = min(misfit, key=lambda said: misfit[said])
     if off > UPWIND[0] and misfit[best] < FAR_BETTER * off:
         sentence += f" With {best} it is {misfit[best]:.0f} deg."

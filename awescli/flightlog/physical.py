@@ -108,7 +108,7 @@ def _load(log: FlightLog, where: np.ndarray) -> list[Check]:
     checks = [most("line that pushes", share, "%", PUSHED, PUSHED_MOST, said, "A line pulls: give the column its sign in a flight.yaml.")]
     speed = log["V_a"] if "V_a" in log else np.sqrt(log["v_n"] ** 2 + log["v_e"] ** 2 + log["v_d"] ** 2) if "v_d" in log else None
     fast = where & (speed > 15.0) if speed is not None else where & False
-    if fast.sum() >= 50 and size > 0:
+    if speed is not None and fast.sum() >= 50 and size > 0:
         area = float(np.percentile(np.abs(log["tension"][fast]) / (0.6 * speed[fast] ** 2), 75))
         said = "Load over dynamic pressure where the load is high: less than any wing that pulls."
         checks.append(least("load against airspeed", area, "m2", *LEAST_AREA, said, MAPPING))

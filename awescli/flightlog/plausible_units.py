@@ -177,7 +177,7 @@ def _rates(s, seconds: np.ndarray) -> list[Finding]:
         turn[1] * np.cos(phi) + turn[2] * np.sin(phi) * np.cos(theta),
         -turn[1] * np.sin(phi) + turn[2] * np.cos(phi) * np.cos(theta),
     ]
-    moving = sum(x**2 for x in seen) > 0.1**2
+    moving = np.sum(np.square(seen), axis=0) > 0.1**2
     if moving.sum() < 20:
         return []
     ratio = float(np.nanmedian(np.sqrt(sum(s[n][i] ** 2 for n in "pqr"))[moving] / np.sqrt(sum(x**2 for x in seen))[moving]))

@@ -60,8 +60,8 @@ def read_px4(path: Path, max_gap: float = 0.2, how: Autopilot | None = None) -> 
     notes: list[str] = []
     for quantity, field in NAVIGATION.items():
         _put(channels, quantity, _channel(topics, POSITION, field))
-    quaternion = [_channel(topics, "vehicle_attitude", f"q[{i}]") for i in range(4)]
-    if all(quaternion):
+    quaternion = [q for i in range(4) if (q := _channel(topics, "vehicle_attitude", f"q[{i}]")) is not None]
+    if len(quaternion) == 4:
         angles = euler_angles_of(*(q.values for q in quaternion))
         channels |= {n: Channel(quaternion[0].stamps, a) for n, a in zip(("phi", "theta", "psi"), angles, strict=True)}
     for names, sources in ((("p", "q", "r"), RATES), (("a_x", "a_y", "a_z"), FORCES)):
@@ -110,8 +110,10 @@ def _topics(path: Path, names: tuple[str, ...]) -> dict[str, dict[str, np.ndarra
 def _unix(topics) -> float:
     """Unix time [s] at stamp 0, from the receiver's clock; 0 where the log has none."""
     utc = _first(topics, ((t, "time_utc_usec") for t in ("vehicle_gps_position", "sensor_gps")))
-    known = np.flatnonzero(utc.values > 0) if utc is not None else ()
-    return float(utc.values[known[0]] * MICRO - utc.stamps[known[0]]) if len(known) else 0.0
+    if utc is None or not (utc.values > 0).any():
+        return 0.0
+    first = int(np.flatnonzero(utc.values > 0)[0])
+    return float(utc.values[first] * MICRO - utc.stamps[first])
 
 
 def _channel(topics, topic: str, field: str) -> Channel | None:
@@ -178,5 +180,3 @@ def wind_of(north: Channel, east: Channel, down: Channel) -> WindRecord | None:
     height = np.array([max(float(-np.nanmean(down.values)), 1.0)])
     direction = np.unwrap(np.arctan2(-e, -n))[:, None]
     return WindRecord(stamps, height, np.hypot(n, e)[:, None], direction, np.zeros((n.size, 1)))
-
-

@@ -15,5 +15,5 @@ def local_quadratic(signal: np.ndarray, dt: float, span: float, derivative: int 
     """
     window = max(LEAST_SAMPLES, 2 * int(round(span / dt / 2)) + 1)
     if len(signal) < window:
-        return np.gradient(signal, dt, axis=0) if derivative else signal
-    return savgol_filter(signal, window, 2, deriv=derivative, delta=dt, axis=0)
+        return np.asarray(np.gradient(signal, dt, axis=0)) if derivative else signal
+    return np.asarray(savgol_filter(signal, window, 2, deriv=derivative, delta=dt, axis=0))

@@ -114,12 +114,14 @@ def read_text(path: Path, name: str) -> list[str]:
     return [cell if whole else "" for cell, whole in zip([""] * rows.first + cells, rows.whole, strict=True)]
 
 
-def _read_columns(path: Path, separator: str, names: tuple[str, ...], wanted: list[str], dtype, rows: Rows) -> pl.DataFrame:
+def _read_columns(
+    path: Path, separator: str, names: tuple[str, ...], wanted: list[str], dtype: type[pl.DataType], rows: Rows
+) -> pl.DataFrame:
     """The wanted columns from the first whole row on, in that order, under the names column_i; what is not of `dtype` becomes null."""
     # the file's own names may repeat; a schema by position cannot clash, and keeps a short first row from hiding columns
-    schema = {f"column_{i}": pl.String for i in range(rows.cells)}
+    schema: dict[str, type[pl.DataType]] = {f"column_{i}": pl.String for i in range(rows.cells)}
     picked = [f"column_{names.index(name)}" for name in wanted]
-    schema.update(dict.fromkeys(picked, dtype))
+    schema |= {name: dtype for name in picked}
     first = rows.text
     try:
         frame = pl.read_csv(

@@ -70,7 +70,7 @@ def read_umn(path: Path, max_gap: float = 0.2, how: Autopilot | None = None) -> 
     first_fast = int(np.argmax(navigated & ~standing)) if (navigated & ~standing).any() else count
     rest = standing & (np.arange(count) < first_fast)
     rest = rest if rest.any() else navigated
-    origin = tuple(float(np.median(x[rest])) for x in (latitude, longitude, height))
+    origin = float(np.median(latitude[rest])), float(np.median(longitude[rest])), float(np.median(height[rest]))
     signals |= dict(zip(("p_n", "p_e", "p_d"), local_ned(latitude, longitude, height, origin), strict=True))
     for name in ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi"):
         signals[name] = np.where(navigated, signals[name], np.nan)
@@ -80,7 +80,7 @@ def read_umn(path: Path, max_gap: float = 0.2, how: Autopilot | None = None) -> 
         if any(f not in struct for f, _ in parts):
             continue
         flown = {f: np.where(by_hand, needed(f"{f}_in"), needed(f)) if by_hand.any() else needed(f) for f, _ in parts}
-        signals[quantity] = sum(k * flown[f] for f, k in parts)
+        signals[quantity] = np.sum([k * flown[f] for f, k in parts], axis=0)
     if "throttle" in signals:
         signals["throttle"] = np.clip(signals["throttle"], 0.0, 1.0)
     if by_hand.any():
@@ -121,9 +121,9 @@ def _gnss(path: Path, struct: dict, stamps: np.ndarray, count: int, origin) -> d
 
 def _motor(struct: dict, channels: dict[str, Channel], notes: list[str]) -> Channel | None:
     """Revolutions of the motor per second, moved to the aircraft's clock by its recorder's throttle; None where that does not show."""
-    own = [struct.get(n) for n in ("motor_time", "motor_throttle", "motor_RPM")]
-    whole = all(isinstance(x, np.ndarray) and x.ndim == 1 and x.size > 100 and x.shape == own[0].shape for x in own)
-    if not whole or "throttle" not in channels:
+    found = [struct.get(n) for n in ("motor_time", "motor_throttle", "motor_RPM")]
+    own = [x for x in found if isinstance(x, np.ndarray) and x.ndim == 1 and x.size > 100]
+    if len(own) < 3 or len({x.shape for x in own}) > 1 or "throttle" not in channels:
         return None
     time, throttle, rpm = (_plain(x) for x in own)
     dt = float(np.median(np.diff(time)))
@@ -133,7 +133,8 @@ def _motor(struct: dict, channels: dict[str, Channel], notes: list[str]) -> Chan
         return None
     part = slice(moving[0], moving[-1] + 1)
     # over the time in which the throttle moves: before and after, both stand still and agree about nothing
-    seen = clock_offset(*((x[part] - x[part].mean()) / (x[part].std() or 1.0) for x in both), dt, MOTOR_SEARCH)
+    first, second = ((x[part] - x[part].mean()) / (x[part].std() or 1.0) for x in both)
+    seen = clock_offset(first, second, dt, MOTOR_SEARCH)
     if seen is None or not seen.clear:
         notes.append("motor_RPM runs on a clock of its own that its throttle does not place; it was left out.")
         return None

@@ -50,7 +50,8 @@ def wind_triangle(log: FlightLog) -> Triangle | None:
     rest = float(np.sqrt(np.mean(left(fit.x) ** 2)))
     pieces = max(use.size * np.median(np.diff(use)) * log.dt / LASTS, 4.0)
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * use.size * rest**2 / pieces
-    return Triangle(*(float(x) for x in fit.x), float(np.sqrt(max(covariance[0, 0], covariance[1, 1]))), rest)
+    north, east, scale = (float(x) for x in fit.x)
+    return Triangle(north, east, scale, float(np.sqrt(max(covariance[0, 0], covariance[1, 1]))), rest)
 
 
 def with_some_wind(log: FlightLog, density: float | None) -> FlightLog:

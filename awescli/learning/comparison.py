@@ -36,13 +36,13 @@ def adam_alone(
     weights, adam = start
     best, spent, number = weights, 0.0, 0
     began = clock()
-    reached: list[Alone | None] = [None, None]
-    while None in reached:
+    reached: dict[int, Alone] = {}
+    while len(reached) < 2:
         weights, adam, more, (passed_by, cost) = one_round(weights, adam, number)
         spent, number = spent + more, number + 1
         best, lowest = (passed_by, cost) if cost < lowest else (best, lowest)
         passed = clock() - began
         for i, over in enumerate((spent >= gradients, passed >= seconds)):
-            if over and reached[i] is None:
+            if over and i not in reached:
                 reached[i] = Alone(best, weights, spent, passed)
     return reached[0], reached[1]

@@ -1,11 +1,12 @@
 """The network f_nn (docs/equations.md (28)): what it adds to d/dt of (u, v, w, p, q, r), where it is held still, the kite that has it."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from awescli.engine.dense import FARTHEST, layer_slices, weight_count
+from awescli.flightlog.log import FlightLog
 from awescli.learning.network_inputs import check_inputs, inputs_of_instant
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import Parameter, ParameterTable
@@ -13,6 +14,7 @@ from awescli.notation.quantities import OUTPUTS, STATES
 from awescli.notation.scalars import exp, maximum, tanh
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.disturbances import GUSTS, even
+from awescli.physics.instant import Instant, Number
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 
@@ -147,6 +149,21 @@ def evaluate(inputs, correction: Correction, weights=None):
     return [float(c.scale[k]) * fade * y for k, y in enumerate(layer)], fade
 
 
+@dataclass
+class CorrectedInstant(Instant):
+    """An instant of the physics with what the network adds: the six corrections, and its fade outside the states it was trained on."""
+
+    fade: Number = field(init=False, repr=False)
+    correction: tuple = field(init=False, repr=False)
+
+    @classmethod
+    def of(cls, at: Instant) -> "CorrectedInstant":
+        """The same instant, to be corrected."""
+        found = cls.__new__(cls)
+        found.__dict__.update(at.__dict__)
+        return found
+
+
 class HybridKite:
     """Physics + f_nn as `derivative`, `outputs`, `initial`; wherever a `Kite` is simulated this can stand.
 
@@ -165,10 +182,10 @@ class HybridKite:
         self.constraints, self.tether = kite.constraints, kite.tether
         self.record, self.start_spread = kite.record, kite.start_spread
 
-    def instant(self, x, u, c):
+    def instant(self, x, u, c) -> CorrectedInstant:
         """The instant of the physics, its derivative corrected; `at.correction` holds the six corrections."""
         own = len(self.kite.parameter_names)
-        at = self.kite.instant(x, u, c[:own])
+        at = CorrectedInstant.of(self.kite.instant(x, u, c[:own]))
         corrections, at.fade = self._network(self._inputs(at), self.correction, c[own:])
         derivative = list(at.derivative)
         for row, value in zip(ROWS, corrections, strict=True):
@@ -191,7 +208,7 @@ class HybridKite:
     def initial(self, x, u, c) -> list:
         return self.kite.initial(x, u, c[: len(self.kite.parameter_names)])
 
-    def with_values(self, values: dict[str, float]) -> "HybridKite":
+    def with_values(self, values: Mapping[str, float]) -> "HybridKite":
         """The same hybrid with other values of physical parameters or weights."""
         return self.with_rows(self.parameters.with_values(values).rows)
 
@@ -210,10 +227,10 @@ class HybridKite:
 
 
 def hybrid_from_artifact(
-    description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log, law: Callable | None = None
+    description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, log: FlightLog, law: Callable | None = None
 ) -> Simulator:
     """The simulator of what train-hybrid left (network.json, network.safetensors) on the kite file beside them; law: as of the physics."""
-    kite = kite_from_artifact(description, arrays, declaration, log.wind.height)
+    kite = kite_from_artifact(description, arrays, declaration, log.recorded_wind.height)
     return Simulator(kite, tuple(map(even, GUSTS)), law and of_physics(law, kite))
 
 

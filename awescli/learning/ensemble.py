@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from awescli.flightlog.log import FlightLog
 from awescli.learning.correction import Correction, HybridKite
 from awescli.learning.training import State, Trained, TrainingConfig, train
 from awescli.physics.kite import Kite
@@ -27,7 +28,7 @@ class Ensemble:
         return tuple(m.correction for m in self.members)
 
 
-def train_ensemble(kite: Kite, log, train_ranges, validation_ranges, config: TrainingConfig, members: int,
+def train_ensemble(kite: Kite, log: FlightLog, train_ranges, validation_ranges, config: TrainingConfig, members: int,
                    progress: Callable[[str, float], None] = lambda text, cost: None, *, law: Callable | None = None,
                    resume: Callable[[int], State | None] = lambda member: None,
                    checkpoint: Callable[[int, State], None] = lambda member, state: None) -> Ensemble:  # fmt: skip

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from awescli.flightlog.log import FlightLog
 from awescli.learning.correction import CORRECTED, ROWS, Correction, evaluate
 from awescli.learning.normalisation import input_signals, instants, samples_of
 from awescli.physics.kite import Kite
@@ -28,7 +29,7 @@ class Along:
         return dict(zip(CORRECTED, (float(s) for s in share), strict=True))
 
 
-def along(log, kite: Kite, correction: Correction) -> Along:
+def along(log: FlightLog, kite: Kite, correction: Correction) -> Along:
     """Evaluate a correction at the smoothed measured states of a flight."""
     signals = input_signals(log, kite, correction.inputs)
     values, fade = evaluate(list(signals.T), correction)
@@ -53,7 +54,7 @@ class Formula:
         return f"d{self.channel}/dt += {' '.join(parts) or '0'}   (R2 {self.r2:.2f})"
 
 
-def dictionary(log, kite: Kite) -> dict[str, np.ndarray]:
+def dictionary(log: FlightLog, kite: Kite) -> dict[str, np.ndarray]:
     """Physical terms that a learned rest may be made of, each (N,): motions, flow angles and their usual products with q = rho V_a^2/2."""
     at, *_ = instants(log, kite)
     n, z = len(log), at.z
@@ -70,7 +71,7 @@ def dictionary(log, kite: Kite) -> dict[str, np.ndarray]:
     return {name: v for name, v in signals.items() if name == "1" or v.std() > 1e-9 * max(1.0, np.abs(v).max())}
 
 
-def distil(log, kite: Kite, correction: Correction, train_ranges, validation_ranges, most: int = 3) -> list[Formula]:
+def distil(log: FlightLog, kite: Kite, correction: Correction, train_ranges, validation_ranges, most: int = 3) -> list[Formula]:
     """The shortest formula per channel: orthogonal matching pursuit on training samples, stopped where validation no longer gains.
 
     `qbar` is the dynamic pressure in 100 Pa. A high R2 with one term is a learned rest that may become a named effect.

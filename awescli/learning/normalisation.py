@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from awescli.flightlog.log import FlightLog
 from awescli.flightlog.smoothing import local_quadratic
 from awescli.learning.correction import ROWS, Correction, initial_weights
 from awescli.learning.network_inputs import check_inputs, inputs_of_instant
@@ -28,13 +29,14 @@ SMALLEST = (1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)
 """[m/s2, rad/s2] least scale of an output: a model without any residual must not divide by it."""
 
 
-def instants(log, kite: Kite, values: Mapping[str, float] | None = None):
+def instants(log: FlightLog, kite: Kite, values: Mapping[str, float] | None = None):
     """The instant of the physics at every sample of the log (arrays (N,) instead of numbers), at smoothed measured states.
 
     values: parameters that differ from the kite's, within their bounds or not.
     """
     U, SP, Z = inputs_of(log, kite).T, setpoints_of(log).T, smooth_states(log).T
-    c = [float((values or {}).get(n, v)) for n, v in zip(kite.parameter_names, kite.parameters.vector(), strict=True)]
+    own_values = dict(zip(kite.parameter_names, kite.parameters.vector(), strict=True)) | dict(values or {})
+    c = [float(own_values[n]) for n in kite.parameter_names]
     own = len(kite.state_names) - 12
     x = [*Z, *(np.zeros(len(log)) for _ in range(own)), *SP]
     x[12 : 12 + own] = kite.initial(x, list(U), c)
@@ -49,13 +51,13 @@ def samples_of(ranges: Iterable[tuple[int, int]], valid: np.ndarray) -> np.ndarr
     return inside & valid
 
 
-def input_signals(log, kite: Kite, names: Sequence[str]) -> np.ndarray:
+def input_signals(log: FlightLog, kite: Kite, names: Sequence[str]) -> np.ndarray:
     """(N, n) network inputs along the log."""
     at, *_ = instants(log, kite)
     return np.stack([np.broadcast_to(np.asarray(v, dtype=float), (len(log),)) for v in inputs_of_instant(names)(at)], axis=1)
 
 
-def residual_acceleration(log, kite: Kite) -> np.ndarray:
+def residual_acceleration(log: FlightLog, kite: Kite) -> np.ndarray:
     """(N, 6) measured less modelled derivatives of (u, v, w, p, q, r), by a local quadratic through the measured states."""
     at, *_ = instants(log, kite)
     measured = local_quadratic(np.stack([log[STATES[r]] for r in ROWS], axis=1), log.dt, SMOOTHING, derivative=1)
@@ -63,7 +65,7 @@ def residual_acceleration(log, kite: Kite) -> np.ndarray:
     return measured - modelled
 
 
-def drifting(log, kite: Kite, names: Sequence[str], train, validation) -> tuple[str, ...]:
+def drifting(log: FlightLog, kite: Kite, names: Sequence[str], train, validation) -> tuple[str, ...]:
     """Inputs that leave their training range on the validation flight, or run through the known flight as time does.
 
     Kept, the first would be extrapolated, or let the correction fade everywhere but in training. The others (a line that only gets longer)
@@ -88,7 +90,7 @@ def _order_in_time(signals: np.ndarray) -> np.ndarray:
 
 
 def untrained(
-    log, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[int], seed: int, validation=(), scaling: str = "standard",
+    log: FlightLog, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[int], seed: int, validation=(), scaling: str = "standard",
     fade: bool = True,
 ) -> Correction:  # fmt: skip
     """A null correction normalised on the training ranges; inputs that never change there are left out.
@@ -118,7 +120,7 @@ def untrained(
     return Correction(names, hidden, weights, mean, deviation, middle, half, scale, **({} if fade else {"width": EVERYWHERE}))
 
 
-def outside_share(log, kite: Kite, correction: Correction, ranges) -> float:
+def outside_share(log: FlightLog, kite: Kite, correction: Correction, ranges) -> float:
     """Share of samples in the ranges at which the correction has faded below one half."""
     use = samples_of(ranges, log.valid)
     z = (input_signals(log, kite, correction.inputs)[use] - correction.mean) / correction.deviation

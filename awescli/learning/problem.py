@@ -2,20 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from awescli.estimation.misfit import DIVERGED_COST
+from awescli.flightlog.log import FlightLog
 from awescli.learning.correction import ROWS, Correction, HybridKite, of_physics
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
 from awescli.learning.orthogonality import Parametric
 from awescli.learning.starts import Own, estimated_starts, fitted_nuisances
 from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
+from awescli.notation.present import present
 from awescli.notation.quantities import ANGLES, STATES
 from awescli.physics.disturbances import GUSTS, even
 from awescli.physics.kite import Kite
-from awescli.simulation.hybrid import CorrectedSimulator, Prepared
+from awescli.simulation.hybrid import CorrectedSimulator, Trainable
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed, noise_std, observe
 
@@ -30,7 +33,7 @@ class Data:
     """Segments to predict: warm-up of `warmup` steps that only fits the start, then the horizon that counts.
 
     target: (K, N+1, 12) measured states; sigma: (12,) unit of error per channel; weight: (K, N+1, 12), 1/sigma where a sample
-    counts, else 0; prepared: for the kernels.
+    counts, else 0; prepared: the segments as the simulator that flies them has laid them out, for it alone.
     """
 
     observed: Observed
@@ -38,7 +41,7 @@ class Data:
     warmup: int
     sigma: np.ndarray
     weight: np.ndarray
-    prepared: Prepared
+    prepared: Any
 
     def __len__(self) -> int:
         return len(self.observed.segments)
@@ -48,7 +51,7 @@ class Problem:
     """One flight, one kite, one shape of network. `data` cuts segments, `cost` and `gradient` judge weights on them."""
 
     def __init__(
-        self, kite: Kite, log, correction: Correction, warmup: float, *, law=None, step: float | None = None, decay: float = 0.0,
+        self, kite: Kite, log: FlightLog, correction: Correction, warmup: float, *, law=None, step: float | None = None, decay: float = 0.0,
         solver: str = "rk4", parametric: Parametric | None = None, orthogonality: float = 0.0, known_starts: bool = False,
         by_range: bool = False,
     ):  # fmt: skip
@@ -65,7 +68,7 @@ class Problem:
         self.warmup = 2 if known_starts else max(2, int(round(warmup / log.dt)))
         if solver == "rk4":
             inputs = network_inputs(kite, correction.inputs)
-            self.corrected = CorrectedSimulator(kite, inputs, correction.sizes, ROWS, self.outputs, law, step)
+            self.corrected: Trainable = CorrectedSimulator(kite, inputs, correction.sizes, ROWS, self.outputs, law, step)
         else:
             from awescli.simulation.hybrid_torch import SlowSimulator
 
@@ -97,11 +100,11 @@ class Problem:
             error, reached = self._error(target, run)
             use = counts & reached[:, :, None]
             rms = np.sqrt((np.where(use, error, 0) ** 2).sum((0, 1)) / np.maximum(use.sum((0, 1)), 1))
-            sigma = np.maximum(self.noise, rms)
+            sigma = np.asarray(np.maximum(self.noise, rms))
             if self.by_range:
                 spans = np.ptp(self.measured[self.log.valid], axis=0)
                 # one factor for all, so that physics still has cost 1
-                sigma = spans * max(float(np.sqrt(((rms / np.maximum(spans, 1e-12)) ** 2).mean())), 1e-6)
+                sigma = np.asarray(spans) * max(float(np.sqrt(((rms / np.maximum(spans, 1e-12)) ** 2).mean())), 1e-6)
         return Data(observed, target, self.warmup, sigma, counts / sigma, prepared)
 
     def smoothed(self, observed: Observed, weights: np.ndarray, sigma: np.ndarray) -> Own:
@@ -152,12 +155,12 @@ class Problem:
         diverged = int((~reached[:, -1]).sum())
         cost, bar = cost + 0.5 * self.decay * float(weights @ weights), bar + self.decay * weights
         if self.orthogonality > 0:
-            inside, slope = self.parametric.penalty(self.correction, weights)
+            inside, slope = present(self.parametric, "what parameters can do").penalty(self.correction, weights)
             cost, bar = cost + self.orthogonality * inside, bar + self.orthogonality * slope
         return cost, bar, diverged
 
 
-def state_noise(kite: Kite, log) -> np.ndarray:
+def state_noise(kite: Kite, log: FlightLog) -> np.ndarray:
     """(12,) standard deviation of the measured states; u, v, w carry the noise of the velocity and of the angles that turn it."""
     noise = kite.declaration.noise
     typical = {name: float(np.median(noise_std(noise, name, log[name]))) for name in MEASURED_STATE}

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from awescli.flightlog.log import FlightLog
 from awescli.learning.acceptance import gate, ungated, verdict
 from awescli.learning.comparison import adam_alone
 from awescli.learning.correction import Correction, HybridKite
@@ -20,6 +21,7 @@ from awescli.learning.optimisers import Adam, Lowest, lbfgs
 from awescli.learning.orthogonality import parametric
 from awescli.learning.problem import Data, Problem
 from awescli.notation.errors import BadInput, NumericalFailure
+from awescli.notation.present import present
 from awescli.physics.kite import Kite
 
 
@@ -142,7 +144,7 @@ class Trained:
 
 def train(
     kite: Kite,
-    log,
+    log: FlightLog,
     train_ranges: Sequence[tuple[int, int]],
     validation_ranges: Sequence[tuple[int, int]],
     config: TrainingConfig = TrainingConfig(),
@@ -190,13 +192,13 @@ def train(
     return _concluded(problem, sets, state, config, correction, dropped, out_of_time, (train_ranges, validation_ranges), clock)
 
 
-def usable_inputs(kite, log, train_ranges, validation_ranges, names) -> tuple[tuple[str, ...], dict[str, str]]:
+def usable_inputs(kite, log: FlightLog, train_ranges, validation_ranges, names) -> tuple[tuple[str, ...], dict[str, str]]:
     """(names to use, left out: name -> reason)"""
     drift = drifting(log, kite, names, train_ranges, validation_ranges)
     return tuple(n for n in names if n not in drift), {n: "leaves its training range on validation, or runs with time" for n in drift}
 
 
-def _usable(horizons, log, train_ranges, validation_ranges, config) -> list[float]:
+def _usable(horizons, log: FlightLog, train_ranges, validation_ranges, config) -> list[float]:
     """Horizons that fit into the ranges, ascending; at least one."""
 
     def fits(h: float) -> bool:
@@ -371,13 +373,14 @@ def compare(problem: Problem, last: _Horizon, phase: int, state: State, config: 
 
     training = lambda w: float(problem.costs(last.train(w), w).mean())  # noqa: E731
     validation = lambda w: float(last.validation_costs(w).mean())  # noqa: E731
-    start, best = state.switch[0], state.best
+    switch = present(state.switch, "where L-BFGS took over")
+    start, best = switch[0], state.best
     numbers = {
         "gradients": gradients, "seconds": seconds, "spent": {},
         "training": {"switch": training(start), "adam_lbfgs": training(state.weights)},
         "validation": {"switch": validation(start), "adam_lbfgs": validation(best)},
     }  # fmt: skip
-    found = adam_alone(state.switch, one_round, validation(start), gradients, seconds, clock)
+    found = adam_alone(switch, one_round, validation(start), gradients, seconds, clock)
     corrections = {"adam_lbfgs": correction.with_weights(state.best)}
     for name, run in zip(("adam", "adam_equal_time"), found, strict=True):
         corrections[name] = correction.with_weights(run.best)

@@ -18,6 +18,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
+from awescli.notation.former_names import KEYS
 from awescli.notation.regular_files import open_regular
 from awescli.notation.yaml_text import MAX_CHARACTERS, MAX_DEPTH, Loc, parse_yaml
 
@@ -316,7 +317,10 @@ def _say(e: Mapping[str, Any], loc: Loc, model: type[BaseModel], omit: tuple[str
         known = _keys_at(model, loc[:-1])
         if len(loc) == 1:  # names in the mappings that names leave out are as good as top-level ones
             known = [*known, *(key for name in omit for key in _keys_at(model, (name,)))]
-        return "unknown key", did_you_mean(str(loc[-1]) if loc else "", known)
+        key = str(loc[-1]) if loc else ""
+        if KEYS.get(key) in known:
+            return f"'{key}' is called '{KEYS[key]}' now", f"Write {KEYS[key]}."
+        return "unknown key", did_you_mean(key, known)
     if e["type"] == "missing":
         return f"missing key '{loc[-1]}'" if loc else "missing key", f"Add it: {_description(model, loc)}"
     inner = e.get("ctx", {}).get("error")

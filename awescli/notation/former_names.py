@@ -1,8 +1,13 @@
-"""Values of settings that were called otherwise before: refused by the old name, with the new one."""
+"""Keys and values of settings that were called otherwise before: refused by the old name, with the new one."""
+
+from collections.abc import Mapping
 
 from pydantic import BeforeValidator
 
 from awescli.notation.errors import BadInput
+
+KEYS: Mapping[str, str] = {"prove": "closed_loop_time", "believe": "unchecked"}
+"""Key before 0.2 -> key now, of fit-controller and of flight.yaml."""
 
 
 def formerly(**names: str) -> BeforeValidator:

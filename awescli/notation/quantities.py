@@ -3,13 +3,16 @@
 Frames: inertial NED with its origin at the winch; body FRD (x forward, y right, z down). SI and radians throughout.
 """
 
-STATES = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r")
+from typing import Literal, get_args
+
+STATES: tuple[str, ...] = ("p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r")
 """z of docs/equations.md (1) to (4): position NED [m], velocity over ground in body axes [m/s], Euler angles [rad], rates [rad/s]."""
 
-CONTROL_SURFACES = ("aileron", "elevator", "rudder", "flaps")
+ControlSurface = Literal["aileron", "elevator", "rudder", "flaps"]
+CONTROL_SURFACES: tuple[ControlSurface, ...] = get_args(ControlSurface)
 """Control surfaces [rad], signs as the kite's aerodynamic table wants them (the kite file states the log's sign)."""
 
-SURFACES = (*CONTROL_SURFACES, "throttle")
+SURFACES: tuple[str, ...] = (*CONTROL_SURFACES, "throttle")
 """All set-points that a kite flies with: the control surfaces, and the throttle [-], 0 to 1. What moves nothing stays at zero."""
 
 UNITS = {
@@ -39,21 +42,21 @@ IN_WORDS = {
 }  # fmt: skip
 """What a quantity is, and which way it counts."""
 
-MEASURED = (
+MEASURED: tuple[str, ...] = (
     "p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r",
     "a_x", "a_y", "a_z", "V_a", "alpha", "beta", "tension",
 )  # fmt: skip
 """What sensors report: a model may be compared with these and must never touch them. (a_x, a_y, a_z) is the kinematic
 acceleration R^T d2p/dt2 in body axes, gravity neither added nor removed."""
 
-INPUTS = (*SURFACES, "tether_length", "reel_out_speed", "motor_speed")
+INPUTS: tuple[str, ...] = (*SURFACES, "tether_length", "reel_out_speed", "motor_speed")
 """What was commanded or set from outside: a model may be driven by these. motor_speed: logged revolutions of a propeller per second."""
 
-OF_LINE = ("tension", "tether_length", "reel_out_speed")
+OF_LINE: tuple[str, ...] = ("tension", "tether_length", "reel_out_speed")
 """What only a kite on a line has; a log without any of them is of a free flight."""
 
-OUTPUTS = (*MEASURED, *SURFACES)
+OUTPUTS: tuple[str, ...] = (*MEASURED, *SURFACES)
 """What a simulation gives back: what the sensors would report, and the set-points that were flown."""
 
-ANGLES = ("phi", "theta", "psi", "alpha", "beta")
+ANGLES: tuple[str, ...] = ("phi", "theta", "psi", "alpha", "beta")
 """Quantities whose differences are wrapped to (-pi, pi] before they enter a cost or a score."""

@@ -180,8 +180,9 @@ def _surfaces(surfaces: Mapping, where: Where) -> Iterator[BadInput]:
             if end is not None and abs(end) > DEFLECTION:
                 do = f"Deflections are in rad; {end:g} deg would be {math.radians(end):.4g}."
                 yield BadInput(f"{name} goes to {end:g} rad", where("surfaces", name, key), do)
-        if None not in ends.values() and ends["lower"] >= ends["upper"]:
-            what = f"{name} goes from {ends['lower']:g} to {ends['upper']:g} rad"
+        lower, upper = ends["lower"], ends["upper"]
+        if lower is not None and upper is not None and lower >= upper:
+            what = f"{name} goes from {lower:g} to {upper:g} rad"
             yield BadInput(what, where("surfaces", name), "Its lower end must be below its upper one.")
 
 

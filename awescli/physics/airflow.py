@@ -1,8 +1,10 @@
 """Wind at the kite's height and the air-relative velocity: V_a, alpha, beta."""
 
+from collections.abc import Mapping, Sequence
+
 from awescli.notation.frames import rotate_back
 from awescli.notation.scalars import atan2, cos, exp, log, maximum, select, sin, sqrt
-from awescli.physics.instant import Wind
+from awescli.physics.instant import Number, Wind
 
 HEIGHT_FLOOR = 1.0
 """[m] below this the profile laws are held constant: they have no meaning at the ground."""
@@ -20,7 +22,7 @@ def interpolate(x, knots, values):
     return total
 
 
-def declared_wind(law, heights, height, inputs):
+def declared_wind(law, heights: Sequence[float], height: Number, inputs: Mapping[str, Number]) -> tuple[Number, Number, Number]:
     """The declared wind profile at `height` [m] above the winch -> (speed [m/s], direction it comes from [rad], down [m/s]).
 
     law: `declaration.WindLaw`; inputs holds wind_speed_i, wind_direction_i, wind_down_i at the record's `heights`.
@@ -28,7 +30,8 @@ def declared_wind(law, heights, height, inputs):
     """
     speeds, directions, downs = ([inputs[f"wind_{kind}_{i}"] for i in range(len(heights))] for kind in ("speed", "direction", "down"))
     if law.law == "table":
-        return tuple(interpolate(height, heights, values) for values in (speeds, directions, downs))
+        speed, direction, down = (interpolate(height, heights, values) for values in (speeds, directions, downs))
+        return speed, direction, down
     h = maximum(height, HEIGHT_FLOOR + 0.0 * height)
     factor = 1.0
     if law.law == "power":
@@ -43,13 +46,13 @@ def wind_vector(speed, direction, down, density) -> Wind:
     return Wind(-speed * cos(direction), -speed * sin(direction), down, density)
 
 
-def air_data(R, v_ned, wind: Wind):
+def air_data(R: tuple, v_ned: tuple, wind: Wind) -> tuple[tuple, Number, Number, Number]:
     """v_r = R^T (v_ned - v_wind) [m/s, body], V_a = |v_r|, alpha = atan2(w_r, u_r), beta = asin(v_r / V_a) (Beard & McLain eq. 2.8)."""
     velocity = rotate_back(R, (v_ned[0] - wind.n, v_ned[1] - wind.e, v_ned[2] - wind.d))
     return velocity, *flow_angles(velocity)
 
 
-def flow_angles(velocity):
+def flow_angles(velocity: tuple) -> tuple[Number, Number, Number]:
     """(V_a [m/s], alpha, beta [rad]) of an air-relative velocity in body axes."""
     u_r, v_r, w_r = velocity
     square = u_r * u_r + v_r * v_r + w_r * w_r

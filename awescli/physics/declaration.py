@@ -9,7 +9,7 @@ from awescli.notation.document import open_document
 from awescli.notation.errors import BadInput, BadInputs
 from awescli.notation.former_names import formerly
 from awescli.notation.parameters import Parameter, ParameterTable
-from awescli.notation.quantities import CONTROL_SURFACES
+from awescli.notation.quantities import ControlSurface
 from awescli.physics.propeller import Propeller
 
 
@@ -21,19 +21,21 @@ class ParameterRow(_Frozen):
     """One parameter of the kite, SI and radians unless `unit` and the aerodynamic table say otherwise."""
 
     value: float = Field(allow_inf_nan=False, description="declared value, in its unit")
-    unit: str = Field("-", description="unit of value, bounds and std; `-`: none")
-    lower: float | None = Field(None, description="least value that a fit may reach; nothing: no limit")
-    upper: float | None = Field(None, description="largest value that a fit may reach; nothing: no limit")
-    free: bool = Field(False, description="whether identify may change it; a free one is drawn to its value by std")
-    std: float | None = Field(None, gt=0, description="prior standard deviation; default a quarter of the bounded range")
-    source: str = Field("", description="where the number comes from")
+    unit: str = Field(default="-", description="unit of value, bounds and std; `-`: none")
+    lower: float | None = Field(default=None, description="least value that a fit may reach; nothing: no limit")
+    upper: float | None = Field(default=None, description="largest value that a fit may reach; nothing: no limit")
+    free: bool = Field(default=False, description="whether identify may change it; a free one is drawn to its value by std")
+    std: float | None = Field(default=None, gt=0, description="prior standard deviation; default a quarter of the bounded range")
+    source: str = Field(default="", description="where the number comes from")
 
 
 class AerodynamicTable(_Frozen):
     """Coefficient -> monomial -> parameter name. Monomials are products of powers: `alpha^2*flaps`, `abs(beta)`, `q_hat`, `1`."""
 
-    frame: Literal["wind", "body"] = Field("wind", description="wind: CD, CY, CL; body: CX, CY, CZ; moments Cl, Cm, Cn always in body axes")
-    angles: Literal["rad", "deg"] = Field("rad", description="unit in which alpha, beta and deflections enter the monomials")
+    frame: Literal["wind", "body"] = Field(
+        default="wind", description="wind: CD, CY, CL; body: CX, CY, CZ; moments Cl, Cm, Cn always in body axes"
+    )
+    angles: Literal["rad", "deg"] = Field(default="rad", description="unit in which alpha, beta and deflections enter the monomials")
     terms: dict[str, dict[str, str]] = Field(description="coefficient -> monomial -> name of the parameter that multiplies it")
 
 
@@ -41,30 +43,33 @@ class WindLaw(_Frozen):
     """How the recorded wind is carried to the kite's height."""
 
     law: Literal["table", "power", "log", "uniform"] = Field(
-        "table", description="table: between recorded heights; power, log: from one station; uniform: alike at all heights"
+        default="table", description="table: between recorded heights; power, log: from one station; uniform: alike at all heights"
     )
-    exponent: float = Field(0.0, description="power law exponent")
-    reference_height: float = Field(10.0, gt=0, description="height of a station without a height column [m]")
-    roughness: float = Field(0.0002, gt=0, description="roughness length of the log law [m]")
-    std: float = Field(0.1, ge=0, description="standard deviation of the recorded wind [m/s]; its error is a nuisance, not an effect")
-    direction_std: float = Field(0.01, ge=0, description="standard deviation of the recorded direction [rad]")
+    exponent: float = Field(default=0.0, description="power law exponent")
+    reference_height: float = Field(default=10.0, gt=0, description="height of a station without a height column [m]")
+    roughness: float = Field(default=0.0002, gt=0, description="roughness length of the log law [m]")
+    std: float = Field(
+        default=0.1, ge=0, description="standard deviation of the recorded wind [m/s]; its error is a nuisance, not an effect"
+    )
+    direction_std: float = Field(default=0.01, ge=0, description="standard deviation of the recorded direction [rad]")
 
 
 class TetherLaw(_Frozen):
     """Which law gives the tension (docs/equations.md (12) to (14))."""
 
     law: Annotated[Literal["thesis", "exact"], formerly(seed="thesis")] = Field(
-        "thesis", description="exact: the constraint |p| = line length itself; thesis: its published form, without the path's curvature"
+        default="thesis",
+        description="exact: the constraint |p| = line length itself; thesis: its published form, without the path's curvature",
     )
-    tension: Literal["constraint", "measured"] = Field("constraint", description="constraint: from the line; measured: as logged")
+    tension: Literal["constraint", "measured"] = Field(default="constraint", description="constraint: from the line; measured: as logged")
 
 
 class SurfaceDeclaration(_Frozen):
     """How a surface of the log enters the aerodynamic table."""
 
-    sign: Literal[-1, 1] = Field(1, description="-1 where the log's positive deflection is the table's negative one")
-    lower: float = Field(-0.6, description="[rad], in the log's sign")
-    upper: float = Field(0.6, description="[rad], in the log's sign")
+    sign: Literal[-1, 1] = Field(default=1, description="-1 where the log's positive deflection is the table's negative one")
+    lower: float = Field(default=-0.6, description="[rad], in the log's sign")
+    upper: float = Field(default=0.6, description="[rad], in the log's sign")
 
 
 LOAD_RESOLUTION = 1e-3
@@ -74,14 +79,14 @@ LOAD_RESOLUTION = 1e-3
 class Noise(_Frozen):
     """White sensor noise, one standard deviation per sample, in SI and radians; load_relative is a share of the load."""
 
-    position: tuple[float, float, float] = Field((0.1, 0.1, 0.15), description="white noise of a sample, north, east, down [m]")
-    velocity: float = Field(0.05, gt=0, description="[m/s]")
-    euler: float = Field(0.0035, gt=0, description="[rad]")
-    rates: float = Field(0.0052, gt=0, description="[rad/s]")
-    airspeed: float = Field(0.3, gt=0, description="[m/s]")
-    flow_angles: float = Field(0.0087, gt=0, description="[rad]")
-    load_relative: float = Field(0.01, gt=0, description="share of the load")
-    acceleration: float = Field(0.2, gt=0, description="[m/s2]")
+    position: tuple[float, float, float] = Field(default=(0.1, 0.1, 0.15), description="white noise of a sample, north, east, down [m]")
+    velocity: float = Field(default=0.05, gt=0, description="[m/s]")
+    euler: float = Field(default=0.0035, gt=0, description="[rad]")
+    rates: float = Field(default=0.0052, gt=0, description="[rad/s]")
+    airspeed: float = Field(default=0.3, gt=0, description="[m/s]")
+    flow_angles: float = Field(default=0.0087, gt=0, description="[rad]")
+    load_relative: float = Field(default=0.01, gt=0, description="share of the load")
+    acceleration: float = Field(default=0.2, gt=0, description="[m/s2]")
 
     def channels(self) -> dict[str, tuple[float, float]]:
         """Measured channel (`quantities.MEASURED`) -> (standard deviation [SI], share of the signal that comes on top)."""
@@ -98,27 +103,32 @@ class KiteDeclaration(_Frozen):
     """A kite as its user declares it: everything a model needs, and nothing about a flight."""
 
     name: str = Field(description="what the kite is called")
-    description: str = Field("", description="one line about it")
+    description: str = Field(default="", description="one line about it")
     parameters: dict[str, ParameterRow] = Field(description="name -> value, unit, bounds, source, whether it is free")
     aerodynamics: AerodynamicTable = Field(description="table of terms of the coefficients")
-    tether: TetherLaw = Field(TetherLaw(), description="law of the line's tension; of no meaning to a kite without the effect `tether`")
-    wind: WindLaw = Field(WindLaw(), description="how the recorded wind is carried to the kite's height, and how well it is known")
-    surfaces: dict[Literal[*CONTROL_SURFACES], SurfaceDeclaration] = Field(
-        {}, description="control surface -> its sign and travel in the log; what is not named has sign 1"
+    tether: TetherLaw = Field(
+        default=TetherLaw(), description="law of the line's tension; of no meaning to a kite without the effect `tether`"
     )
-    propellers: tuple[Propeller, ...] = Field((), description="what the effect `thrust` flies with")
+    wind: WindLaw = Field(default=WindLaw(), description="how the recorded wind is carried to the kite's height, and how well it is known")
+    surfaces: dict[ControlSurface, SurfaceDeclaration] = Field(
+        default={}, description="control surface -> its sign and travel in the log; what is not named has sign 1"
+    )
+    propellers: tuple[Propeller, ...] = Field(default=(), description="what the effect `thrust` flies with")
     set_point_rate: float = Field(
-        50.0, gt=0.1, le=1e4, description="rate at which the flight controller sets the surfaces and holds them [Hz]; a slower log lacks "
-        "set-points, which are taken on the line between its rows"
+        default=50.0,
+        gt=0.1,
+        le=1e4,
+        description="rate at which the flight controller sets the surfaces and holds them [Hz]; a slower log lacks set-points, which are "
+        "taken on the line between its rows",
     )
     effects: tuple[str, ...] = Field(
-        ("gravity", "aerodynamics", "tether"),
+        default=("gravity", "aerodynamics", "tether"),
         description="ordered; each name from the table of effects, with `:target` where an effect has several places to act",
     )
     constraints: tuple[str, ...] = Field(
-        (), description="linear constraints that identified values keep: `Jx + Jy >= Jz`, `2*CYb + 0.1 <= CYp`; <=, >= or ="
+        default=(), description="linear constraints that identified values keep: `Jx + Jy >= Jz`, `2*CYb + 0.1 <= CYp`; <=, >= or ="
     )
-    noise: Noise = Field(Noise(), description="white noise of the sensors")
+    noise: Noise = Field(default=Noise(), description="white noise of the sensors")
 
     def table(self) -> ParameterTable:
         """The declared parameters as a table, in file order."""
@@ -165,7 +175,7 @@ def read_kite(path: Path) -> KiteDeclaration:
         check_declaration(declaration, document.where)
     except BadInput as e:
         errors += e.errors if isinstance(e, BadInputs) else [e]
-    if errors:
+    if errors or declaration is None:
         told = all_told(errors)
         raise told[0] if len(told) == 1 else BadInputs(told)
     return declaration

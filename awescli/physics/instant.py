@@ -74,8 +74,8 @@ class Instant:
     """One instant, filled from top to bottom by `kite.Kite`; effects read what stands above their place.
 
     z: the 12 states; R: rows of body-to-NED; v_ned [m/s]; inputs: the exogenous inputs by name; values: all parameters by name;
-    received: key of an effect -> what stood at its place before it acted; loads: what each effect adds to `applied`, by its key; line,
-    tension: None and 0 on a kite that flies free.
+    received: key of an effect -> what stood at its place before it acted; loads: what each effect adds to `applied`, by its key. What has
+    no value here has none before its place is filled (AttributeError); `line` never has one on a kite that flies free, whose tension is 0.
     """
 
     z: SimpleNamespace
@@ -89,16 +89,16 @@ class Instant:
     states: dict[str, Number] = field(default_factory=dict)
     received: dict[str, Any] = field(default_factory=dict)
     deflections: dict[str, Number] = field(default_factory=dict)
-    wind: Wind | None = None
-    V_a: Number = None
-    alpha: Number = None
-    beta: Number = None
-    air_velocity: tuple | None = None
-    dynamic_pressure: Number = None
-    body: Body | None = None
-    coefficients: Coefficients | None = None
-    line: Line | None = None
-    applied: Load | None = None
+    wind: Wind = field(init=False, repr=False)
+    V_a: Number = field(init=False, repr=False)
+    alpha: Number = field(init=False, repr=False)
+    beta: Number = field(init=False, repr=False)
+    air_velocity: tuple[Number, Number, Number] = field(init=False, repr=False)
+    dynamic_pressure: Number = field(init=False, repr=False)
+    body: Body = field(init=False, repr=False)
+    coefficients: Coefficients = field(init=False, repr=False)
+    line: Line = field(init=False, repr=False)
+    applied: Load = field(init=False, repr=False)
     loads: dict[str, Load] = field(default_factory=dict)
     tension: Number = 0.0
     acceleration: tuple = ()

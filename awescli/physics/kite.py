@@ -1,8 +1,9 @@
 """Kite: an ordered list of effects on a rigid body. The only place where an instant is filled and loads are summed."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -95,7 +96,7 @@ def check_declaration(declaration: KiteDeclaration, where: Callable[..., str]) -
     where: names the place of a key in the file (`kite.yaml:12: aerodynamics.terms.CL`).
     """
     errors = []
-    wanted = {name: ("parameters",) for name in REQUIRED}
+    wanted: dict[str, tuple[str, ...]] = {name: ("parameters",) for name in REQUIRED}
     for i, key in enumerate(declaration.effects):
         try:
             effect = make_effect(key, declaration)
@@ -161,7 +162,7 @@ class Kite:
     heights: heights of the wind record [m].
     """
 
-    def __init__(self, declaration: KiteDeclaration, heights: Sequence[float] = STATION, extra: Sequence[str] = ()):
+    def __init__(self, declaration: KiteDeclaration, heights: Iterable[float] = STATION, extra: Sequence[str] = ()):
         self.declaration = declaration
         self.heights = tuple(float(h) for h in heights)
         keys = [k for k in declaration.effects if k not in extra]
@@ -181,7 +182,9 @@ class Kite:
         read = dict.fromkeys(name for e in self.effects for name in e.inputs)
         self.input_names = (*_SIGNALS, *read, *(f"{s}_rate" for s in SURFACES), *wind)
         self.tether = next((e for e in self.effects if e.gives_line), None)
-        self.by_place = {place: [e for e in self.effects if e.place == place] for place in {e.place for e in self.effects}}
+        self.by_place: dict[str, list[Effect]] = {
+            place: [e for e in self.effects if e.place == place] for place in {e.place for e in self.effects}
+        }
 
     @property
     def start_spread(self) -> np.ndarray:
@@ -190,10 +193,10 @@ class Kite:
         owns = (SimpleNamespace(**{p.name: values[f"{e.key}.{p.name}"] for p in e.parameters}) for e in self.effects)
         return np.array([s for e, own in zip(self.effects, owns, strict=True) for s in e.start_spreads(own)])
 
-    def _at(self, place: str):
+    def _at(self, place: str) -> Sequence[Effect]:
         return self.by_place.get(place, ())
 
-    def _through(self, place: str, value, at: Instant):
+    def _through(self, place: str, value: Any, at: Instant) -> Any:
         """What the effects at a place make of what stands there, one after the other; each keeps what it received."""
         for e in self._at(place):
             at.received[e.key] = value
@@ -281,7 +284,7 @@ class Kite:
         reported = self._through("report", reported, at)
         return [*(reported[name] for name in MEASURED), *at.setpoints.values()]
 
-    def with_values(self, values: dict[str, float]) -> "Kite":
+    def with_values(self, values: Mapping[str, float]) -> "Kite":
         """The same kite with other parameter values."""
         return self.with_rows(self.parameters.with_values(values).rows)
 

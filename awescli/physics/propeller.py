@@ -76,8 +76,8 @@ class Propeller(_Frozen):
     @property
     def direction(self) -> tuple[float, float, float]:
         """Unit vector of the thrust."""
-        axis = np.array(self.axis) / np.linalg.norm(self.axis)
-        return tuple(float(a) for a in axis)
+        x, y, z = np.array(self.axis) / np.linalg.norm(self.axis)
+        return float(x), float(y), float(z)
 
     @property
     def sense(self) -> float:
@@ -107,10 +107,11 @@ class Propeller(_Frozen):
 
 def _polynomial(coefficient: Coefficient, name: str) -> tuple[float, ...]:
     """The declared polynomial, or that which lies nearest to the declared table."""
-    if not coefficient or not isinstance(coefficient[0], tuple):
-        if not coefficient:
-            raise ValueError(f"{name} is empty")
-        return coefficient
+    if not coefficient:
+        raise ValueError(f"{name} is empty")
+    polynomial = tuple(c for c in coefficient if not isinstance(c, tuple))
+    if polynomial:
+        return polynomial
     J, values = np.array(coefficient).T
     fit = np.polynomial.polynomial.polyfit(J, values, min(DEGREE, len(J) - 1))
     misfit = float(np.sqrt(np.mean((np.polynomial.polynomial.polyval(J, fit) - values) ** 2)))

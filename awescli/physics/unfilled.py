@@ -15,8 +15,9 @@ def unfilled(document: Document) -> tuple[Document, list[BadInput]]:
 
     With the stand-ins everything else in the file can be checked in the same go.
     """
-    rows = document.data.get("parameters") if isinstance(document.data, dict) else None
-    open_rows = {n: row for n, row in rows.items() if _is_open(row)} if isinstance(rows, dict) else {}
+    declared = document.data.get("parameters") if isinstance(document.data, dict) else None
+    rows = declared if isinstance(declared, dict) else {}
+    open_rows = {n: row for n, row in rows.items() if _is_open(row)}
     if not open_rows:
         return document, []
     errors = []

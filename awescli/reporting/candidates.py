@@ -13,7 +13,7 @@ NOT_FITTED = "not fitted"
 
 def ranking(evidence: Evidence) -> Body:
     """Every candidate: how much of the residual it explains, what it gains on unseen loops, why it was taken or not."""
-    effects = evidence.effects
+    effects = evidence.traced
     accepted = effects["effects"] if evidence.tracing_added else []
     # a share of next to nothing says nothing
     gap = (effects.get("chi2") or {}).get("train_before", 2.0) - 1 > NO_GAP
@@ -28,7 +28,7 @@ def ranking(evidence: Evidence) -> Body:
         gain, share = (c["test_gain"], c["explained_share"]) if fitted else (None, None)
         rows.append((
             Cell(str(place), place), Cell((said, " ", state) if state else said, c["name"]),
-            bar(share, percent(share)) if gap and fitted else Cell("–"), Cell(percent(gain) if fitted else "–", gain),
+            bar(share, percent(share)) if gap and share is not None else Cell("–"), Cell(percent(gain) if fitted else "–", gain),
             Cell(number(c["score"]), c["score"]), Cell(number(c["p_value"], 2), c["p_value"]),
             "yes" if c["plausible_size"] else "no", Cell(because(evidence, c, taken, rival), None, "reason"),
         ))  # fmt: skip
@@ -71,18 +71,18 @@ def _less(evidence: Evidence, c: dict[str, Any], gain: float | None) -> str:
     best = _best(evidence, "deviance_gain")
     if evidence.tracing_added and best > gain:
         return f"It gains a deviance of {number(gain)}, {number(best - gain)} less than the best."
-    needed = next((row["threshold"] for row in evidence.effects.get("criteria") or [] if row.get("name") == "effect_likelier"), None)
+    needed = next((row["threshold"] for row in evidence.traced.get("criteria") or [] if row.get("name") == "effect_likelier"), None)
     asked = f"; {number(needed)} over an unnamed model error is required" if isinstance(needed, (int, float)) else ""
     return f"It gains a deviance of {number(gain)}{asked}."
 
 
 def _best(evidence: Evidence, what: str) -> float:
-    return max((c.get(what) or 0.0 for c in evidence.effects["ranking"]), default=0.0)
+    return max((c.get(what) or 0.0 for c in evidence.traced["ranking"]), default=0.0)
 
 
 def detectable(evidence: Evidence) -> Body:
     """The smallest size of each effect that this flight would have shown."""
-    seen, units = (evidence.effects.get(key) or {} for key in ("detectable", "detectable_units"))
+    seen, units = (evidence.traced.get(key) or {} for key in ("detectable", "detectable_units"))
     shown = {k: units.get(k, {}).get("unit", "-") for k in seen}
     small = [(effect_words(*k.partition(":")[::2]), Cell(f"{number(v)} {'' if shown[k] == '-' else shown[k]}", v)) for k, v in seen.items()]
     title = "What this flight would have shown: smallest size of each effect that stands out"

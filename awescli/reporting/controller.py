@@ -28,7 +28,7 @@ def controller(evidence: Evidence) -> Section:
 
 def sentence(evidence: Evidence) -> str:
     """What the law is."""
-    report = evidence.controller
+    report = evidence.fitted_controller
     names = report.get("surfaces", [])
     seen = (report.get("features") or {}).get("chosen", [])
     delay = (report.get("delay") or {}).get("delay_s")
@@ -39,7 +39,7 @@ def sentence(evidence: Evidence) -> str:
 
 def fit_table(evidence: Evidence) -> Group:
     """NRMSE per surface and part, with the share that noise in the law's inputs explains."""
-    report, rows = evidence.controller, []
+    report, rows = evidence.fitted_controller, []
     head = ["surface"]
     for part in PARTS:
         head += [part, f"{part}: noise"]
@@ -78,12 +78,12 @@ def law_against_log(evidence: Evidence, surface: str) -> Body:
 
 def survival(evidence: Evidence) -> Body:
     """How long the law flies the model by itself, from several starts."""
-    proof = evidence.controller.get("closed_loop") or {}
+    proof = evidence.fitted_controller.get("closed_loop") or {}
     flown, starts = proof.get("survival_s") or [], proof.get("starts_s") or []
     if not flown or len(flown) != len(starts):
         return ""
     asked = proof.get("asked_s", max(flown))
-    text = OUTCOMES.get(proof.get("outcome"), str(proof.get("outcome", "")))
+    text = OUTCOMES.get(outcome := str(proof.get("outcome", "")), outcome)
     error = proof.get("path_error_5s_m")
     text += f" After 5 s it is {number(error)} m off the measured path." if error is not None else ""
     ends = [c for s, f in zip(starts, flown, strict=True) for c in (s, s, None)]
@@ -112,7 +112,7 @@ def survival(evidence: Evidence) -> Body:
 
 def steering(evidence: Evidence) -> Body:
     """What the law steers for, and what the loop makes of its errors."""
-    report = evidence.controller
+    report = evidence.fitted_controller
     found, gains = report.get("steering") or {}, report.get("gain") or {}
     said = []
     if found.get("circle") == "commanded":
@@ -134,7 +134,7 @@ def steering(evidence: Evidence) -> Body:
 
 def features(evidence: Evidence) -> Body:
     """What the law sees and why."""
-    found = evidence.controller.get("features") or {}
+    found = evidence.fitted_controller.get("features") or {}
     reasons = found.get("reasons") or {}
     rows = [
         (name, Cell(percent((reasons.get(name) or {}).get("cost_of_omission")), (reasons.get(name) or {}).get("cost_of_omission")))

@@ -14,7 +14,8 @@ STEPS = ((0.3, 0.6, 5), (0.6, 0.8, 8), (0.8, 0.95, 11), (0.95, 1.0, 14))
 def correlation(evidence: Evidence) -> Body:
     """Of the last model that was fitted; empty where the fit left no matrix, or nothing is correlated."""
     params = evidence.traced_params if evidence.tracing_added and evidence.traced_params is not None else evidence.params
-    found = (params or {}).get("correlation") or {}
+    params = params or {}
+    found = params.get("correlation") or {}
     names = [n for n in found.get("names", ()) if n in params["parameters"]]
     if len(names) < 2:
         return ""

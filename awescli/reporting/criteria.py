@@ -12,7 +12,7 @@ def criteria(evidence: Evidence) -> Body:
     """Every criterion: what was measured, what the threshold is and where it comes from, and whether it is met."""
     rows = [
         (c["says"], Cell(_shown(c["value"])), Cell(_shown(c["threshold"])), Cell(Chip(*MARKS[c["pass"]])), c["source"])
-        for c in evidence.effects.get("criteria") or []
+        for c in evidence.traced.get("criteria") or []
     ]
     if not rows:
         return ""
@@ -26,7 +26,7 @@ def criteria(evidence: Evidence) -> Body:
 
 def probabilities(evidence: Evidence) -> Body:
     """How likely each cause is."""
-    known = evidence.effects.get("probability") or {}
+    known = evidence.traced.get("probability") or {}
     rows = [(_cause(name), bar(p, percent(p))) for name, p in known.items()]
     if not rows:
         return ""

@@ -10,8 +10,12 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure as Sheet
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import MultipleLocator, NullLocator
 from matplotlib.transforms import blended_transform_factory
+from matplotlib.typing import RcKeyType
 
 from awescli.reporting.plots import Figure
 
@@ -26,7 +30,7 @@ POINT = 0.62
 
 DASHES = {"dash": "--", "dot": ":", "solid": "-"}
 SYMBOLS = {"circle": "o", "square": "s", "diamond": "D", "line-ns": "|", "line-ew": "_"}
-STYLE = {
+STYLE: dict[RcKeyType, Any] = {
     "font.size": 8, "axes.titlesize": 8.5, "axes.grid": True, "grid.color": "#dde2e8", "grid.linewidth": 0.5, "axes.axisbelow": True,
     "axes.edgecolor": "#8b95a3", "axes.linewidth": 0.6, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False,
     "text.parse_math": False, "axes.formatter.use_mathtext": False, "svg.fonttype": "none", "svg.hashsalt": "awes", "savefig.dpi": 200,
@@ -89,7 +93,7 @@ class _Names:
     def _text(self, text: str) -> Any:
         name, _, opacity = text[1:].partition("/")
         if text.startswith("@") and name in self.colours:
-            return matplotlib.colors.to_rgba(self.colours[name], float(opacity or 1))
+            return to_rgba(self.colours[name], float(opacity or 1))
         if text.startswith("$") and text[1:] in self.shared:
             return np.asarray(self.shared[text[1:]])
         return text
@@ -187,9 +191,9 @@ def _axis(axis, set_limits, wanted: dict, place: dict[str, int] | None) -> None:
     if "tickvals" in wanted:
         axis.set_ticks(_within(axis, wanted))
         axis.set_major_formatter(lambda value, _: f"{value:g}")
-        axis.set_minor_locator(matplotlib.ticker.NullLocator())
+        axis.set_minor_locator(NullLocator())
     if "dtick" in wanted and place is None:
-        axis.set_major_locator(matplotlib.ticker.MultipleLocator(wanted["dtick"]))
+        axis.set_major_locator(MultipleLocator(wanted["dtick"]))
     if "range" in wanted:
         set_limits(*wanted["range"])
     elif wanted.get("rangemode") == "tozero":
@@ -218,7 +222,7 @@ def _shape(axes, shape: dict) -> None:
         look = {"color": line["color"], "linestyle": DASHES[line.get("dash", "solid")], "linewidth": POINT * line.get("width", 2)}
         axes.plot([x0, x1], [y0, y1], transform=transform, scalex=False, scaley=False, label="_", **look)
         return
-    patch = matplotlib.patches.Rectangle((x0, y0), x1 - x0, y1 - y0, transform=transform, color=shape["fillcolor"], linewidth=0, zorder=0.5)
+    patch = Rectangle((x0, y0), x1 - x0, y1 - y0, transform=transform, color=shape["fillcolor"], linewidth=0, zorder=0.5)
     axes.add_artist(patch)
 
 

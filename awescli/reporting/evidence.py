@@ -10,6 +10,7 @@ from awescli.flightlog.log import FlightLog
 from awescli.flightlog.loops import Loops
 from awescli.flightlog.quality import DataQuality
 from awescli.flightlog.split import Split
+from awescli.notation.present import present
 from awescli.reporting.words import BASELINE, MODELS, effect_words, listed
 
 Document = Mapping[str, Any]
@@ -75,6 +76,36 @@ class Evidence:
     trajectory: Arrays | None = None
     provenance: Mapping[str, Document] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def traced(self) -> Document:
+        """The effects.json of trace-residual, for sections that are shown only where it is there."""
+        return present(self.effects, "the effects.json of trace-residual")
+
+    @property
+    def fitted_controller(self) -> Document:
+        """The metrics.json of fit-controller, for sections that are shown only where it is there."""
+        return present(self.controller, "the metrics.json of fit-controller")
+
+    @property
+    def free_flight(self) -> Document:
+        """The metrics.json of simulate, for sections that are shown only where it is there."""
+        return present(self.flown, "the metrics.json of simulate")
+
+    @property
+    def fitted_params(self) -> Document:
+        """The params.json of identify, for sections that are shown only where it is there."""
+        return present(self.params, "the params.json of identify")
+
+    @property
+    def free_path(self) -> Arrays:
+        """The trajectory.npz of simulate, for sections that are shown only where it is there."""
+        return present(self.trajectory, "the trajectory.npz of simulate")
+
+    @property
+    def residual_series(self) -> Arrays:
+        """The residuals.npz of trace-residual, for sections that are shown only where it is there."""
+        return present(self.residuals, "the residuals.npz of trace-residual")
 
     @property
     def models(self) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ def free_flight(evidence: Evidence) -> Section:
 
 def sentence(evidence: Evidence) -> Words:
     """What flew, on what, how long."""
-    f = evidence.flown
+    f = evidence.free_flight
     pumping = bool(f.get("phases"))
     sees = "the wind" if pumping or not evidence.log.on_line else "winch and wind"
     state = Chip("flew on", "good") if f["outcome"] == "flew_on" else Chip("departed", "bad")
@@ -55,16 +55,16 @@ def sentence(evidence: Evidence) -> Words:
 
 def flying(evidence: Evidence) -> str:
     """The model that flew; a network that stayed at zero is the physics."""
-    return evidence.same_as(evidence.flown["model"])
+    return evidence.same_as(evidence.free_flight["model"])
 
 
 def made_wind(evidence: Evidence) -> bool:
-    return any(evidence.flown["wind"][k] is not None for k in ("speed", "direction"))
+    return any(evidence.free_flight["wind"][k] is not None for k in ("speed", "direction"))
 
 
 def split_of(evidence: Evidence) -> str:
     """The parts of the flight that the simulated time runs through."""
-    t = evidence.trajectory["time"]
+    t = evidence.free_path["time"]
     time = evidence.log.time
     touched = [
         p for p in PARTS if any(time[a] <= t[-1] and time[b - 1] >= t[0] for a, b in getattr(evidence.parts, p))
@@ -75,7 +75,7 @@ def split_of(evidence: Evidence) -> str:
 
 def path(evidence: Evidence) -> Figure:
     """The flown path as in Rositani (2025), figure 5."""
-    arrays, data = evidence.trajectory, []
+    arrays, data = evidence.free_path, []
     for which, name, colour in (("measured", "measured", "@ink"), ("simulated", evidence.label(flying(evidence)), tone(evidence))):
         n, e, d = (arrays[f"{which}_{c}"][:: stride(len(arrays[f"{which}_{c}"]), 4000)] for c in ("p_n", "p_e", "p_d"))
         data.append({
@@ -99,7 +99,7 @@ def tone(evidence: Evidence) -> str:
 
 def apart(evidence: Evidence) -> Figure:
     """Distance between the two over time."""
-    arrays = evidence.trajectory
+    arrays = evidence.free_path
     reach = len(arrays["measured_p_n"])
     away = np.sqrt(sum((arrays[f"measured_{c}"] - arrays[f"simulated_{c}"][:reach]) ** 2 for c in ("p_n", "p_e", "p_d")))
     step = stride(reach)
@@ -113,7 +113,7 @@ def apart(evidence: Evidence) -> Figure:
 
 def over_time(evidence: Evidence) -> Body:
     """Some channels of both."""
-    arrays, label, panels = evidence.trajectory, evidence.label(flying(evidence)), []
+    arrays, label, panels = evidence.free_path, evidence.label(flying(evidence)), []
     step = stride(len(arrays["time"]), PANEL_POINTS)
     for name in (n for n in CHANNELS if f"measured_{n}" in arrays):
         simulated = arrays[f"simulated_{name}"]
@@ -136,7 +136,7 @@ def over_time(evidence: Evidence) -> Body:
 
 def scores(evidence: Evidence) -> Body:
     """Error of the one long simulation against how long it has flown."""
-    f = evidence.flown
+    f = evidence.free_flight
     away = f["path_error_m"]
     rows = [
         (Cell(f"{h} s", float(h)), Cell(percent(block["mean"]), block["mean"]), Cell(number(away[h]), away[h]))

@@ -53,7 +53,7 @@ def poor_data(evidence: Evidence) -> Words:
 
 def lead(evidence: Evidence) -> Words:
     """The verdict in a sentence."""
-    effects, of = evidence.effects, evidence.parts.of
+    effects, of = evidence.traced, evidence.parts.of
     rolls = " What is left ", Link("fig-roll", "rolls the kite"), " as gusts across its span do."
     if effects["verdict"] in LEADS:
         known: Words = LEADS[effects["verdict"]]
@@ -88,7 +88,7 @@ def title(evidence: Evidence) -> str:
     if verdict == "unexplained":
         where = (effects.get("unexplained") or {}).get("channel", "")
         return f"Something is left{f' in {channel(where)}' if where else ''} that no effect of the library explains"
-    return ODDS.get(verdict, verdict)
+    return ODDS.get(verdict) or str(verdict)
 
 
 def tiles(evidence: Evidence) -> Body:
@@ -104,8 +104,8 @@ def claims(evidence: Evidence) -> list[Words]:
     """What the page claims, each sentence with a link to its plot."""
     found = [_error(evidence), _linear(evidence), power_claim(evidence)]
     if evidence.effects:
-        found += [_effect(evidence, e) for e in evidence.effects["effects"]]
-        seen_alone = evidence.effects.get("kinematics", [])
+        found += [_effect(evidence, e) for e in evidence.traced["effects"]]
+        seen_alone = evidence.traced.get("kinematics", [])
         found += [f"Kinematics alone, without any model of forces: {seen['sentence']}." for seen in seen_alone]
         found.append(_gain(evidence))
         found += _shifts(evidence)
@@ -154,12 +154,12 @@ def _effect(evidence: Evidence, effect: dict) -> Words:
 
 def _share(evidence: Evidence, effect: dict) -> Words:
     """How much of the gap the effect explains by itself, and the next best."""
-    ranking = evidence.effects["ranking"]
+    ranking = evidence.traced["ranking"]
     own = [c for c in ranking if c["name"] == effect["name"] and c.get("acts_on", "") == effect.get("acts_on", "")]
     if not own or own[0]["explained_share"] <= 0:
         return ""
     text = "; alone it explains ", Link("tab-ranking", percent(own[0]["explained_share"])), " of the gap on train"
-    others = [c for c in ranking if c["name"] not in {e["name"] for e in evidence.effects["effects"]}]
+    others = [c for c in ranking if c["name"] not in {e["name"] for e in evidence.traced["effects"]}]
     if not others:
         return text
     best = max(others, key=lambda c: c["explained_share"])
@@ -170,9 +170,9 @@ def _gain(evidence: Evidence) -> Words:
     """What tracing was worth, all effects together."""
     if not evidence.tracing_added:
         return ""
-    error = evidence.effects["error"]
+    error = evidence.traced["error"]
     before, after = error["before"]["mean"], error["after"]["mean"]
-    them = "them" if len(evidence.effects["effects"]) > 1 else "it"
+    them = "them" if len(evidence.traced["effects"]) > 1 else "it"
     repeats = OnScreen(("; ", Link("fig-phase", "what repeats in every loop, before and after"))) if shows_phase(evidence) else ""
     error_after = Link("fig-residual", percent(after))
     return f"Fitted with {them}, the declared model errs by ", error_after, f" instead of {percent(before)}", repeats, "."
@@ -184,13 +184,13 @@ def shows_phase(evidence: Evidence) -> bool:
 
 
 def _shifts(evidence: Evidence) -> list[Words]:
-    shifts = evidence.effects.get("parameter_shifts", {})
+    shifts = evidence.traced.get("parameter_shifts", {})
     bounded = [n for n, p in ((evidence.params or {}).get("parameters") or {}).items() if p.get("at_bound")]
     if not shifts or not evidence.tracing_added:
         return _bounds(evidence)
     far = {which: sum(abs(s[f"{which}_in_prior_std"]) > 1 for s in shifts.values()) for which in ("before", "after")}
     moved = Link("fig-shifts", "moved by more than one prior standard deviation")
-    added = listed([effect_words(e["name"], e.get("acts_on", "")) for e in evidence.effects["effects"]])
+    added = listed([effect_words(e["name"], e.get("acts_on", "")) for e in evidence.traced["effects"]])
     ended = f", {len(bounded)} to a bound" if bounded else ""
     return [(f"Before adding {added}, {far['before']} of {len(shifts)} parameters ", moved, f"{ended}; after it, {far['after']}.")]
 
@@ -233,11 +233,11 @@ def _controller(evidence: Evidence) -> Words:
     test = ((evidence.controller or {}).get("nrmse") or {}).get("test") or {}
     if not test:
         return ""
-    noise = ((evidence.controller.get("noise_nrmse") or {}).get("test")) or {}
+    noise = ((evidence.fitted_controller.get("noise_nrmse") or {}).get("test")) or {}
     pieces = [
         (f"{s} to ", Link(f"fig-law-{s}", percent(v)), f" (noise {percent(noise[s])})" if s in noise else "") for s, v in test.items()
     ]
-    loop = (evidence.controller.get("closed_loop") or {}).get("outcome")
+    loop = str((evidence.fitted_controller.get("closed_loop") or {}).get("outcome", ""))
     flown = {"flies": "and flies the declared model in closed loop", "departs": "but does not hold the declared model in closed loop",
              "does_not_fly": "but does not fly the declared model in closed loop"}.get(loop, "")  # fmt: skip
     tail = f" of its range on the test {evidence.parts.of}{f', {flown}' if flown else ''}."

@@ -1,6 +1,7 @@
 """The page: evidence in, one self-contained HTML text out. It asks nothing of a network and opens from a file:// address."""
 
 from base64 import b64encode
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.resources import files
@@ -52,11 +53,18 @@ def story(evidence: Evidence) -> list[Section]:
 
 def page(evidence: Evidence) -> str:
     """The whole page."""
-    sections = story(evidence)
+    name = evidence.log.name
+    kicker = f"Flight {name} · model against measurement"
+    return whole_page(story(evidence), NAMES, subject=name, kicker=kicker, version=evidence.versions.get("awes", ""))
+
+
+def whole_page(sections: Sequence[Section], names: Mapping[str, str], *, subject: str, kicker: str, version: str) -> str:
+    """A page of its own of some sections, the first of which is the first screen. names: id of a section -> what the menu calls it;
+    subject: what the browser's title names; kicker: the line above the title."""
     first, *rest = sections
     return rendered(
-        "page.html", first=first, rest=tuple(rest), named=[(NAMES[s.id], s) for s in sections], flight=evidence.log.name,
-        version=evidence.versions.get("awes", ""), style=trusted(own("page.css")), scripts=[Script(get_plotlyjs()), Script(own("page.js"))],
+        "page.html", first=first, rest=tuple(rest), named=[(names[s.id], s) for s in sections], subject=subject, kicker=kicker,
+        version=version, style=trusted(own("page.css")), scripts=[Script(get_plotlyjs()), Script(own("page.js"))],
     )  # fmt: skip
 
 

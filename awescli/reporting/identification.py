@@ -16,7 +16,7 @@ def identification(evidence: Evidence) -> Section:
     title = "Identification"
     if evidence.params is None:
         return Section("identification", title, absent("awes identify", "no parameters were identified"))
-    tables = [parameters(evidence.params["parameters"], "tab-parameters", "Parameters")]
+    tables = [parameters(evidence.fitted_params["parameters"], "tab-parameters", "Parameters")]
     if evidence.tracing_added and evidence.traced_params is not None:
         title_of = f"Parameters {evidence.label('with_effects')}"
         tables.append(parameters(evidence.traced_params["parameters"], "tab-traced-parameters", title_of))
@@ -26,7 +26,7 @@ def identification(evidence: Evidence) -> Section:
 
 def sentence(evidence: Evidence) -> Words:
     """How the fit went."""
-    m, rows = evidence.identify or {}, evidence.params["parameters"]
+    m, rows = evidence.identify or {}, evidence.fitted_params["parameters"]
     chi2 = m.get("chi2")
     head: Words = f"{len(rows)} free parameters, fitted to the train {evidence.parts.of}; outcome: {m.get('outcome', '?')}."
     if chi2 is not None:
@@ -49,9 +49,9 @@ def _details(evidence: Evidence, m: Mapping, rows: Mapping[str, Mapping]) -> str
         whose = "their priors" if count > 1 else "its prior"
         text += f" {_parameters(count)} hardly seen by it and yet more than one prior std from {whose}, or at a bound: "
         text += "what others or a missing effect should explain, and of little meaning by itself."
-    for factor in evidence.params.get("common_factors", []):
+    for factor in evidence.fitted_params.get("common_factors", []):
         text += f" {factor['says'][:1].upper()}{factor['says'][1:]}; the prior sets the factor."
-    for row in evidence.params.get("constraints", []):
+    for row in evidence.fitted_params.get("constraints", []):
         if row["active"]:
             gain = number(row["cost_per_unit"])
             text += f" The constraint {row['constraint']} is active: relaxed by one unit, the fit would gain {gain} of χ²."
@@ -80,7 +80,7 @@ def attitude(evidence: Evidence) -> Figure:
 
 def shifts(evidence: Evidence) -> Figure:
     """Every parameter's way from its prior, with its interval."""
-    rows = evidence.params["parameters"]
+    rows = evidence.fitted_params["parameters"]
     data = []
     for name, colour, keep in (
         ("seen by the flight", "@blue", lambda p: p.get("excited", True) and not p.get("at_bound")),

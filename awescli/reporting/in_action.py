@@ -49,7 +49,7 @@ def made_of_it(action: Action, number: int = 1) -> Figure:
 
 def gaining(evidence: Evidence) -> list[Figure]:
     """The channel whose error falls most, of those where it can be seen: measured, and as both models predict it."""
-    r, error, p = evidence.residuals or {}, evidence.effects["error"], evidence.predictions
+    r, error, p = evidence.residuals or {}, evidence.traced["error"], evidence.predictions
     names = [n for n in error["after"] if f"test_after_{n}" in r and f"test_before_{n}" in r and f"measured_{n}" in p]
     if "before" not in error or not names or not np.array_equal(r["test_first"], p["first"]):
         return []

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Union
+from urllib.parse import quote
 
 from awescli.reporting.terms import TIPS
 
@@ -19,6 +20,19 @@ class Link:
 
     target: str
     words: "Words"
+
+
+@dataclass(frozen=True)
+class File:
+    """A link to a file beside the page or below it, by its path from there."""
+
+    path: str
+    words: "Words"
+
+    @property
+    def address(self) -> str:
+        """The path as a relative address: no name of a folder is read as a scheme, a host or a query."""
+        return f"./{quote(self.path)}"
 
 
 @dataclass(frozen=True)
@@ -80,7 +94,7 @@ class Tip:
         return TIPS.get(self.words, "")
 
 
-Mark = Link | Strong | Soft | Code | OnScreen | Chip | Bar | Tip
+Mark = Link | File | Strong | Soft | Code | OnScreen | Chip | Bar | Tip
 Words = Union[str, Mark, "tuple[Words, ...]"]
 """Text, marked text, and what is made of them. Text is text wherever it comes from: nothing in it is read as a mark."""
 

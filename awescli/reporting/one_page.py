@@ -78,8 +78,8 @@ def _draw(sheet: Sheet, figure: Figure, place: tuple[float, float, float, float]
     on_axes(axes, figure, light_colours(), {})
     axes.set_title(f"{figure.title} ({figure.split})", loc="left", fontsize=7.5)
     axes.tick_params(labelsize=6)
-    axes.xaxis.label.set_size(7)
-    axes.yaxis.label.set_size(7)
+    axes.xaxis.label.set_fontsize(7)
+    axes.yaxis.label.set_fontsize(7)
     axes.legend(fontsize=5.8, loc="best", frameon=False)
 
 

@@ -91,7 +91,8 @@ def horizons(evidence: Evidence) -> Group:
     rows = []
     for m in evidence.compared:
         found = [evidence.ahead(m, key) for key, _ in steps]
-        rows.append((evidence.label(m), *(Cell(percent(a and a["nrmse"]["mean"]), a and a["nrmse"]["mean"]) for a in found)))
+        errors = [None if a is None else a["nrmse"]["mean"] for a in found]
+        rows.append((evidence.label(m), *(Cell(percent(error), error) for error in errors)))
     lost = [(evidence.label(m), *(_lost(evidence.ahead(m, key)) for key, _ in steps)) for m in evidence.compared]
     own = []
     for name in (n for n in evidence.nrmse(evidence.best) if f"measured_{n}" in evidence.predictions):

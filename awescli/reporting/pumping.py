@@ -68,7 +68,7 @@ def power_curve(evidence: Evidence) -> Figure | str:
         ]  # fmt: skip
     draws = max(row["draws"] for rows in curve.values() for row in rows)
     band = f" Band: 5 to 95 % of those of {draws} kites that fly, drawn from what is known of the parameters; few cycles scatter too."
-    height = evidence.flown["wind"].get("height", 10.0)
+    height = evidence.free_flight["wind"].get("height", 10.0)
     layout = {"xaxis": axis(f"wind speed at {number(height)} m [m/s]"), "yaxis": axis("mean cycle power [kW]", zeroline=True)}
     return Figure(
         FIGURE, "Power curve: mean cycle power in closed loop", data, layout, split="simulated", height=360,

@@ -11,9 +11,9 @@ from markupsafe import Markup, escape
 from awescli.reporting import marks, plots
 
 MACROS = {
-    marks.Link: ("words.html", "link"), marks.Strong: ("words.html", "strong"), marks.Soft: ("words.html", "soft"),
-    marks.Code: ("words.html", "code"), marks.OnScreen: ("words.html", "on_screen"), marks.Chip: ("words.html", "chip"),
-    marks.Bar: ("words.html", "bar"), marks.Tip: ("words.html", "tip"),
+    marks.Link: ("words.html", "link"), marks.File: ("words.html", "file"), marks.Strong: ("words.html", "strong"),
+    marks.Soft: ("words.html", "soft"), marks.Code: ("words.html", "code"), marks.OnScreen: ("words.html", "on_screen"),
+    marks.Chip: ("words.html", "chip"), marks.Bar: ("words.html", "bar"), marks.Tip: ("words.html", "tip"),
     marks.Section: ("blocks.html", "section"), marks.Paragraph: ("blocks.html", "paragraph"), marks.Heading: ("blocks.html", "heading"),
     marks.Bullets: ("blocks.html", "bullets"), marks.Group: ("blocks.html", "group"), marks.Folded: ("blocks.html", "folded"),
     marks.Grid: ("blocks.html", "grid"), marks.Table: ("blocks.html", "table"), marks.Keys: ("blocks.html", "keys"),

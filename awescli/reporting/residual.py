@@ -29,7 +29,7 @@ def residual(evidence: Evidence) -> Section:
 
 
 def verdict_chip(evidence: Evidence) -> Chip:
-    return Chip(evidence.effects["verdict"].replace("_", " "), "good" if evidence.effects["verdict"] in ("found", "none") else "bad")
+    return Chip(evidence.traced["verdict"].replace("_", " "), "good" if evidence.traced["verdict"] in ("found", "none") else "bad")
 
 
 def sizes(evidence: Evidence) -> Body:
@@ -38,10 +38,10 @@ def sizes(evidence: Evidence) -> Body:
         (effect_words(e["name"], e.get("acts_on", "")), e.get("doc", ""), name,
          Cell(with_std(p["value"], p["std"], p["unit"]), p["value"]),
          listed([effect_words(r["name"], r.get("acts_on", "")) for r in e["rivals"]]) or "none")
-        for e in evidence.effects["effects"]
+        for e in evidence.traced["effects"]
         for name, p in e["parameters"].items()
     ]  # fmt: skip
-    gust = evidence.effects.get("gust_m_s")
+    gust = evidence.traced.get("gust_m_s")
     air = Paragraph(f"Gusts that the flight shows: {number(gust)} m/s.") if gust else ""
     head = ("effect", "what it is", "parameter", "size ± 2 std", "rivals")
     return Group("tab-effects", "", table(head, rows, sortable=False)) if rows else "", air
@@ -54,7 +54,7 @@ def labels(evidence: Evidence) -> tuple[str, str]:
 
 def before_after(evidence: Evidence) -> Figure:
     """Errors per channel before and after, with the noise floor."""
-    error = evidence.effects["error"]
+    error = evidence.traced["error"]
     names = [n for n in error["after"] if n != "mean"] + ["mean"]
     x = ["mean" if n == "mean" else short(n) for n in names]
     told = [channel(n) for n in names]
@@ -83,10 +83,10 @@ def over_loop(evidence: Evidence) -> Body:
     """What repeats: the residual averaged over loops, at every phase of a loop, and what the effect explains of it."""
     if not shows_phase(evidence):
         return Paragraph("The flight does not loop, so there is no residual per phase of a loop.", "absent") if evidence.residuals else ""
-    r = evidence.residuals
+    r = evidence.residual_series
     phase = loop_phase(evidence, r["test_first"][:, None] + np.arange(len(r["time"]))[None])
     names = [k.removeprefix("test_before_") for k in r if k.startswith("test_before_")]
-    error = evidence.effects["error"]
+    error = evidence.traced["error"]
     first = error.get("before", error["after"])
     names = sorted(names, key=lambda n: -(first.get(n, 0.0) / max(error["noise_floor"].get(n, 1.0), 1e-12)))[:PANELS]
     panels = [_panel(evidence, name, phase) for name in names if f"test_after_{name}" in r]
@@ -115,7 +115,7 @@ def loop_phase(evidence: Evidence, samples: np.ndarray) -> np.ndarray:
 
 
 def _panel(evidence: Evidence, name: str, phase: np.ndarray) -> Figure:
-    before, after = evidence.residuals[f"test_before_{name}"], evidence.residuals[f"test_after_{name}"]
+    before, after = evidence.residual_series[f"test_before_{name}"], evidence.residual_series[f"test_after_{name}"]
     unit, factor = scale_of(name, before)
     width = {"width": 2}
     mean, spread = loop_mean(before * factor, phase)
@@ -154,7 +154,7 @@ def loop_mean(values: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def unexplained(evidence: Evidence) -> Body:
     """The empirical expression for what has no name in the library."""
-    found = evidence.effects.get("unexplained")
+    found = evidence.traced.get("unexplained")
     if not found:
         return ""
     where, what = Strong(channel(found.get("channel", ""))), Code(found["expression"]) if found.get("expression") else "nothing simple"
@@ -165,7 +165,7 @@ def unexplained(evidence: Evidence) -> Body:
 
 def shifts(evidence: Evidence) -> Body:
     """How far each parameter lay from its prior before and after: parameters that compensated for the effect move back."""
-    moved = evidence.effects.get("parameter_shifts") or {}
+    moved = evidence.traced.get("parameter_shifts") or {}
     note = (
         "A parameter that compensated for the missing effect moves back towards its prior when the effect is added. "
         "Shaded: ± 1 prior standard deviation."
@@ -193,7 +193,7 @@ def _shifted(id: str, title: str, moved: dict, added: bool, note: str) -> Figure
 
 def roll_gusts(evidence: Evidence) -> Body:
     """What roll gusts explain of every channel on unseen segments."""
-    roll = evidence.effects.get("roll_gusts")
+    roll = evidence.traced.get("roll_gusts")
     if not roll:
         return ""
     names = list(roll["channels"])
@@ -217,7 +217,7 @@ def roll_gusts(evidence: Evidence) -> Body:
 
 def rolled_parameters(evidence: Evidence) -> Body:
     """What the derivatives are once roll gusts are in the model."""
-    roll = evidence.effects.get("roll_gusts")
+    roll = evidence.traced.get("roll_gusts")
     if not roll:
         return ""
     note = (

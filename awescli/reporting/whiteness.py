@@ -22,8 +22,8 @@ def whiteness(evidence: Evidence) -> Body:
 
 def what_is_left(evidence: Evidence) -> Body:
     """Channel by channel: over noise on validation loops, and the share that repeats from loop to loop."""
-    over = (evidence.effects.get("left") or {}).get("channels") or {}
-    study = evidence.effects.get("residual") or {}
+    over = (evidence.traced.get("left") or {}).get("channels") or {}
+    study = evidence.traced.get("residual") or {}
     repeats = {which: (study.get(which) or {}).get("loop_averaged_share") or {} for which in ("before", "after")}
     names = list(dict.fromkeys([*over, *repeats["after"]]))
     rows = [(channel(n), _share(over.get(n), number), *(_share(repeats[w].get(n), percent) for w in ("before", "after"))) for n in names]
@@ -50,7 +50,7 @@ def spectra(evidence: Evidence) -> tuple[Body, ...]:
 
 
 def _panel(evidence: Evidence, name: str) -> Figure:
-    r = evidence.residuals
+    r = evidence.residual_series
     shown = (("before", "identified"), ("after", "with_effects")) if evidence.tracing_added else (("after", "identified"),)
     measured = evidence.predictions.get(f"measured_{name}", np.zeros(1))
     unit, factor = scale_of(name, measured)

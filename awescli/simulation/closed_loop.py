@@ -1,19 +1,27 @@
 """A control law as the simulator's `law`: set-points of the surfaces it drives, computed from the simulated state once per sample."""
 
 from collections.abc import Callable
+from typing import Protocol
 
-from awescli.control.law import Law
 from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import Kite
+from awescli.physics.flight_model import FlightModel
 from awescli.simulation.synthetic import with_effects
 
 LIMITER_LAG = 0.02
 """[s] one sample: the lag that a rate limiter needs to be an effect; shorter than anything the kite does."""
 
 
-def loop(law: Law, kite: Kite, wind_direction: float, disturbed: bool = False) -> Callable:
+class Steers(Protocol):
+    """A law, or what stands in its place (`control.held.Held`)."""
+
+    def deflections(self, z: dict) -> dict:
+        """surface -> set-point [rad] at the state z."""
+        ...
+
+
+def loop(law: Steers, kite: FlightModel, wind_direction: float, disturbed: bool = False) -> Callable:
     """Function (x, u, c) -> set-points (SURFACES) for `Simulator`; those that the law does not drive stay as recorded.
 
     wind_direction: [rad, from], constant over the flight, for features that need it; disturbed: the recorded set-points of the surfaces

@@ -21,8 +21,8 @@ def in_wind(log: FlightLog, speed: float | None, direction: float, height: float
     """The log with another wind: `speed` [m/s] at `height` [m], growing with height to the power `shear`, from `direction` [rad].
     speed None: as recorded, only from `direction`."""
     if speed is None:
-        return replace(log, wind=replace(log.wind, direction=np.full_like(log.wind.direction, direction)))
-    density = DENSITY if log.wind.density is None else float(log.wind.density.mean())
+        return replace(log, wind=replace(log.recorded_wind, direction=np.full_like(log.recorded_wind.direction, direction)))
+    density = DENSITY if log.recorded_wind.density is None else float(log.recorded_wind.density.mean())
     profile = speed * (HEIGHTS / height) ** shear
     return replace(log, wind=wind_record(HEIGHTS, profile, direction, float(log.time[-1]), density=density))
 

@@ -5,6 +5,7 @@ It knows the network as numbers (`engine.dense`); what goes into it and what it 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -30,11 +31,28 @@ class Prepared:
 
     def groups(self, which) -> "Prepared":
         """Some of the groups, by index."""
-        arrays = (a[which] for a in (self.starts, self.setpoints, self.inputs, self.parameters))
-        return Prepared(*arrays, self.dt, self.stepping, self.count[which])
+        starts, setpoints, inputs, parameters = (a[which] for a in (self.starts, self.setpoints, self.inputs, self.parameters))
+        return Prepared(starts, setpoints, inputs, parameters, self.dt, self.stepping, self.count[which])
 
     def __len__(self) -> int:
         return int(self.count.sum())
+
+
+class Trainable(Protocol):
+    """A simulator of physics with a network. What it prepares and flies, it alone understands; segments that are prepared have `count`,
+    (G,) of each group, and `groups`, some of them; a flight has `outputs` (K, N+1, n_out) and `alive` (K,)."""
+
+    def prepare(self, segments: Segments) -> Any:
+        """Lay segments out, once for many rollouts."""
+        ...
+
+    def rollout(self, prepared: Any, weights: np.ndarray, constants: np.ndarray) -> Any:
+        """Fly them with these weights."""
+        ...
+
+    def gradient(self, run: Any, outputs_bar: np.ndarray) -> tuple[np.ndarray, Any]:
+        """Of sum(outputs_bar * outputs), with respect to the weights, and to the starts where the simulator knows it."""
+        ...
 
 
 @dataclass
@@ -122,7 +140,8 @@ class CorrectedSimulator:
             self._longest = longest_step(self.kite, segments.starts[:, :12], segments.setpoints[:, 0], segments.inputs[:, 0])
         stepping = Stepping.between(segments.dt, self._longest, self.kite.declaration.set_point_rate)
         arrays = (segments.starts_for(self.n_s), segments.setpoints, segments.inputs, c)
-        return Prepared(*(grouped(a) for a in arrays), segments.dt, stepping, count)
+        starts, setpoints, inputs, parameters = (grouped(a) for a in arrays)
+        return Prepared(starts, setpoints, inputs, parameters, segments.dt, stepping, count)
 
     def _storage(self, G: int, m: int):
         """Arrays for m steps of G groups that live from call to call: fresh pages of this size cost as much time as the rollout."""

@@ -102,7 +102,8 @@ class _Reverse(Body):
 
     def _at(self, k) -> tuple[str, str, str]:
         """Rows of the state, the recorded set-points and the inputs of sample k."""
-        return tuple(self.row(p, self.whole("mul", k, n)) for p, n in (("%X", self.n_x), ("%sp", "%n_sp"), ("%inputs", "%n_u")))
+        x, recorded, u = (self.row(p, self.whole("mul", k, n)) for p, n in (("%X", self.n_x), ("%sp", "%n_sp"), ("%inputs", "%n_u")))
+        return x, recorded, u
 
     def _through_law(self, x, recorded, u) -> None:
         """v = (d law / d x)^T setpointbar where the law saw the state and the recorded set-points."""

@@ -87,7 +87,7 @@ class TorchHybrid:
         stepping = self._stepping(segments)
         n, step = stepping.substeps, segments.dt / stepping.substeps
         U, SP = torch.as_tensor(segments.inputs), torch.as_tensor(segments.setpoints)
-        c = [float(v) for v in kite.parameters.vector()]
+        c: list[float | torch.Tensor] = [float(v) for v in kite.parameters.vector()]
         for name, value in segments.values.items():
             c[kite.parameter_names.index(name)] = torch.as_tensor(value)
 
@@ -119,12 +119,13 @@ class TorchHybrid:
         times = torch.arange(N * n + 1, dtype=x.dtype)
         if self.solver in FIXED:
             # perturb: the last stage of a step is evaluated just before its end, where the old set-point still holds
-            states = odeint(right_hand_side, x, times, method=self.solver, options={"perturb": True, **self.options})[::n]
+            whole = torch.as_tensor(odeint(right_hand_side, x, times, method=self.solver, options={"perturb": True, **self.options}))
+            states = whole[::n]
         else:
             found = [x]
             for k in range(N * n):
                 inside = torch.stack([times[k], times[k + 1] * (1 - 1e-12)])
-                found.append(odeint(right_hand_side, found[-1], inside, method=self.solver, **self.options)[-1])
+                found.append(torch.as_tensor(odeint(right_hand_side, found[-1], inside, method=self.solver, **self.options))[-1])
             states = torch.stack(found[::n])
         reported = []
         for k in range(N + 1):
@@ -175,7 +176,7 @@ class SlowSimulator:
         w = torch.tensor(weights, requires_grad=True)
         y = self.path.rollout(prepared.segments, w, constants)
         outputs = y.detach().numpy()
-        good = np.isfinite(outputs).all(2) & (np.abs(outputs) < LIMIT).all(2)
+        good = np.asarray((np.isfinite(outputs) & (np.abs(outputs) < LIMIT)).all(axis=2))
         alive = np.where(good.all(1), outputs.shape[1], np.argmin(good, axis=1))
         return SlowRun(np.where(good[..., None], outputs, 0.0), alive, y, w)
 

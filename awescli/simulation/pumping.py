@@ -13,7 +13,7 @@ from awescli.control.pattern import Pattern
 from awescli.flightlog.log import WindRecord
 from awescli.notation.quantities import OUTPUTS, SURFACES
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import Kite
+from awescli.physics.flight_model import FlightModel
 from awescli.simulation.rollout import BODY_VELOCITY, Segments, Simulator, Trajectories, inputs_of
 from awescli.simulation.survival import LOWEST, STALLED
 from awescli.simulation.switching import Guard, Phase, Switch, Switched, fly_switched
@@ -71,12 +71,12 @@ def with_winch(declaration: KiteDeclaration, drum: Mapping[str, float]) -> KiteD
 class Pumping:
     """A kite `with_winch` and its phases, compiled: laws has the simulator of each phase, all of the one kite."""
 
-    kite: Kite
+    kite: FlightModel
     phases: tuple[PumpingPhase, ...]
     laws: tuple[Simulator, ...]
 
     @classmethod
-    def of(cls, kite: Kite, phases: Sequence[PumpingPhase], step: float = 0.01) -> "Pumping":
+    def of(cls, kite: FlightModel, phases: Sequence[PumpingPhase], step: float = 0.01) -> "Pumping":
         """step: longest of RK4 [s]."""
         refuse_measured(kite.declaration)
         simulator = Simulator(kite, wrt=(), step=step)
@@ -85,6 +85,7 @@ class Pumping:
     def fly(
         self, wind: WindRecord, *, start: np.ndarray, length: float, duration: float, dt: float, cycles: int | None = None,
         speed: float = 0.0, load: float = 0.0, begins: float = 0.0, seed: int = 0, values: Mapping[str, float] | None = None,
+        rates: Mapping[str, float] | None = None,
     ) -> Pumped:  # fmt: skip
         """Fly through the phases, again and again, for `duration` seconds or to the end of `cycles`.
 
@@ -94,9 +95,11 @@ class Pumping:
         """
         kite, samples = self.kite.with_values(dict(values or {})), int(round(duration / dt)) + 1
         time = np.arange(samples) * dt
-        line = dict(zip(("tether_length", "reel_out_speed"), ReelOut(length, 0.0).at(time), strict=True))
+        line: dict[str, np.ndarray] = dict(zip(("tether_length", "reel_out_speed"), ReelOut(length, 0.0).at(time), strict=True))
         inputs = inputs_of(Commanded(time, dt, line, wind), kite)
         inputs[:, kite.input_names.index("time")] += begins
+        for name, value in (rates or {}).items():
+            inputs[0, kite.input_names.index(name)] = value
         switches = None if cycles is None else cycles * len(self.phases) - 1
         how = start, {f"{CONTROL}.load": load, f"{DRUM}.speed": speed}, dt, switches
         flown = self._through(kite, inputs, *how)
@@ -112,7 +115,7 @@ class Pumping:
         told = _told(kite, flown, inputs, last, time, dt, departed=last < samples and ended is None)
         return Pumped(told, flown.phase[:last], switched, ended, sum(s.into == 0 for s in switched) + (ended is not None))
 
-    def _through(self, kite: Kite, inputs: np.ndarray, start, own: Mapping[str, float], dt: float, switches: int | None) -> Switched:
+    def _through(self, kite: FlightModel, inputs: np.ndarray, start, own: Mapping[str, float], dt: float, switches: int | None) -> Switched:
         """Through all phases; own: states of the winch at the start."""
         kites = [kite.with_values({f"{CONTROL}.{n}": v for n, v in p.winch.items()}) for p in self.phases]
         made = [
@@ -129,7 +132,7 @@ class Pumping:
         )  # fmt: skip
 
 
-def _offsets(kite: Kite, own: Mapping[str, float], start: np.ndarray, u: np.ndarray) -> np.ndarray:
+def _offsets(kite: FlightModel, own: Mapping[str, float], start: np.ndarray, u: np.ndarray) -> np.ndarray:
     """(n_e,) by how much the effects' states at the start differ from what `Kite.initial` says: drum and load as told."""
     names = kite.state_names[12:]
     c = [float(v) for v in kite.parameters.vector()]
@@ -140,14 +143,14 @@ def _offsets(kite: Kite, own: Mapping[str, float], start: np.ndarray, u: np.ndar
     return np.where(np.isin(names, ahead), 0.0, wanted) - said
 
 
-def _line(kite: Kite, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _line(kite: FlightModel, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(length [m], speed [m/s]) paid out, (n,)."""
     at = {name: i for i, name in enumerate(kite.state_names)}
     length = U[:, kite.input_names.index("tether_length")] + X[:, at[f"{CONTROL}.ahead"]] + X[:, at[f"{DRUM}.ahead"]]
     return length, X[:, at[f"{DRUM}.speed"]]
 
 
-def _quantities(kite: Kite, X: np.ndarray, Y: np.ndarray, U: np.ndarray) -> dict[str, np.ndarray]:
+def _quantities(kite: FlightModel, X: np.ndarray, Y: np.ndarray, U: np.ndarray) -> dict[str, np.ndarray]:
     told = {name: Y[:, i] for i, name in enumerate(OUTPUTS)} | {"tether_length": _line(kite, X, U)[0]}
     return {name: of(X, told) for name, of in GUARDED.items()}
 
@@ -159,7 +162,7 @@ def _samples(flown: Switched) -> int:
     return int(bad.argmax()) if bad.any() else flown.alive
 
 
-def _told(kite: Kite, flown: Switched, inputs: np.ndarray, last: int, time: np.ndarray, dt: float, departed: bool) -> Flown:
+def _told(kite: FlightModel, flown: Switched, inputs: np.ndarray, last: int, time: np.ndarray, dt: float, departed: bool) -> Flown:
     """The flight as `simulate_flight` gives it."""
     X, Y = flown.states[:last], flown.outputs[:last]
     length, speed = _line(kite, X, inputs[:last])

@@ -3,15 +3,17 @@
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from awescli.engine.machine import Program, compile_program
+from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.physics.disturbances import DISTURBANCES, GUSTS, PHASE, ROLL_GUST, both
-from awescli.physics.kite import Kite
+from awescli.physics.flight_model import FlightModel
 from awescli.simulation.stepping import Stepping, longest_step
 
 _INDEX = {name: i for i, name in enumerate(OUTPUTS)}
@@ -116,7 +118,7 @@ class Simulator:
     step: longest step [s]; None: as the poles of the kite ask for (`stepping.longest_step`).
     """
 
-    def __init__(self, kite: Kite, wrt: Sequence[str] | None = None, law: Callable | None = None, step: float | None = None):
+    def __init__(self, kite: FlightModel, wrt: Sequence[str] | None = None, law: Callable | None = None, step: float | None = None):
         self.kite, self.step, self._longest = kite, step, step
         self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *both((*GUSTS, ROLL_GUST))])
         self.n_s = len(kite.state_names)
@@ -171,10 +173,13 @@ class Simulator:
             c[:, place[name]] = value
         return c
 
-    def _inputs(self, segments: Segments, values) -> tuple:
+    def _inputs(
+        self, segments: Segments, values: Mapping[str, float] | None
+    ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, Stepping]:
         """(n_s, X0, SP, U, C, h, stepping) as the kernels take them."""
         arrays = (segments.starts_for(self.n_s), segments.setpoints, segments.inputs, self._parameters(segments, values))
-        return self.n_s, *(np.ascontiguousarray(a, dtype=float) for a in arrays), segments.dt, self.stepping(segments)
+        starts, setpoints, inputs, parameters = (np.ascontiguousarray(a, dtype=float) for a in arrays)
+        return self.n_s, starts, setpoints, inputs, parameters, segments.dt, self.stepping(segments)
 
     def _room(self, segments: Segments) -> tuple[np.ndarray, np.ndarray]:
         """(states, outputs) of all segments, to be filled."""
@@ -228,12 +233,43 @@ class Simulator:
         return Trajectories(X, Y, sensitivities(*programs, *self._inputs(segments, values), at, restart, X, Y, J, ends)), J, ends
 
 
-def setpoints_of(log, which=SURFACES) -> np.ndarray:
+class Recorded(Protocol):
+    """What a model is driven by: a flight log, or what is commanded before there is one (`synthetic.Commanded`)."""
+
+    @property
+    def time(self) -> np.ndarray:
+        """(N,) s."""
+        ...
+
+    @property
+    def dt(self) -> float:
+        """[s] between samples."""
+        ...
+
+    @property
+    def inputs(self) -> Mapping[str, np.ndarray]:
+        """What was commanded, each (N,)."""
+        ...
+
+    @property
+    def measured(self) -> Mapping[str, np.ndarray]:
+        """What sensors reported, each (N,)."""
+        ...
+
+    @property
+    def recorded_wind(self) -> WindRecord:
+        """The wind record."""
+        ...
+
+    def __len__(self) -> int: ...
+
+
+def setpoints_of(log: FlightLog, which=SURFACES) -> np.ndarray:
     """(N, 5) recorded set-points of a log; what the log lacks stays at zero."""
     return np.stack([log.inputs.get(name, np.zeros(len(log))) for name in which], axis=1)
 
 
-def inputs_of(log, kite: Kite) -> np.ndarray:
+def inputs_of(log: Recorded, kite: FlightModel) -> np.ndarray:
     """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: time, line, density, measured tension and motor speed, recorded rates,
     wind."""
     zero = np.zeros(len(log))
@@ -257,9 +293,16 @@ def inputs_of(log, kite: Kite) -> np.ndarray:
     return np.stack([signals[name] for name in kite.input_names], axis=1)
 
 
-def wind_inputs(log) -> dict[str, np.ndarray]:
+def rates_at(log: FlightLog, kite: FlightModel, sample: int) -> dict[str, float]:
+    """Rates of the recorded set-points, and of the load [N/s], at a sample of a log, by name of the input: what lags behind them has its
+    start from these (`Effect.initial`), where a flight sets out in the middle of a log."""
+    row = inputs_of(log, kite)[sample]
+    return {name: float(row[i]) for i, name in enumerate(kite.input_names) if name.endswith("_rate")}
+
+
+def wind_inputs(log: Recorded) -> dict[str, np.ndarray]:
     """The wind record on the log's clock, linear in time: speed, direction and down at each of its heights, and density."""
-    wind = log.wind
+    wind = log.recorded_wind
     at = lambda values: np.interp(log.time, wind.time, values)  # noqa: E731
     series = {"density": at(wind.density) if wind.density is not None else np.full(len(log), 1.225)}
     for kind in ("speed", "direction", "down"):

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from awescli.flightlog.log import FlightLog
 from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import Noise
-from awescli.physics.kite import Kite
+from awescli.physics.flight_model import FlightModel
 from awescli.simulation.rollout import Segments, inputs_of, setpoints_of
 
 COMMAND_SHARE = 0.01
@@ -79,7 +80,7 @@ def noise_std(noise: Noise, name: str, signal: np.ndarray) -> np.ndarray:
     return np.maximum(size, 0.1 * size.mean() + std)
 
 
-def observe(log, kite: Kite, first: np.ndarray, steps: int, outputs, values=None) -> Observed:
+def observe(log: FlightLog, kite: FlightModel, first: np.ndarray, steps: int, outputs, values=None) -> Observed:
     """Segments of `steps` samples that begin at samples `first` of the log, with starts from a local quadratic through the log.
 
     values: parameter name -> (K,) values that differ from segment to segment.
@@ -97,7 +98,7 @@ def observe(log, kite: Kite, first: np.ndarray, steps: int, outputs, values=None
     return Observed(segments, outputs, measured[rows], sigma[rows])
 
 
-def smooth_states(log) -> np.ndarray:
+def smooth_states(log: FlightLog) -> np.ndarray:
     """(N, 12) states of the log by a local quadratic in time: a start that is less noisy than one sample."""
     z = np.stack([np.unwrap(log[n]) if n in ANGLES else log[n] for n in STATES], axis=1)
     return local_quadratic(z, log.dt, SMOOTHING)

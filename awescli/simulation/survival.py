@@ -8,6 +8,7 @@ import numpy as np
 
 from awescli.control.law import Law, clamp, standardised_features
 from awescli.control.pattern import arc
+from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Range
 from awescli.notation.quantities import STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
@@ -29,7 +30,9 @@ STEP, HELD = np.radians(0.25), 1.0
 """[rad] size and [s] length of the random steps that measure the loop's gain: small enough that the kite keeps flying."""
 
 
-def flies(declaration: KiteDeclaration, law, log, wind_direction: float, seconds: float, within: tuple[Range, ...] | None = None) -> dict:
+def flies(
+    declaration: KiteDeclaration, law, log: FlightLog, wind_direction: float, seconds: float, within: tuple[Range, ...] | None = None
+) -> dict:
     """Survival time from several states of the log, path error against the log, and a named outcome.
 
     outcome: "flies" (the whole time from every state), "departs" (from some), "does_not_fly" (from none). A kite departs that diverges,
@@ -53,9 +56,11 @@ def flies(declaration: KiteDeclaration, law, log, wind_direction: float, seconds
     }  # fmt: skip
 
 
-def _prepared(declaration, law, log, wind_direction: float, steps: int, within, disturbed: bool = False) -> tuple[Simulator, Observed]:
+def _prepared(
+    declaration, law, log: FlightLog, wind_direction: float, steps: int, within, disturbed: bool = False
+) -> tuple[Simulator, Observed]:
     """The compiled loop, and segments of `steps` samples from STARTS states of the log."""
-    kite = Kite(with_setpoint_dynamics(declaration, law), log.wind.height)
+    kite = Kite(with_setpoint_dynamics(declaration, law), log.recorded_wind.height)
     simulator = Simulator(kite, (), law=loop(law, kite, wind_direction, disturbed))
     may = log.valid.copy()
     if within is not None:
@@ -69,7 +74,7 @@ def _prepared(declaration, law, log, wind_direction: float, steps: int, within, 
     return simulator, observe(log, kite, first, steps, ("p_n", "p_e", "p_d"))
 
 
-def _circles(law, log) -> bool:
+def _circles(law, log: FlightLog) -> bool:
     """Whether the log itself keeps to the law's circle: a figure of eight or a single cycle has none to leave."""
     pattern = getattr(law, "pattern", None)
     if pattern is None:
@@ -88,7 +93,7 @@ def samples_flown(trajectories: Trajectories, pattern=None) -> np.ndarray:
     return np.minimum(trajectories.alive, first_bad)
 
 
-def loop_gain(declaration: KiteDeclaration, law: Law, log, wind_direction: float, seconds: float = 20.0, seed: int = 0) -> dict:
+def loop_gain(declaration: KiteDeclaration, law: Law, log: FlightLog, wind_direction: float, seconds: float = 20.0, seed: int = 0) -> dict:
     """surface -> how far the closed loop moves the law's standardised features per rad of disturbance at that surface, or None.
 
     The largest ratio sup_t |x(t) - x_0(t)| / sup_t |d(t)| over STARTS flights of `seconds`, d random steps of STEP held for HELD seconds:
@@ -100,7 +105,7 @@ def loop_gain(declaration: KiteDeclaration, law: Law, log, wind_direction: float
     calm = simulator.rollout(replace(segments, setpoints=_others(segments.setpoints, law, {})))
     lasted = samples_flown(calm) > steps
 
-    def seen(trajectories: Trajectories, k: int) -> np.ndarray:
+    def seen(trajectories: Trajectories, k: int | np.intp) -> np.ndarray:
         z = {name: trajectories.states[k, :, i] for i, name in enumerate(STATES)}
         names = simulator.kite.input_names
         line = {n: segments.inputs[k, :, names.index(n)] for n in ("tether_length", "reel_out_speed") if n in names}
@@ -133,7 +138,7 @@ class Amplified:
         return driven | {s: clamp(t + self.factor * (driven[s] - t), *self.law.limits[s]) for s, t in self.trim.items()}
 
 
-def gain_margin(declaration: KiteDeclaration, law: Law, log, wind_direction: float, seconds: float = 20.0) -> dict:
+def gain_margin(declaration: KiteDeclaration, law: Law, log: FlightLog, wind_direction: float, seconds: float = 20.0) -> dict:
     """{"lower", "upper"}: the least and the greatest of the tried factors on the law's gain, each with all between it and 1, with which it
     flies `seconds` from every start; None where it does not even fly as it is. The answer about the mean flown set-point is amplified."""
     trim = {s: float(log.inputs[s][log.valid].mean()) for s in law.surfaces}

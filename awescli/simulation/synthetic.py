@@ -16,6 +16,7 @@ from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.notation.quantities import CONTROL_SURFACES, MEASURED, OF_LINE, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.flight_model import FlightModel
 from awescli.physics.kite import Kite, make_effect, surfaces_used
 from awescli.simulation.gusts import dryden, roll_gust
 from awescli.simulation.rollout import BODY_VELOCITY, Segments, Simulator, Trajectories, inputs_of
@@ -74,7 +75,7 @@ class Commanded:
     time: np.ndarray
     dt: float
     inputs: Mapping[str, np.ndarray]
-    wind: WindRecord
+    recorded_wind: WindRecord
     measured: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -145,7 +146,7 @@ def fly(
 
 
 def simulate_flight(
-    kite,
+    kite: FlightModel,
     law: Callable | None,
     wind: WindRecord,
     reel_out,
@@ -159,6 +160,7 @@ def simulate_flight(
     seed: int = 0,
     step: float = 0.005,
     begins: float = 0.0,
+    rates: Mapping[str, float] | None = None,
 ) -> Flown:
     """Simulate one long segment, up to its end or to where the kite departs.
 
@@ -167,17 +169,22 @@ def simulate_flight(
     a kite that flies free;
     start: (12,) states at t = 0, or None: the kite is put on the pattern at several phases and speeds `settle` seconds before t = 0,
     and the run that follows the pattern best is kept. seed: of the gusts; step: longest of RK4 [s]; begins: what the flight's
-    clock shows at t = 0 [s], for what drifts with it. pattern: what the kite must not stray from; without one only a kite that the numbers
+    clock shows at t = 0 [s], for what drifts with it; rates: of set-points and load at `start` (`rollout.rates_at`), behind which a lag
+    stands there; default zero: they were at rest. pattern: what the kite must not stray from; without one only a kite that the numbers
     or the ground end departs.
     """
     refuse_measured(kite.declaration)
     lead = int(round((settle if start is None else 0.0) / dt))
     samples = lead + int(round(duration / dt)) + 1
     time = (np.arange(samples) - lead) * dt
-    line = {} if kite.tether is None else dict(zip(("tether_length", "reel_out_speed"), reel_out.at(time), strict=True))
+    line: dict[str, np.ndarray] = {}
+    if kite.tether is not None:
+        line["tether_length"], line["reel_out_speed"] = reel_out.at(time)
     inputs = inputs_of(Commanded(time, dt, line, wind), kite)
     at = {n: i for i, n in enumerate(kite.input_names)}
     inputs[:, at["time"]] += begins
+    for name, value in (rates or {}).items():
+        inputs[0, at[name]] = value
     if start is None:
         if pattern is None:
             raise BadInput("without a start the kite needs a pattern to be put on")
@@ -258,14 +265,14 @@ def _last(flown: Trajectories, k: int, away: np.ndarray, height: np.ndarray, loo
     return int(np.argmax(gone)) if gone.any() else samples
 
 
-def circle_starts(pattern: Pattern, kite: Kite, inputs: np.ndarray, at: Mapping[str, int]) -> np.ndarray:
+def circle_starts(pattern: Pattern, kite: FlightModel, inputs: np.ndarray, at: Mapping[str, int]) -> np.ndarray:
     """(16, 12) states on the circle: 8 phases, 2 speeds over ground, flying along the circle with the belly to the winch."""
     length = inputs[at["tether_length"]] + kite.parameters["dl"].value
     wind = _mean_wind(kite, inputs, at)
     return np.array([_on_circle(pattern, length, phase, speed, wind) for speed in (32.0, 42.0) for phase in np.arange(8) * np.pi / 4])
 
 
-def _mean_wind(kite: Kite, inputs: np.ndarray, at: Mapping[str, int]) -> np.ndarray:
+def _mean_wind(kite: FlightModel, inputs: np.ndarray, at: Mapping[str, int]) -> np.ndarray:
     """(3,) wind NED [m/s] of the record's highest station at or below 200 m: near enough for a start."""
     below = [i for i, h in enumerate(kite.heights) if h <= 200.0] or [0]
     speed, direction = (inputs[at[f"wind_{kind}_{below[-1]}"]] for kind in ("speed", "direction"))

@@ -43,6 +43,7 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from awescli.notation.errors import BadInput
+from awescli.notation.present import present
 
 KITE_FILE = "kite.yaml"
 """The artifact by which a stage hands on a model: the kite's declaration with new values or effects."""
@@ -78,11 +79,11 @@ class Split(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    train: float = Field(0.5, gt=0, lt=1, description="share of loops that models are fitted to")
-    validation: float = Field(0.2, gt=0, lt=1, description="share of loops that choices are made on")
-    test: float = Field(0.3, gt=0, lt=1, description="share of loops that nothing is fitted to or chosen on")
+    train: float = Field(default=0.5, gt=0, lt=1, description="share of loops that models are fitted to")
+    validation: float = Field(default=0.2, gt=0, lt=1, description="share of loops that choices are made on")
+    test: float = Field(default=0.3, gt=0, lt=1, description="share of loops that nothing is fitted to or chosen on")
     order: Literal["balanced", "chronological", "interleaved"] = Field(
-        "balanced",
+        default="balanced",
         description="balanced: few stretches with alike ranges; chronological: train first, test last; interleaved: spread over the flight",
     )
 
@@ -117,6 +118,7 @@ class Progress(Protocol):
 
     def task(self, description: str, total: int | None = None) -> Task:
         """Begin a piece of work of `total` steps (None: not known). The one before counts as ended."""
+        ...
 
     def note(self, text: str) -> None:
         """One sentence the person should know: a choice made, something left out and why."""
@@ -218,12 +220,16 @@ class Context:
         """The folder of an upstream stage of `needs`; None if it is optional and has not run (or is out of date)."""
         return self.upstreams.get(stage)
 
+    def made_by(self, stage: str) -> Path:
+        """The folder of an upstream stage that has run. Raises LookupError where it has not; who may go on without it asks `upstream`."""
+        return present(self.upstream(stage), f"what {stage} leaves")
+
     def model_kite(self) -> Path:
         """The kite file of the newest model upstream: of the last stage in `needs` that hands one on, else the declared one.
 
         "Newest" is by the order of the stages table: trace-residual's where it has run since identify, else identify's.
         """
-        for folder in reversed(self.upstreams.values()):
+        for folder in reversed([*self.upstreams.values()]):
             if (kite := folder / KITE_FILE).is_file():
                 return kite
         return self.kite

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from awescli.artifacts import PROVENANCE, read_json
 from awescli.notation.errors import BadInput
@@ -35,9 +35,10 @@ class Difference:
     @property
     def change(self) -> float:
         """|b - a| / max(|a|, |b|): from 0 to 2; 2 also for words."""
-        if not (_is_number(self.a) and _is_number(self.b)):
+        a, b = self.a, self.b
+        if not (_is_number(a) and _is_number(b)):
             return 2.0
-        return abs(self.b - self.a) / max(abs(self.a), abs(self.b))
+        return abs(b - a) / max(abs(a), abs(b))
 
     @property
     def one_sided(self) -> bool:
@@ -143,10 +144,11 @@ def _errors(run: Path) -> dict[str, float]:
     scores = read_json(file, any_form=True) if file.is_file() else {}
     found = {}
     for model, block in scores.items() if isinstance(scores, dict) else ():
+        mean: Any = block
         for key in ("nrmse", "test", "mean"):
-            block = block.get(key) if isinstance(block, dict) else None
-        if _is_number(block):
-            found[model] = float(block)
+            mean = mean.get(key) if isinstance(mean, dict) else None
+        if _is_number(mean):
+            found[model] = float(mean)
     return found
 
 
@@ -185,5 +187,5 @@ def _name(entry: Any, place: int) -> str:
     return " ".join(known) or str(place)
 
 
-def _is_number(value: Value) -> bool:
+def _is_number(value: Value) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -85,7 +85,7 @@ def _model(
     fitted = {n: row for n, row in told.items() if n in values and abs(values[n].value - row["value"]) <= 1e-9 * abs(row["value"])}
     start, dt, longest, ranges = _flown(kite, log, split)
     made_from = {"awes": versions()["awes"], "model": label, "kite file": f"{file.name}, sha256 {file_hash(file)}"}
-    if law:
+    if law and controller:
         made_from["controller"] = f"{law.kind}, sha256 {file_hash(controller / 'controller.json')}"
     if label == "hybrid":
         learned = isinstance(kite, HybridKite)

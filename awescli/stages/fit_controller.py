@@ -26,7 +26,7 @@ class FitControllerConfig(StageConfig):
         "refuse", description="fewer loops than folds in the training part: an error, or folds of blocks of time, and said"
     )
     most_nonzeros: int = Field(79, ge=1, le=2000, description="most Gaussians the law may keep")
-    prove: float = Field(60.0, gt=0, le=600, description="seconds that the law must fly the declared model in closed loop")
+    closed_loop_time: float = Field(60.0, gt=0, le=600, description="seconds that the law must fly the declared model in closed loop")
     compare: bool = Field(False, description="fit all kinds, and the convex law, and report them in one table")
 
 
@@ -79,13 +79,13 @@ class FitController(Stage):
         def fly(law) -> float:
             """Choices are made by flights from states of the train and validation parts only."""
             task.update(f"flying a {law.kind} law of {len(law.features)} features")
-            return flies(kite, law, log, direction, config.prove, known)["share"]
+            return flies(kite, law, log, direction, config.closed_loop_time, known)["share"]
 
-        settings = config.model_dump(exclude={"prove"}) | {"seed": context.seed}
+        settings = config.model_dump(exclude={"closed_loop_time"}) | {"seed": context.seed}
         fitted = fit_controller(log, parts.train, parts.validation, ControllerConfig(**settings), fly)
         task.advance()
         task.update("flying it in closed loop")
-        proof = flies(kite, fitted.law, log, direction, config.prove)
+        proof = flies(kite, fitted.law, log, direction, config.closed_loop_time)
         task.advance()
         gains = loop_gain(kite, fitted.law, log, direction)
         gain = {s: g | {"plant_gain": gains[s]} for s, g in fitted.report.get("gain", {}).items()}

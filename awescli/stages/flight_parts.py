@@ -52,18 +52,19 @@ def driven_upstream(context: Context, declaration, log):
     from awescli.physics.kite import Kite
 
     driven, closes = closing_upstream(context, declaration, log)
-    return driven, closes(Kite(driven, log.wind.height))
+    return driven, closes(Kite(driven, log.recorded_wind.height))
 
 
 def closing_upstream(context: Context, declaration, log):
     """`driven_upstream` for whoever adds effects to the kite: (kite, function of a Kite that makes the law of its simulator)."""
-    if context.upstream("fit-controller") is None:
+    folder = context.upstream("fit-controller")
+    if folder is None:
         do = "Run awes fit-controller first, or set surfaces: recorded."
         raise BadInput("there is no fitted controller to close the loop with", do=do)
     from awescli.simulation.closed_loop import loop, with_setpoint_dynamics
     from awescli.stages.controller_artifact import read_controller, wind_direction
 
-    fitted = read_controller(context.upstream("fit-controller"))
+    fitted = read_controller(folder)
     direction = wind_direction(log)
     return with_setpoint_dynamics(declaration, fitted), lambda kite: loop(fitted, kite, direction)
 

@@ -50,8 +50,8 @@ def row(
         if powers:
             name, power = powers[-1]
             found["power"] = {"model": name, "error_share": power["error_share"], "interval_share": power["interval_share"]}
-        if (page := plan.out / EVALUATE / "report.html").is_file():
-            found["report"] = str(page)
+    if EVALUATE in results and (page := plan.out / EVALUATE / "report.html").is_file():
+        found["report"] = str(page)
     return found
 
 

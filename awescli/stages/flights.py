@@ -10,8 +10,8 @@ from awescli.notation.document import Document
 from awescli.notation.errors import BadInput, BadInputs
 
 FLIGHT, FLIGHTS, OUT = "flight", "flights", "out"
-TABLE, TABLE_JSON = "flights.csv", "flights.json"
-"""The table over flights, in the folder of all results, beside the folders of the flights."""
+TABLE, TABLE_JSON, PAGE = "flights.csv", "flights.json", "flights.html"
+"""The table over flights and its page, in the folder of all results, beside the folders of the flights."""
 
 
 def alone(document: Document, folder: Path, listed: Sequence[Path], out: Path, taken: Sequence[str]) -> dict[str, Document]:
@@ -64,7 +64,7 @@ def _refused(name: str, path: Path, where: str, before: dict[str, tuple[str, Pat
         # a flight.yaml with mistakes is a flight: its run is refused, and the others go on
         if not isinstance(e, BadInputs) and e.where == str(path):
             return BadInput(f"{path} is no flight: {e.what}", where, e.do)
-    if name.startswith(".") or not name or name in (*taken, TABLE, TABLE_JSON):
+    if name.startswith(".") or not name or name in (*taken, TABLE, TABLE_JSON, PAGE):
         return BadInput(f"a flight called '{name}' would have its results where awes keeps others", where, "Rename its folder.")
     for other, (_, theirs) in before.items():
         if other.casefold() == name.casefold():

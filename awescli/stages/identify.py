@@ -75,10 +75,13 @@ class Identify(Stage):
             nonlocal words
             words = f"start {i + 1} of {config.starts}, " if config.starts > 1 else ""
 
+        def on_iteration(horizon: float, i: int, cost: float) -> None:
+            task.advance()
+            task.update(f"{words}{horizon:g} s, iteration {i}: cost {cost:.6g}")
+
         fitted, problems, optima = fit_from_starts(
             flights, [h for h in config.curriculum if h < config.horizon], config.starts, context.seed, on_start=on_start,
-            per_flight=config.per_flight, prior=config.prior,
-            on_iteration=lambda h, i, cost: (task.advance(), task.update(f"{words}{h:g} s, iteration {i}: cost {cost:.6g}")),
+            per_flight=config.per_flight, prior=config.prior, on_iteration=on_iteration,
         )  # fmt: skip
         method = "filter error" if problems[0].processes else "output error"
         good = fitted.ended and better_than_declared(problems[0], fitted.flights[0], config.horizon, config.known_starts)
@@ -87,9 +90,10 @@ class Identify(Stage):
             context.progress.note(
                 "model error leaves the parameters little to say on this flight; they are fitted without it (output error)"
             )
+            words = "output error, "
             fitted, problems = fit_output_error(
                 flights, [h for h in config.curriculum if h < config.horizon], per_flight=config.per_flight, prior=config.prior,
-                on_iteration=lambda h, i, cost: (task.advance(), task.update(f"output error, {h:g} s, iteration {i}: cost {cost:.6g}")),
+                on_iteration=on_iteration,
             )  # fmt: skip
         flight_of, record = owners(flights, config.per_flight)
         answer = describe(fitted, record, flight_of)
@@ -143,7 +147,12 @@ def answer_lines(answer: dict, metrics: dict, kite_file) -> list[str]:
     seen, bounded = (sum(row[flag] for row in rows.values()) for flag in ("excited", "at_bound"))
     lines = [
         f"{metrics['outcome']}: {plural(len(rows), 'parameter')}, {seen} seen, {bounded} at a bound, chi-square {number(metrics['chi2'])}",
-        change(*(m["nrmse"]["test"]["mean"] for m in (metrics["initial"], metrics)), metrics["noise_floor"]["mean"], metrics["horizon_s"]),
+        change(
+            metrics["initial"]["nrmse"]["test"]["mean"],
+            metrics["nrmse"]["test"]["mean"],
+            metrics["noise_floor"]["mean"],
+            metrics["horizon_s"],
+        ),
     ]
     if moved := sorted((n for n in rows if rows[n]["excited"]), key=lambda n: -abs(rows[n]["shift_in_prior_std"]))[:2]:
         lines += [f"moved far: {n} {number(rows[n]['prior'])} -> {sized(rows[n])} (95 %)" for n in moved]
@@ -230,9 +239,7 @@ def scores(problem, fit, horizon: float, known_starts: bool = False) -> dict:
     from awescli.estimation.problem import levels_found
     from awescli.stages.flight_parts import score_parts
 
-    before, after = (
-        score_parts(s, problem.log, problem.split, horizon, known_starts) for s in (problem.simulator, held(problem, fit))
-    )
+    before, after = (score_parts(s, problem.log, problem.split, horizon, known_starts) for s in (problem.simulator, held(problem, fit)))
     return {"processes": levels_found(problem), "noise_factors": dict(problem.factors), "initial": before, **after}
 
 

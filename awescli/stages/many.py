@@ -1,20 +1,24 @@
 """A plan of many flights: the ordinary run of each, into a folder of its own, on several processes; one row of the table for each.
 
 Flights know nothing of each other. One that is refused, or has no answer, is a row that says so, and the others go on. A flight's folder is
-that of an ordinary run: what stands there is not made again, and a run that was interrupted goes on where it stopped.
+that of an ordinary run: what stands there is not made again, and a run that was interrupted goes on where it stopped; of a forced one,
+what had ended counts as done until all flights are over.
 """
 
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from awescli.artifacts import Journal, locked, write_json, write_text
 from awescli.notation.errors import AwesError, BadInput
 from awescli.stages.base import Stage
 from awescli.stages.flight_table import as_csv, as_written, row
-from awescli.stages.flights import TABLE, TABLE_JSON
+from awescli.stages.flights import PAGE, TABLE, TABLE_JSON
+from awescli.stages.forced import forget
 from awescli.stages.plan import Plan, Plans
 from awescli.stages.runner import Result, code_hash, run_plan
 from awescli.stages.workers import connected, outcomes, tell
@@ -60,10 +64,23 @@ def run_flights(
                     found = _fault(plans.by_flight[name], outcome) if isinstance(outcome, Exception) else outcome
                     rows[name] = as_written(found, plans.by_flight[name])
                     hear(name, {"row": rows[name]})
+            for plan in plans.by_flight.values():
+                forget(plan.out)
             table = [rows[name] for name in cases]
             write_json(plans.out / TABLE_JSON, {"plan": str(plans.file), "flights": table})
             write_text(plans.out / TABLE, as_csv(table))
+            write_text(plans.out / PAGE, _page(plans, table))
     return table
+
+
+def _page(plans: Plans, table: Sequence[Mapping[str, Any]]) -> str:
+    """flights.html, with links to the reports that stand beside it."""
+    from awescli.artifacts import versions
+    from awescli.reporting.many_flights import Flights, flights_page
+
+    kites = dict.fromkeys(plan.kite.name for plan in plans.by_flight.values())
+    reports = {row["flight"]: Path(os.path.relpath(row["report"], plans.out)).as_posix() for row in table if row["report"]}
+    return flights_page(Flights(table, reports, plans.file.name, ", ".join(kites), versions()["awes"]))
 
 
 def fly(name: str, case: tuple[Plan, tuple[Stage, ...], str | None, bool], say: Hear = tell) -> dict[str, Any]:
@@ -73,7 +90,7 @@ def fly(name: str, case: tuple[Plan, tuple[Stage, ...], str | None, bool], say: 
     told = _Told(name, say, Journal(plan.out))
     began, error = time.monotonic(), None
     try:
-        run_plan(plan, stages, begin=begin, force=force, progress=told, report=told.stage_event)
+        run_plan(plan, stages, begin=begin, force=force, progress=told, report=told.stage_event, among_many=True)
     except AwesError as e:
         error = e
         told.journal.write([f"error: {e}"])

@@ -120,12 +120,8 @@ def plan_model(stages: tuple[Stage, ...]) -> type[SharedSettings]:
     }
     table = create_model("Stages", __config__=ConfigDict(frozen=True, extra="forbid"), __doc__="Stage name -> its settings.", **fields)
     description = "stages that `awes run` runs, each with its settings ({} for defaults)"
-    return create_model(
-        "Plan",
-        __base__=SharedSettings,
-        __doc__="A plan of awes: stages.yaml.",
-        stages=(Annotated[table, nothing_means_defaults], Field(default_factory=table, description=description)),
-    )
+    known: dict[str, Any] = {"stages": (Annotated[table, nothing_means_defaults], Field(default_factory=table, description=description))}
+    return create_model("Plan", __base__=SharedSettings, __doc__="A plan of awes: stages.yaml.", **known)
 
 
 def read_plan(path: Path, stages: Sequence[Stage], overrides: Mapping[str, str] | None = None) -> Plan:

@@ -1,10 +1,12 @@
-"""The power curve of a plan's pumping cycles: every physical model of the ladder, in closed loop, over a range of winds."""
+"""The power curve of a plan's pumping cycles: every physical one of the nested models, in closed loop, over a range of winds."""
 
 import csv
 import io
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
+
+from awescli.notation.present import present
 
 FILE = "power_curve.csv"
 COLUMNS = ("wind_m_s", "mean_W", "low_W", "high_W", "flown", "draws")
@@ -34,7 +36,7 @@ def write_power_curve(context, config, log, fitted) -> dict[str, list[dict]]:
     from awescli.stages.simulate import in_wanted_wind, kite_to_fly
 
     asked = config.power_curve
-    winds = {speed: in_wanted_wind(log, config.wind.model_copy(update={"speed": speed})).wind for speed in asked.speeds}
+    winds = {speed: in_wanted_wind(log, config.wind.model_copy(update={"speed": speed})).recorded_wind for speed in asked.speeds}
     heights = next(iter(winds.values())).height
     models = [name for name in kite_files(context) if name != "hybrid"]
     task = context.progress.task("power curve", total=len(models))
@@ -43,9 +45,10 @@ def write_power_curve(context, config, log, fitted) -> dict[str, list[dict]]:
         task.update(model)
         _, kite = kite_to_fly(context, config.model_copy(update={"model": model}), heights, fitted)
         phases = pumping_phases(config.phases, log, kite, fitted)
+        circle = present(phases[0].pattern, "the circle of the first phase")
         pumping, known = Pumping.of(kite, phases, config.step), known_of(context, model, kite)
         curve[model] = power_curve(
-            pumping, winds, phases[0].pattern, known.draws(kite, asked.draws, context.seed), dt=log.dt, cycles=asked.cycles,
+            pumping, winds, circle, known.draws(kite, asked.draws, context.seed), dt=log.dt, cycles=asked.cycles,
             length=float(log["tether_length"].min()), longest=LONGEST * asked.cycles,
         )  # fmt: skip
         task.advance()

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from awescli.notation.errors import BadInput
+from awescli.notation.present import present
 
 Degrees = float
 
@@ -20,22 +21,24 @@ class Settings(BaseModel):
 class Circle(Settings):
     """The pattern that path_following flies in a phase."""
 
-    elevation: Degrees | None = Field(None, ge=0, le=90, description="of the centre, seen from the winch [deg]; default as the log flies")
-    azimuth: Degrees | None = Field(
-        None, ge=-360, le=360, description="of the centre, from north over east [deg]; default as the log flies"
+    elevation: Degrees | None = Field(
+        default=None, ge=0, le=90, description="of the centre, seen from the winch [deg]; default as the log flies"
     )
-    radius: float | None = Field(None, gt=1, le=1000, description="along the sphere [m]; default as the log flies")
+    azimuth: Degrees | None = Field(
+        default=None, ge=-360, le=360, description="of the centre, from north over east [deg]; default as the log flies"
+    )
+    radius: float | None = Field(default=None, gt=1, le=1000, description="along the sphere [m]; default as the log flies")
 
 
 class WinchLaw(Settings):
     """How fast the winch is asked to pay out: v + kv sqrt(load) + k (load above f_high - load below f_low)."""
 
-    v: float = Field(0.0, ge=-20, le=20, description="reel-out speed, negative inwards [m/s]")
-    kv: float = Field(0.0, ge=0, le=1, description="further speed per root of the load [m/s/sqrt(N)]")
-    k: float = Field(0.0, ge=0, le=0.1, description="further speed per load beyond a limit [m/s/N]")
-    f_low: float = Field(0.0, ge=0, le=1e6, description="load below which it reels in [N]")
-    f_high: float = Field(1e6, ge=0, le=1e6, description="load above which it pays out [N]")
-    tau: float = Field(0.3, ge=0.02, le=10, description="lag of the load that it answers [s]")
+    v: float = Field(default=0.0, ge=-20, le=20, description="reel-out speed, negative inwards [m/s]")
+    kv: float = Field(default=0.0, ge=0, le=1, description="further speed per root of the load [m/s/sqrt(N)]")
+    k: float = Field(default=0.0, ge=0, le=0.1, description="further speed per load beyond a limit [m/s/N]")
+    f_low: float = Field(default=0.0, ge=0, le=1e6, description="load below which it reels in [N]")
+    f_high: float = Field(default=1e6, ge=0, le=1e6, description="load above which it pays out [N]")
+    tau: float = Field(default=0.3, ge=0.02, le=10, description="lag of the load that it answers [s]")
 
     @model_validator(mode="after")
     def _limits_in_order(self):
@@ -47,14 +50,19 @@ class WinchLaw(Settings):
 class Limit(Settings):
     """A limit that a quantity passes upwards or downwards."""
 
-    above: float | None = Field(None, description="ends the phase where it comes to this from below")
-    below: float | None = Field(None, description="ends the phase where it comes to this from above")
+    above: float | None = Field(default=None, description="ends the phase where it comes to this from below")
+    below: float | None = Field(default=None, description="ends the phase where it comes to this from above")
 
     @model_validator(mode="after")
     def _one_way(self):
         if (self.above is None) == (self.below is None):
             raise ValueError("give above or below")
         return self
+
+    @property
+    def value(self) -> float:
+        """The limit itself."""
+        return present(self.below if self.above is None else self.above, "one of above and below")
 
 
 Ending = Literal["time_in_phase", "tether_length", "height", "elevation", "tension", "V_a"]
@@ -65,11 +73,13 @@ class PhaseConfig(Settings):
 
     name: Literal["traction", "transition", "retraction"] = Field(description="what it is")
     law: Literal["path_following", "controller"] = Field(
-        "path_following", description="who steers: a built-in law on the circle, or the fitted controller"
+        default="path_following", description="who steers: a built-in law on the circle, or the fitted controller"
     )
-    pattern: Circle = Field(Circle(), description="circle of path_following: elevation, azimuth, radius")
-    surfaces: dict[str, Degrees] = Field({}, description="surfaces held [deg], e.g. {elevator: 3, flaps: 0}; default as the log's median")
-    winch: WinchLaw = Field(WinchLaw(), description="winch law: v, kv, k, f_low, f_high, tau")
+    pattern: Circle = Field(default=Circle(), description="circle of path_following: elevation, azimuth, radius")
+    surfaces: dict[str, Degrees] = Field(
+        default={}, description="surfaces held [deg], e.g. {elevator: 3, flaps: 0}; default as the log's median"
+    )
+    winch: WinchLaw = Field(default=WinchLaw(), description="winch law: v, kv, k, f_low, f_high, tau")
     until: dict[Ending, Limit] = Field(
         min_length=1, description="what ends it, the first that is passed: {tether_length: {above: 400}}; m, s, N, m/s, deg"
     )
@@ -78,9 +88,9 @@ class PhaseConfig(Settings):
 class Drum(Settings):
     """The winch that follows its reference: lag and limits of `winch_tracking`."""
 
-    tau: float = Field(0.3, ge=0.02, le=3, description="lag [s]")
-    v_max: float = Field(10.0, gt=0, le=100, description="fastest line [m/s]")
-    a_max: float = Field(5.0, gt=0, le=100, description="torque over inertia [m/s2]")
+    tau: float = Field(default=0.3, ge=0.02, le=3, description="lag [s]")
+    v_max: float = Field(default=10.0, gt=0, le=100, description="fastest line [m/s]")
+    a_max: float = Field(default=5.0, gt=0, le=100, description="torque over inertia [m/s2]")
 
 
 def check_phases(phases: tuple[PhaseConfig, ...], declared, log) -> Iterator[tuple[str, BadInput]]:
@@ -103,15 +113,12 @@ def check_phases(phases: tuple[PhaseConfig, ...], declared, log) -> Iterator[tup
                 yield "phases", BadInput(f"phase {i + 1} ({phase.name}): time in a phase only grows", do="Use above.")
 
 
-def guards_of(until: Mapping[str, Limit]):
+def guards_of(until: Mapping[Ending, Limit]):
     """The guards of a phase, SI."""
     from awescli.simulation.switching import Guard
 
     scale = {"elevation": math.pi / 180}
-    return tuple(
-        Guard(name, scale.get(name, 1.0) * (limit.above if limit.above is not None else limit.below), limit.above is not None)
-        for name, limit in until.items()
-    )
+    return tuple(Guard(name, scale.get(name, 1.0) * limit.value, limit.above is not None) for name, limit in until.items())
 
 
 def laws_of(phases: tuple[PhaseConfig, ...], log, declaration, fitted):
@@ -133,7 +140,8 @@ def laws_of(phases: tuple[PhaseConfig, ...], log, declaration, fitted):
             yield Held(fitted, rest | held)
             continue
         circle = {n: v if n == "radius" else math.radians(v) for n, v in phase.pattern.model_dump().items() if v is not None}
-        yield Held(replace(follower, pattern=replace(follower.pattern, **circle)), held)
+        here = present(follower, "the law that flies a circle")
+        yield Held(replace(here, pattern=replace(here.pattern, **circle)), held)
 
 
 def pumping_phases(phases: tuple[PhaseConfig, ...], log, kite, fitted):
@@ -176,7 +184,8 @@ def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping, known=
     if known is not None and config.draws and config.cycles == pumped.done:
         kites = known.draws(kite, config.draws, how["seed"])
         flown = [pumping.fly(wind, cycles=config.cycles, **line, **how, values=values) for values in kites]
-        told |= {"mean_cycle_interval_W": band([mean_power(energies(f, names)[1]) for f in flown if f.ended]), "draws": config.draws}
+        means = [mean_power(energies(f, names)[1]) for f in flown if f.ended]
+        told |= {"mean_cycle_interval_W": band([w for w in means if w is not None]), "draws": config.draws}
         told["draws_flown"] = sum(f.ended is not None for f in flown)
     power = log["tension"] * log["reel_out_speed"] if "tension" in log else None
     measured = [float(power[a:b].mean()) for a, b in cycles(phases(log))] if power is not None else []
@@ -209,7 +218,7 @@ def told_of_cycles(pumped: Mapping) -> list[str]:
     for row in pumped["phases"]:
         if row["cycle"] <= whole:
             of.setdefault(row["phase"], []).append(row)
-    shares = ", ".join(f"{name} {mean_power(rows) / 1000:.3g}" for name, rows in of.items())
+    shares = ", ".join(f"{name} {(mean_power(rows) or 0.0) / 1000:.3g}" for name, rows in of.items())
     seconds = sum(row["to_s"] - row["from_s"] for row in pumped["cycles"]) / whole
     interval = pumped.get("mean_cycle_interval_W")
     between = " (90 %: {:.3g} to {:.3g})".format(*(w / 1000 for w in interval)) if interval else ""

@@ -34,7 +34,7 @@ from awescli.stages.base import FAILURE, Context, Inputs, Progress, Silent, Stag
 from awescli.stages.blas import blas, one_blas_thread
 from awescli.stages.changes import changes, flat
 from awescli.stages.checking import raise_all, refused, with_warning
-from awescli.stages.forced import Forced
+from awescli.stages.forced import Forced, forced_run
 from awescli.stages.inputs import input_hash, refuse_own_inputs
 from awescli.stages.made import made_hash, read_provenance
 from awescli.stages.plan import Plan
@@ -64,31 +64,23 @@ def run_plan(
     dry_run: bool = False,
     progress: Progress | None = None,
     report: Callable[[str, Result | str], None] | None = None,
+    among_many: bool = False,
 ) -> list[Result]:
     """Run the planned stages (or `only` those named), in the order of `stages`.
 
     begin: run this stage and all after it, changed or not, and leave those before it as they are; force: run all, changed or not;
     dry_run: decide only. report(stage, event) is called with the reason when a stage begins and with its Result when it is done.
     Artifacts appear stage by stage, so whatever stops this function, the stages done before it are finished. After an interruption the same
-    call goes on, a forced one too: stages that it has finished stand, the one that it was in begins at its last checkpoint.
+    call goes on, a forced one too: stages that it has finished stand, the one that it was in begins at its last checkpoint. among_many: the
+    flight is one of many; what is forced of it counts as done until all are over (`forced.forget`).
     """
     names = _chosen(plan, stages, only, begin)
     refuse_own_inputs(plan, stages, names)
     run = _Run(plan, {s.name: s for s in stages}, progress or Silent(), report or (lambda stage, event: None), begin, force)
     if dry_run:
         return [run.dry(name) for name in names]
-    with locked(plan.out):
-        run.forced = Forced.begin(plan.out, names, force, begin)
-        try:
-            results = [run.one(name) for name in names]
-        except Exception:
-            # an interruption is no Exception: its mark stays
-            if run.forced is not None:
-                run.forced.end()
-            raise
-        if run.forced is not None:
-            run.forced.end()
-        return results
+    with locked(plan.out), forced_run(plan.out, names, force, begin, among_many) as run.forced:
+        return [run.one(name) for name in names]
 
 
 def drawn(plan: Plan, stages: Sequence[Stage], name: str, progress: Progress | None = None) -> Iterable[tuple[str, str | bytes]]:

@@ -23,39 +23,48 @@ class Wind(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    speed: float | None = Field(None, ge=0, le=60, description="speed at `height` [m/s]; default as recorded")
-    direction: float | None = Field(None, ge=-360, le=360, description="where it comes from [deg]; default as recorded")
-    height: float = Field(10.0, gt=0, le=1000, description="where it has that speed [m]")
-    shear: float = Field(1 / 7, ge=-1, le=1, description="exponent of the power law over height [-]")
+    speed: float | None = Field(default=None, ge=0, le=60, description="speed at `height` [m/s]; default as recorded")
+    direction: float | None = Field(default=None, ge=-360, le=360, description="where it comes from [deg]; default as recorded")
+    height: float = Field(default=10.0, gt=0, le=1000, description="where it has that speed [m]")
+    shear: float = Field(default=1 / 7, ge=-1, le=1, description="exponent of the power law over height [-]")
 
 
 class SimulateConfig(StageConfig):
     """Settings of simulate."""
 
     surfaces: Literal["controller", "recorded", "path_following"] = Field(
-        "controller", description="who moves the surfaces: the fitted controller, the log, or a built-in law that follows the flown circle"
+        default="controller",
+        description="who moves the surfaces: the fitted controller, the log, or a built-in law that follows the flown circle",
     )
-    model: Literal["newest", "initial", "identified", "with_effects", "hybrid"] = Field("newest", description="which model flies")
-    effects: dict[str, dict[str, float]] = Field({}, description="effects switched on, e.g. {actuator_lag:rudder: {tau: 0.2}}")
-    wind: Wind = Field(Wind(), description="wind of one's own: speed, direction, height, shear; default as recorded")
+    model: Literal["newest", "initial", "identified", "with_effects", "hybrid"] = Field(default="newest", description="which model flies")
+    effects: dict[str, dict[str, float]] = Field(default={}, description="effects switched on, e.g. {actuator_lag:rudder: {tau: 0.2}}")
+    wind: Wind = Field(default=Wind(), description="wind of one's own: speed, direction, height, shear; default as recorded")
     start: float | None = Field(
-        None, ge=0, description="where in the flight it sets out [s]; default where the longest test stretch begins"
+        default=None,
+        ge=0,
+        description="where in the flight it sets out [s], from the states, set-points and their rates there; default where the longest "
+        "test stretch begins",
     )
-    duration: float = Field(60.0, ge=0.5, le=LONGEST, description="how long it flies [s]; beyond the log winch and wind go on as they were")
+    duration: float = Field(
+        default=60.0, ge=0.5, le=LONGEST, description="how long it flies [s]; beyond the log winch and wind go on as they were"
+    )
     phases: tuple[PhaseConfig, ...] = Field(
-        (), description="phases of a pumping cycle, flown in this order again and again: name, law, pattern, surfaces, winch, until"
+        default=(), description="phases of a pumping cycle, flown in this order again and again: name, law, pattern, surfaces, winch, until"
     )
-    cycles: int | None = Field(None, ge=1, le=1000, description="pumping cycles it flies; default as many as `duration` holds")
+    cycles: int | None = Field(default=None, ge=1, le=1000, description="pumping cycles it flies; default as many as `duration` holds")
     draws: int = Field(
-        12, ge=0, le=1000, description="kites drawn from what is known of the parameters, for the interval of the mean cycle power; 0: none"
+        default=12,
+        ge=0,
+        le=1000,
+        description="kites drawn from what is known of the parameters, for the interval of the mean cycle power; 0: none",
     )
-    drum: Drum = Field(Drum(), description="the winch of pumping cycles: tau, v_max, a_max")
+    drum: Drum = Field(default=Drum(), description="the winch of pumping cycles: tau, v_max, a_max")
     power_curve: PowerCurve | None = Field(
-        None, description="mean cycle power against wind speed, of every physical model: {speeds: [6, 8, 10], draws: 12, cycles: 3}"
+        default=None, description="mean cycle power against wind speed, of every physical model: {speeds: [6, 8, 10], draws: 12, cycles: 3}"
     )
-    noise: bool = Field(True, description="add the kite file's sensor noise to the written log")
-    seed: int | None = Field(None, ge=0, description="seed of noise and turbulence; default the plan's")
-    step: float = Field(0.01, ge=1e-4, le=0.02, description="longest step of the integration [s]")
+    noise: bool = Field(default=True, description="add the kite file's sensor noise to the written log")
+    seed: int | None = Field(default=None, ge=0, description="seed of noise and turbulence; default the plan's")
+    step: float = Field(default=0.01, ge=1e-4, le=0.02, description="longest step of the integration [s]")
 
     @model_validator(mode="after")
     def _phases_can_be_flown(self):
@@ -107,7 +116,7 @@ class Simulate(Stage):
         from awescli.flightlog.kitemill_csv import to_kitemill_csv
         from awescli.flightlog.plausible_units import YEARS
         from awescli.simulation.free_flight import compared, side_by_side
-        from awescli.simulation.rollout import setpoints_of
+        from awescli.simulation.rollout import rates_at, setpoints_of
         from awescli.simulation.segments import smooth_states
         from awescli.simulation.synthetic import EPOCH, LoggedReelOut, as_recorded, simulate_flight
         from awescli.stages.controller_artifact import read_controller
@@ -119,8 +128,8 @@ class Simulate(Stage):
         log, parts = flight_parts(context)
         log = in_wanted_wind(log, config.wind)
         first = max(parts.test, key=lambda r: r[1] - r[0])[0] if config.start is None else int(round(config.start / log.dt))
-        fitted = read_controller(context.upstream("fit-controller")) if steered_by_controller(config) else None
-        model, kite = kite_to_fly(context, config, log.wind.height, fitted)
+        fitted = read_controller(context.made_by("fit-controller")) if steered_by_controller(config) else None
+        model, kite = kite_to_fly(context, config, log.recorded_wind.height, fitted)
         duration = config.duration
         if config.surfaces == "recorded" and not config.phases:
             duration = min(duration, (len(log) - 1 - first) * log.dt)
@@ -128,11 +137,11 @@ class Simulate(Stage):
             duration = min(CYCLE * config.cycles, LONGEST)
         samples = int(round(duration / log.dt)) + 1
         recorded = setpoints_of(log)[[min(first + k, len(log) - 1) for k in range(samples)]]
-        wind = replace(log.wind, time=log.wind.time - log.time[first])
+        wind = replace(log.recorded_wind, time=log.recorded_wind.time - log.time[first])
         seed = context.seed if config.seed is None else config.seed
         context.progress.task(f"flying {duration:g} s, {model}")
         how = {"duration": duration, "dt": log.dt, "start": smooth_states(log)[first], "seed": seed}
-        how["begins"] = float(log.time[first])
+        how |= {"begins": float(log.time[first]), "rates": rates_at(log, kite, first)}
         if config.phases:
             known = known_of(context, model, kite)
             flown, pumped = fly_phases(config, log, first, kite, fitted, wind, how, known)

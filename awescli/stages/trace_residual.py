@@ -64,11 +64,11 @@ class TraceResidual(Stage):
         from awescli.simulation.closed_loop import with_what_was_found
         from awescli.stages.flight_parts import predicted, scores_of
         from awescli.stages.handed_on import traced_params, with_sources
-        from awescli.tracing.account import account, residual_arrays
         from awescli.tracing.flight import trace_flight
+        from awescli.tracing.summary import residual_arrays, summary
 
         declared = read_kite(context.kite)
-        identified = read_kite(context.upstream("identify") / KITE_FILE)
+        identified = read_kite(context.made_by("identify") / KITE_FILE)
         task = context.progress.task("tracing the residual")
 
         def progress(text):
@@ -76,7 +76,7 @@ class TraceResidual(Stage):
             task.update(text)
 
         # the prior is what the user declared; the search starts from what identify found
-        handed_on = read_json(context.upstream("identify") / "metrics.json")
+        handed_on = read_json(context.made_by("identify") / "metrics.json")
         surfaces = surfaces_of(context, config.surfaces)
         began = {"start": {n: p.value for n, p in identified.table().items()}, **begun(handed_on, config.horizon, surfaces)}
         closed = surfaces == "controller"
@@ -92,14 +92,14 @@ class TraceResidual(Stage):
         before = predicted(models["before"], log, parts, config.horizon)
         after = before if finding.model is finding.null else predicted(models["after"], log, parts, config.horizon)
         predictions = {"before": before, "after": after}
-        effects = account(finding, log, config.horizon, *(p["test"] for p in predictions.values()))
+        effects = summary(finding, log, config.horizon, *(p["test"] for p in predictions.values()))
         effects["kinematics"] = kinematics(log)
         for seen in effects["kinematics"]:
             context.progress.note(f"Kinematics alone: {seen['sentence']}.")
         effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), models, predictions, config.horizon)
         scores = {which: scores_of(p, config.horizon) for which, p in predictions.items()}
         testable = finding.verdict != "not_testable"
-        params = traced_params(finding.model, effects) if testable else read_json(context.upstream("identify") / "params.json")
+        params = traced_params(finding.model, effects) if testable else read_json(context.made_by("identify") / "params.json")
         found = with_what_was_found(finding.declaration(), driven, declared)
         kite = with_sources(found, params, log.name) if testable else identified
         write_json(context.folder / "effects.json", effects)

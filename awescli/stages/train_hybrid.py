@@ -1,6 +1,6 @@
 """train-hybrid: let a small network learn what the physics leaves, through the rollout (Rositani section 5)."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
@@ -12,7 +12,8 @@ CHECKPOINT = "training-{}.npz"
 """In the stage's scratch, one for each network; `State.to_arrays`."""
 
 
-TORCHDIFFEQ = ("rk4_classical", "euler", "midpoint", "heun2", "heun3", "dopri8", "dopri5", "bosh3", "fehlberg2", "adaptive_heun")
+Torchdiffeq = Literal["rk4_classical", "euler", "midpoint", "heun2", "heun3", "dopri8", "dopri5", "bosh3", "fehlberg2", "adaptive_heun"]
+TORCHDIFFEQ: tuple[str, ...] = get_args(Torchdiffeq)
 """Solvers of `hybrid_torch.solver_names()`, which only torch could tell; rk4_classical has the tableau of rk4."""
 
 
@@ -38,7 +39,7 @@ class TrainHybridConfig(HandedOnConfig):
     )
     gate: bool = Field(True, description="keep a correction only where validation proves it, else where validation falls at all (Rositani)")
     fade: bool = Field(True, description="the correction fades outside the states it was trained on; else it acts everywhere (Rositani)")
-    solver: Literal["rk4", *TORCHDIFFEQ] = Field(
+    solver: Literal["rk4"] | Torchdiffeq = Field(
         "rk4", description="rk4: compiled, exact adjoint; the others: torchdiffeq and autograd, slow"
     )
     batch: int = Field(32, ge=8, description="segments per Adam step")
@@ -100,7 +101,7 @@ class TrainHybrid(Stage):
         if closed and config.solver != "rk4":
             raise replays_only(config.solver)
         driven, law = closed_loop(context, declaration, log, closed)
-        kite, in_loop = (Kite(d, log.wind.height) for d in (declaration, driven))
+        kite, in_loop = (Kite(d, log.recorded_wind.height) for d in (declaration, driven))
         chosen = {k: v for k, v in config.model_dump().items() if k != "inputs" and k in TrainingConfig.__annotations__}
         chosen |= {"horizons": horizons_within(context, config, log, parts), "known_starts": config.known_starts}
         chosen |= {"keep_drifting": config.drifting == "keep", "by_range": config.weights == "range"}
@@ -114,9 +115,14 @@ class TrainHybrid(Stage):
             return State.from_arrays(read_arrays(file, "awes train-hybrid --force"), where=str(file)) if file.is_file() else None
 
         task = context.progress.task("training")
+
+        def progress(text: str, cost: float) -> None:
+            task.advance()
+            task.update(f"{text}, training {cost:.4g}")
+
         ensemble = train_ensemble(
             in_loop, log, parts.train, parts.validation, settings, config.members,
-            lambda text, cost: (task.advance(), task.update(f"{text}, training {cost:.4g}")), law=law, resume=resume,
+            progress, law=law, resume=resume,
             checkpoint=lambda member, state: write_arrays(saved(member), state.to_arrays()),
         )  # fmt: skip
         best = ensemble.best
@@ -164,7 +170,7 @@ class TrainHybrid(Stage):
             "outside its box": metrics["outside_box_test"], "seconds of training": round(best.metrics["seconds"], 1),
             ANSWER: [
                 f"{best.outcome}: {best.metrics['sentence']}",
-                change(*(m["nrmse"]["test"]["mean"] for m in (before, after)), after["noise_floor"]["mean"], horizon),
+                change(before["nrmse"]["test"]["mean"], after["nrmse"]["test"]["mean"], after["noise_floor"]["mean"], horizon),
             ],
         }  # fmt: skip
 

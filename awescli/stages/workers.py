@@ -6,7 +6,7 @@ given to another one. It pickles between our own processes only; nothing that is
 
 import os
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import Any
@@ -30,7 +30,7 @@ def connected(workers: int, scheduler: str | None = None) -> Iterator[Any]:
         yield None
         return
     try:
-        import dask
+        from dask import config
         from distributed import Client, LocalCluster
     except ImportError:
         what = "several processes need Dask, which is not installed"
@@ -51,7 +51,7 @@ def connected(workers: int, scheduler: str | None = None) -> Iterator[Any]:
         "distributed.worker.preload": [__name__],
     }
     with (
-        dask.config.set(settings),
+        config.set(settings),
         # a flight takes the memory that it takes: a share of the machine's each is no limit of ours
         LocalCluster(n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address="127.0.0.1:0", silence_logs=50) as cluster,
         Client(cluster) as client,
@@ -67,7 +67,7 @@ def dask_setup(worker: Any) -> None:
 
 def outcomes(
     client: Any, work: Work, todo: Mapping[str, Any], hear: Callable[[str, Any], None] | None = None
-) -> Iterator[tuple[str, Any | Exception]]:
+) -> Generator[tuple[str, Any | Exception], None, None]:
     """(name, what `work(name, case)` gave back or raised), as they end. client: of `connected`; hear(name, message): called, in the thread
     that asks for outcomes, with what the work has told by `tell`. Left early, what still runs is asked to stop.
     """

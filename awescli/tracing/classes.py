@@ -1,4 +1,4 @@
-"""Classes: which effects a flight cannot tell from one that was accepted, raced or not.
+"""Classes: which effects a flight cannot tell from one that was accepted, beaten or not.
 
 At the solution, what the candidates and all free parameters would do stands in one information matrix. With x the strengths of an effect A
 and J the information that is left when the other free parameters have absorbed what they can, B in the place of A would leave a deviance of
@@ -32,11 +32,11 @@ class Rival:
 
 
 def rivals(
-    frame: Frame, final: FittedModel, keys: Sequence[str], gains: Mapping[str, float], raced: Sequence[str] = (),
+    frame: Frame, final: FittedModel, keys: Sequence[str], gains: Mapping[str, float], beaten: Sequence[str] = (),
     criteria: Criteria = CRITERIA, progress: Callable[[str], None] = lambda text: None,
 ) -> dict[str, tuple[Rival, ...]]:  # fmt: skip
     """Accepted effect -> what the flights cannot tell from it, nearest first. gains: of the accepted effects (`Search.gains`), which say
-    how far they must lead; raced: effects that have lost to it by their own fit and need not be tried again."""
+    how far they must lead; beaten: effects that have lost to it by their own fit and need not be tried again."""
     others = [k for k in keys if k not in final.keys]
     every = [v for key in others for v in variants(make_effect(key, frame.declared))]
     columns = CandidateColumns(every)
@@ -44,7 +44,7 @@ def rivals(
     found = {}
     for key in final.keys:
         near = _near(final, key, every, columns, H)
-        near = [s for s in near if s.drop < criteria.in_reach(criteria.look_alike, gains[key]) and s.key not in raced]
+        near = [s for s in near if s.drop < criteria.in_reach(criteria.look_alike, gains[key]) and s.key not in beaten]
         tried = []
         for s in near[: criteria.competitors]:
             progress(f"fitting {s.key} instead of {key}")

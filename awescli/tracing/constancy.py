@@ -27,7 +27,7 @@ def steadiness(model: FittedModel) -> float:
     for fit, place in zip(model.fit.flights, model.fit.places, strict=True):
         strengths = [i for i, name in enumerate(fit.names) if name in model.strengths]
         prior = [replace(model.fit.prior[model.fit.names[i]], name=name) for i, name in zip(place, fit.names, strict=True)]
-        if strengths and len(fit.heard) > FEWEST:
+        if strengths and len(fit.counted) > FEWEST:
             found.append(float(stats.chi2.sf(_gain(fit, strengths, prior), len(strengths))))
     return min(found)
 
@@ -38,7 +38,7 @@ def _gain(fit: Fit, strengths: Sequence[int], prior: Sequence[Parameter]) -> flo
     precision = np.array([1 / p.prior_std**2 for p in prior])
     pull = precision * np.array([p.value - fit.parameters[p.name].value for p in prior])
     late = 2 * (begins - begins.min()) / max(float(np.ptp(begins)), 1e-9) - 1
-    info = misfit.eliminated(_grown(fit.gram, strengths, late), fit.own, fit.heard)
+    info = misfit.eliminated(_grown(fit.gram, strengths, late), fit.own, fit.counted)
     H, b = info.H.copy(), info.b.copy()
     H[:n, :n] += np.diag(precision)
     absorbed = np.linalg.solve(H[:n, :n], H[:n, n:])

@@ -27,7 +27,7 @@ class Suspect:
 class Evidence:
     """search: of the library; bare: the declared model without model error; model: the answer, the declared model where there is none;
     rest: what it leaves; rivals: accepted effect -> what the flight cannot tell from it; suspects: effects that a parameter at its bound
-    stands for; bank: the search of empirical terms, None where there was no reason for it; gusts: group -> level [m/s] beside the answer;
+    stands for; empirical: the search of empirical terms, None where nothing asked for it; gusts: group -> level [m/s] beside the answer;
     gusts_repeat: how much of them repeats from loop to loop, None where there are none or too few loops; steadiness: of the answer
     (`constancy.steadiness`).
 
@@ -41,7 +41,7 @@ class Evidence:
     rest: Rest
     rivals: Mapping[str, Sequence[Rival]] = field(default_factory=dict)
     suspects: tuple[Suspect, ...] = ()
-    bank: Search | None = None
+    empirical: Search | None = None
     gusts: Mapping[str, float] = field(default_factory=dict)
     gusts_repeat: Repetition | None = None
     steadiness: float = 1.0
@@ -52,10 +52,10 @@ class Evidence:
     def empirical_lead(self) -> float:
         """Deviance by which as few or fewer empirical terms (one at least) lead the answer, each name more than they have terms counted as
         `decisive`; 0 where none do."""
-        if self.bank is None or not self.bank.final.keys:
+        if self.empirical is None or not self.empirical.final.keys:
             return 0.0
-        more = max(len(self.model.keys), 1) - len(self.bank.final.keys)
-        return max(self.model.deviance - self.bank.final.deviance + CRITERIA.decisive * more, 0.0) if more >= 0 else 0.0
+        more = max(len(self.model.keys), 1) - len(self.empirical.final.keys)
+        return max(self.model.deviance - self.empirical.final.deviance + CRITERIA.decisive * more, 0.0) if more >= 0 else 0.0
 
     @property
     def outdone(self) -> float:
@@ -63,7 +63,7 @@ class Evidence:
         its gain on some loops only; 0 where none does."""
         last = next((r for r in reversed(self.search.rounds) if r.accepted), None)
         gains = {t.key: t.gain for t in last.contenders} if last and self.model.keys else {}
-        if len(gains) < 2 or last.accepted not in gains:
+        if last is None or len(gains) < 2 or last.accepted not in gains:
             return 0.0
         return max(max(gains.values()) - gains[last.accepted], 0.0)
 

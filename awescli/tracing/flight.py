@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 
 from awescli.estimation.prediction import predict
+from awescli.flightlog.log import FlightLog
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 from awescli.tracing.criteria import CRITERIA
@@ -15,7 +16,7 @@ CURRICULUM = (1.0, 2.5)
 
 def trace_flight(
     declared: KiteDeclaration,
-    log,
+    log: FlightLog,
     parts,
     *,
     horizon: float = 5.0,

@@ -7,6 +7,7 @@ import numpy as np
 
 from awescli.estimation.processes.base import Group
 from awescli.estimation.processes.roll_gusts import RollGusts as RollGustProcess
+from awescli.flightlog.log import FlightLog
 from awescli.notation.quantities import SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
@@ -27,7 +28,7 @@ from awescli.tracing.when import InFlight, in_flights
 ROLL_GUSTS = RollGustProcess.name
 STILL = 1e-3
 """[rad] a surface that moves less than this over a flight does not move."""
-BANK_ROUNDS, BANK_COMPETITORS = 3, 3
+EMPIRICAL_ROUNDS, EMPIRICAL_FINALISTS = 3, 3
 """Empirical terms at most, and how many are fitted in a round: what they are called matters less than that there is one."""
 
 
@@ -121,12 +122,12 @@ def investigate(
         evidence = replace(evidence, suspects=suspects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
     windy = max(evidence.gusts.values(), default=0.0) > criteria.gusty
-    terms = bank_keys(frame.declared, moving(frame.flights[0].log))
-    if led_by_something(frame, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:
+    terms = term_keys(frame.declared, moving(frame.flights[0].log))
+    if lacks_terms(frame, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:
         progress("weighing empirical terms")
-        most = len(evidence.model.keys) if sufficient else BANK_ROUNDS
-        few = replace(criteria, competitors=BANK_COMPETITORS)
-        evidence = replace(evidence, bank=search(frame, null, terms, rounds=most, criteria=few, progress=progress))
+        most = len(evidence.model.keys) if sufficient else EMPIRICAL_ROUNDS
+        few = replace(criteria, competitors=EMPIRICAL_FINALISTS)
+        evidence = replace(evidence, empirical=search(frame, null, terms, rounds=most, criteria=few, progress=progress))
     return _finding(frame, evidence, criteria)
 
 
@@ -136,8 +137,8 @@ def _finding(frame: Frame, evidence: Evidence, criteria: Criteria) -> Finding:
     handed_on = evidence.search.null
     if answer in ("found", "cannot_tell") and evidence.model.keys:
         handed_on = evidence.model
-    elif answer == "unexplained" and evidence.bank is not None and evidence.bank.final.keys:
-        handed_on = evidence.bank.final
+    elif answer == "unexplained" and evidence.empirical is not None and evidence.empirical.final.keys:
+        handed_on = evidence.empirical.final
     roll = _roll_gusts(frame, evidence.search.null) if answer == "not_deterministic" and evidence.gusts else None
     odds = probabilities(evidence, answer, criteria)
     implausible = _implausible(frame, evidence, criteria)
@@ -151,11 +152,11 @@ def _since(frame: Frame, evidence: Evidence, answer: str, criteria: Criteria) ->
     if answer in ("found", "cannot_tell") and model.keys:
         return in_flights(frame, null, model, criteria)
     nearest = evidence.search.rounds[0].contenders[:1] if answer == "unexplained" and evidence.search.rounds else []
-    found = [in_flights(frame, null, t.model, criteria) for t in nearest if t.gain > criteria.decisive]
+    found = [in_flights(frame, null, t.fitted, criteria) for t in nearest if t.gain > criteria.decisive]
     return next((flights for flights in found if any(f.onset for f in flights)), ())
 
 
-def led_by_something(frame: Frame, model: FittedModel, terms: Sequence[str], criteria: Criteria = CRITERIA) -> bool:
+def lacks_terms(frame: Frame, model: FittedModel, terms: Sequence[str], criteria: Criteria = CRITERIA) -> bool:
     """May empirical terms lead a model with effects? Not where none adds anything to it, to first order: a term that says the truth better
     than the model adds to it what it lacks. Of a model that needs model error to fly that cannot be said."""
     return bool(model.keys) and (bool(model.rest) or any(s.drop >= criteria.empirical for s in screen(frame, model, terms).scores))
@@ -167,7 +168,7 @@ def _implausible(frame: Frame, evidence: Evidence, criteria: Criteria) -> tuple[
     lead = evidence.search.null.deviance - evidence.model.deviance if evidence.model.keys else 0.0
     first = evidence.search.rounds[0].contenders if evidence.search.rounds else []
     found = [t for t in first if not t.plausible and t.gain > max(lead, criteria.decisive)]
-    return tuple((t, fit_beyond(frame, t.model, t.score.moving).light()) for t in found[:1])
+    return tuple((t, fit_beyond(frame, t.fitted, t.score.moving).light()) for t in found[:1])
 
 
 def _roll_gusts(frame: Frame, null: FittedModel, criteria: Criteria = CRITERIA) -> RollGusts | None:
@@ -223,12 +224,12 @@ def suspects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Cri
     return tuple(sorted(found, key=lambda s: -s.gain)[:2])
 
 
-def moving(log) -> list[str]:
+def moving(log: FlightLog) -> list[str]:
     """Surfaces that move on a log."""
     return [s for s in SURFACES if s in log.inputs and np.ptp(log.inputs[s]) > STILL]
 
 
-def library_keys(declared: KiteDeclaration, log, wanted: Sequence[str] | None = None) -> list[str]:
+def library_keys(declared: KiteDeclaration, log: FlightLog, wanted: Sequence[str] | None = None) -> list[str]:
     """Keys of the effects to try on a log: those asked for, else all that it could show. Raises BadInput for an unknown one."""
     if wanted is None:
         return candidates(declared, list(log.measured), moving(log))
@@ -237,7 +238,7 @@ def library_keys(declared: KiteDeclaration, log, wanted: Sequence[str] | None = 
     return [k for k in wanted if k not in declared.effects]
 
 
-def bank_keys(declared: KiteDeclaration, surfaces: Sequence[str]) -> list[str]:
+def term_keys(declared: KiteDeclaration, surfaces: Sequence[str]) -> list[str]:
     """The empirical terms that a flight could show and a kite could fly with: every channel times every feature, surfaces only where they
     move, nothing that has to be read from a log."""
     still = set(SURFACES) - set(surfaces)

@@ -19,7 +19,7 @@ from awescli.physics.kite import Kite, make_effect
 from awescli.simulation.rollout import Simulator
 
 QUICK = (2, 2.0)
-"""Rounds of levels and tolerance [deviance] of a fit that tells candidates apart, with the tilt (`laplace.tilt`) of the model before ..."""
+"""Rounds of levels and tolerance [deviance] of a fit that tells candidates apart, with the slope of the model before (`laplace`) ..."""
 WHOLE = (5, 0.2)
 """... and of one that is fitted to the end."""
 
@@ -237,7 +237,7 @@ def _validation(fitted: JointFit, judged: Sequence[Fit]) -> tuple[np.ndarray, np
 def by_segment(f: Fit) -> np.ndarray:
     """Deviance of every segment; that of one that diverged is its price."""
     found = np.full(len(f.alive), DIVERGED_COST * float(f.misfit.observed.measured[0].size))
-    found[f.heard] = (f.information.deviance + f.misfit.log_noise)[f.heard]
+    found[f.counted] = (f.information.deviance + f.misfit.log_noise)[f.counted]
     found[~f.flies] = DIVERGED_COST * float(f.misfit.observed.measured[0].size)
     return found
 
@@ -331,7 +331,7 @@ def _fitted(
     frame: Frame, base: FittedModel, keys, strengths, values: Mapping[str, float], how, alone: bool = False, beyond: Sequence[str] = ()
 ) -> FittedModel:
     rounds, tolerance = how
-    problems, tables, owns, tilts = [], [], [], []
+    problems, tables, owns, slopes = [], [], [], []
     for raw, before, fitted in zip(frame.problems(keys), base.problems, base.fit.flights, strict=True):
         prior = raw.prior.with_rows(_unbounded(raw.prior[n]) for n in beyond if n in raw.prior)
         simulator = raw.simulator.holding(prior)
@@ -345,9 +345,9 @@ def _fitted(
         problems.append(problem)
         tables.append(table)
         owns.append(problem.misfit().carried(fitted.own, fitted.misfit))
-        was = dict(zip(fitted.names, fitted.tilt, strict=True))
-        tilts.append(np.array([was.get(n, 0.0) for n in names]) if how is QUICK else None)
-    found = fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, owns=owns, tilts=tilts)
+        was = dict(zip(fitted.names, fitted.slope, strict=True))
+        slopes.append(np.array([was.get(n, 0.0) for n in names]) if how is QUICK else None)
+    found = fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, owns=owns, slopes=slopes)
     return FittedModel.of(keys, strengths, *found)
 
 
@@ -381,5 +381,5 @@ def judge(problem: EstimationProblem, table: ParameterTable, before: Fit | None 
     misfit = Misfit(simulator, problem.validation, problem.names, problem.processes)
     links, trajectories = misfit.links(table.vector(problem.names), found.own)
     gram = links.gram()
-    heard = np.flatnonzero(trajectories.alive > misfit.observed.segments.steps)
-    return replace(found, misfit=misfit, links=links, gram=gram, information=misfit.eliminated(gram, found.own, heard), heard=heard)
+    counted = np.flatnonzero(trajectories.alive > misfit.observed.segments.steps)
+    return replace(found, misfit=misfit, links=links, gram=gram, information=misfit.eliminated(gram, found.own, counted), counted=counted)

@@ -5,6 +5,7 @@ from scipy.signal import welch
 
 from awescli.estimation.prediction import Prediction, predict
 from awescli.flightlog.clocks import clock_offset
+from awescli.flightlog.log import FlightLog
 from awescli.flightlog.phases import range_rate
 from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.frames import dot, rotate_back
@@ -21,7 +22,7 @@ RATE_WINDOW = 0.3
 """[s] window of the local quadratic that gives angular accelerations."""
 
 
-def residual_study(simulator: Simulator, log, parts, loops, ahead: Prediction, horizon: float) -> tuple[dict, dict]:
+def residual_study(simulator: Simulator, log: FlightLog, parts, loops, ahead: Prediction, horizon: float) -> tuple[dict, dict]:
     """(summary for effects.json, arrays for residuals.npz) of one model on the whole flight. ahead: its prediction of the test loops,
     `horizon` seconds long.
 
@@ -41,7 +42,7 @@ def residual_study(simulator: Simulator, log, parts, loops, ahead: Prediction, h
     return {"equation_error": forces, "innovation": on_test, "loop_averaged_share": share, "clock": _clock(log)}, arrays
 
 
-def equation_error(simulator: Simulator, log) -> tuple[dict, dict]:
+def equation_error(simulator: Simulator, log: FlightLog) -> tuple[dict, dict]:
     """Force and moment that the log shows and the model does not, at the (smoothed) measured states: (RMS by component, series).
 
     Force: M a - f, with the measured acceleration where the log has one, else from the velocity, and what moves with the kite in M
@@ -115,7 +116,7 @@ def spectra(short: Prediction) -> tuple[np.ndarray, dict]:
     return frequency, power
 
 
-def _clock(log) -> dict | None:
+def _clock(log: FlightLog) -> dict | None:
     """Winch clock against the onboard one, from range rate and reel-out speed; None where it cannot be seen."""
     if "reel_out_speed" not in log:
         return None

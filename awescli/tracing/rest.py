@@ -77,10 +77,10 @@ def channels_of(model: FittedModel) -> dict[str, float]:
     included: 1 is noise alone. Of several flights the mean, by their samples."""
     squares, samples = {}, {}
     for judged, place in zip(model.judged, model.fit.places, strict=True):
-        if not len(judged.heard):
+        if not len(judged.counted):
             continue
         count = float(judged.information.dof.sum())
-        factors = noise_factors(judged.misfit, judged.information, judged.links, judged.heard, change=model.step[place])
+        factors = noise_factors(judged.misfit, judged.information, judged.links, judged.counted, change=model.step[place])
         for name, factor in factors.items():
             squares[name] = squares.get(name, 0.0) + count * factor**2
             samples[name] = samples.get(name, 0.0) + count
@@ -140,9 +140,9 @@ def _path(model: FittedModel, label: tuple[str, str]) -> tuple[np.ndarray, np.nd
         at = [i for i, own in enumerate(f.misfit.labels) if own == label]
         if not at:
             continue
-        nodes = f.misfit.observed.segments.first[f.heard][:, None] + f.misfit.nodes
+        nodes = f.misfit.observed.segments.first[f.counted][:, None] + f.misfit.nodes
         samples.append(nodes.ravel())
-        values.append(f.own.path[f.heard][..., at[0]].ravel())
+        values.append(f.own.path[f.counted][..., at[0]].ravel())
     return np.concatenate(samples), np.concatenate(values)
 
 

@@ -140,8 +140,8 @@ def _says(
     misfit, x = short.misfit(), table.vector(problem.names)
     own = relaxed(misfit, x, misfit.own())
     links, trajectories = misfit.links(x, own, (*misfit.names, *columns.names), lambda own: columns.further(misfit, x, own))
-    heard = np.flatnonzero(trajectories.alive > misfit.observed.segments.steps)
-    info = misfit.eliminated(links.gram(), own, heard)
+    counted = np.flatnonzero(trajectories.alive > misfit.observed.segments.steps)
+    info = misfit.eliminated(links.gram(), own, counted)
     return info.H, info.b
 
 

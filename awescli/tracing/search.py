@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from awescli.notation.present import present
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.models import FittedModel, Frame, fit_added, fit_on, fit_swapped, fit_without
@@ -36,6 +37,11 @@ class Tried:
     @property
     def key(self) -> str:
         return self.score.key
+
+    @property
+    def fitted(self) -> FittedModel:
+        """The fit of a candidate that was fitted."""
+        return present(self.model, f"the fit of {self.key}")
 
 
 CROWD = 2
@@ -194,13 +200,13 @@ def _best(
     frame: Frame, here: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress
 ) -> tuple[FittedModel | None, tuple[Tried, ...]]:
     """(the likeliest model of those that are admissible, fitted to the end, shapes included; what was tried, with those that were)."""
-    runners = sorted((t for t in tried if t.model is not None and t.plausible), key=lambda t: -t.gain)
-    runners = [t for t in runners if t.gain > criteria.decisive]
-    finalists = [t for t in runners if t.gain > runners[0].gain - criteria.in_reach(criteria.finalists, runners[0].gain)]
+    leaders = sorted((t for t in tried if t.model is not None and t.plausible), key=lambda t: -t.gain)
+    leaders = [t for t in leaders if t.gain > criteria.decisive]
+    finalists = [t for t in leaders if t.gain > leaders[0].gain - criteria.in_reach(criteria.finalists, leaders[0].gain)]
     finished = {}
     for t in finalists[: criteria.competitors]:
         progress(f"fitting with {t.key} to the end")
-        finished[t.key] = refined(frame, fit_on(frame, t.model), criteria)
+        finished[t.key] = refined(frame, fit_on(frame, t.fitted), criteria)
     best = [m for m in finished.values() if admissible(here, m, criteria) and plausible(m, m.keys[-1])]
     tried = tuple(
         replace(t, model=m.light(), gain=here.deviance - m.deviance, plausible=plausible(m, t.key)) if (m := finished.get(t.key)) else t
@@ -258,7 +264,7 @@ def _revisited(frame: Frame, final: FittedModel, record: list[Round], criteria: 
         r = record[i]
         lead = r.contenders[0].gain if r.contenders else 0.0
         others = [t for t in r.contenders if t.key not in final.keys and t.gain > lead / 2][:3]
-        tried = [fit_swapped(frame, final, r.accepted, t.model) for t in others]
+        tried = [fit_swapped(frame, final, r.accepted, t.fitted) for t in others]
         best = min([final, *tried], key=lambda m: m.deviance)
         if best is not final:
             record[i] = replace(r, accepted=best.keys[final.keys.index(r.accepted)])

@@ -96,7 +96,7 @@ def table(evidence: Evidence, criteria: Criteria = CRITERIA) -> tuple[Criterion,
 def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     null = e.search.null
     lost = 1 - null.flies / null.segments
-    ratio = e.null_error / e.identified_error if e.identified_error else None
+    ratio = e.null_error / e.identified_error if e.null_error is not None and e.identified_error else None
     return (
         Criterion(
             "null_flew",

@@ -1,6 +1,6 @@
 """The reference, read off the code: one function a page, Markdown out. Nothing here is written twice, so nothing can be out of date.
 
-    python docs/make/reference.py effects      prints one page
+python docs/make/reference.py effects      prints one page
 """
 
 import ast
@@ -28,7 +28,7 @@ from awescli.stages import STAGES
 from awescli.stages.base import Inputs, Split
 from awescli.stages.plan import SharedSettings
 from awescli.tracing import criteria, verdict
-from awescli.tracing.account import SENTENCES
+from awescli.tracing.summary import SENTENCES
 
 ROOT = Path(__file__).parents[2]
 MADE = "*This page is read off the code while the site is built.*"
@@ -120,13 +120,14 @@ def artifacts() -> str:
     """What each stage leaves, and what its JSON holds."""
     pieces = [
         "Every stage has a folder in `out`, which appears whole or not at all. JSON is strict (no NaN), with the version of its form under "
-        "`form`; more keys than these may stand in a file.",
+        "`version`. More keys than these may stand in a file. Units are in brackets, `[-]` for a number without one; NRMSE is the root "
+        "mean square error over the range of the measured channel.",
         table(("stage", "leaves"), [(s.name, ", ".join(f"`{name}`" for name in s.makes)) for s in STAGES]),
     ]
     for name, form in FORMS.items():
         pieces += [f"## {name}", f"Version {form.version} of its form.", *sections(form.model, level=3)]
-    rows = [(f"`{file}`", ", ".join(f"`{array}`" for array in arrays)) for file, arrays in ARRAYS.items()]
-    pieces += ["## Arrays", table(("file", "arrays (`*`: a channel)"), rows)]
+    for file, arrays in ARRAYS.items():
+        pieces += [f"## {file}", table(("array (`*`: a channel)", "what it is"), [(f"`{name}`", a.means) for name, a in arrays.items()])]
     return page("Artifacts", *pieces)
 
 

@@ -12,8 +12,8 @@ from awescli.flightlog.loops import find_loops
 from awescli.flightlog.read import read_flight
 from awescli.flightlog.split import split
 from awescli.physics.declaration import read_kite
-from awescli.tracing.account import account
 from awescli.tracing.flight import trace_flight
+from awescli.tracing.summary import summary
 
 ROOT = Path(__file__).parents[2]
 FLIGHTS = ROOT.parent / "shared" / "flights" / "dev"
@@ -57,7 +57,7 @@ def traced(request, tmp_path_factory):
     parts = split(find_loops(log), log=log)
     finding = trace_flight(read_kite(kite), log, parts)
     before, after = (predict(model, log, parts.test, 5.0) for model in (finding.before(), finding.after()))
-    return request.param, account(finding, log, 5.0, before, after)
+    return request.param, summary(finding, log, 5.0, before, after)
 
 
 def test_the_verdict_and_the_name_are_right(traced):

@@ -8,7 +8,7 @@ from kites import DEVELOPMENT, flight
 
 from awescli.estimation import laplace
 from awescli.estimation.fit import fit
-from awescli.estimation.laplace import estimates, shrunk, tilt
+from awescli.estimation.laplace import estimates, log_det_gradient, shrunk
 from awescli.estimation.problem import build, simulator_of
 from awescli.estimation.processes.gusts import Gusts, mean_airspeed
 from awescli.estimation.processes.roll_gusts import RollGusts
@@ -73,12 +73,12 @@ def test_the_tilt_is_the_gradient_of_the_log_determinant(problem):
     own = best(x)
     links, _ = misfit.links(x, own)
     gram = links.gram()
-    tilts = estimates(misfit, x, own, links, gram, every, misfit.eliminated(gram, own, every).samples(24, seed=0))
-    chance, seen = tilts.std(axis=0) / np.sqrt(len(tilts)), 0
+    log_det_gradients = estimates(misfit, x, own, links, gram, every, misfit.eliminated(gram, own, every).samples(24, seed=0))
+    chance, seen = log_det_gradients.std(axis=0) / np.sqrt(len(log_det_gradients)), 0
     for i, name in enumerate(names):
         e = np.eye(len(names))[i] * 2e-3 * abs(x[i])
         slope = -(log_det(x + e) - log_det(x - e)) / (4 * e[i])
-        assert abs(tilts[:, i].mean() - slope) < 3 * chance[i] + 0.2 * abs(slope), name
+        assert abs(log_det_gradients[:, i].mean() - slope) < 3 * chance[i] + 0.2 * abs(slope), name
         seen += abs(slope) > 3 * chance[i]
     assert seen >= 2
 
@@ -101,7 +101,9 @@ def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
     def size(b):
         return float((((vectors.T @ (scale * b))[known]) ** 2 / values[known]).sum()) / known.sum()
 
-    assert size(info.b) > 8 and size(info.b + tilt(misfit, x, own, links, gram, info, every, 1 / scale**2, 2)) < size(info.b) / 4
+    assert (
+        size(info.b) > 8 and size(info.b + log_det_gradient(misfit, x, own, links, gram, info, every, 1 / scale**2, 2)) < size(info.b) / 4
+    )
 
 
 def test_a_probe_that_ends_in_no_number_says_nothing(problem, monkeypatch):
@@ -117,7 +119,7 @@ def test_a_probe_that_ends_in_no_number_says_nothing(problem, monkeypatch):
     info = misfit.eliminated(gram, own, every)
     for broken in (np.inf, np.nan):
         monkeypatch.setattr(laplace, "estimates", lambda *given, broken=broken: np.array([[broken, 1.0], [1.0, 1.0]]))
-        assert np.array_equal(tilt(misfit, x, own, links, gram, info, every, np.ones(2), 2), np.zeros(2)), broken
+        assert np.array_equal(log_det_gradient(misfit, x, own, links, gram, info, every, np.ones(2), 2), np.zeros(2)), broken
 
 
 def test_estimates_that_contradict_each_other_say_nothing():

@@ -53,8 +53,8 @@ def levelled(misfit: Misfit, table, rounds: int = 5):
     own, factors = None, {}
     for _ in range(rounds):
         found = fit(misfit, table, prior=False, own=own, tolerance=0.1)
-        processes, _ = relevelled(misfit, found.gram, found.own, found.heard)
-        factors = noise_factors(found.misfit, found.information, found.links, found.heard)
+        processes, _ = relevelled(misfit, found.gram, found.own, found.counted)
+        factors = noise_factors(found.misfit, found.information, found.links, found.counted)
         new = misfit.with_processes(processes)
         misfit, own = new, new.carried(found.own, misfit)
     return {g.name: g.level for p in misfit.processes for g in p.groups}, factors
@@ -98,7 +98,7 @@ def test_noise_is_estimated_beside_a_process(simulator, observed, kite):
     measured = flown.measured.copy()
     measured[..., at] += flown.measured[..., at] - truth.measured[..., at]
     found = fit(Misfit(simulator, replace(observed, measured=measured), (), loose.processes), kite.parameters, prior=False, tolerance=0.1)
-    factors = noise_factors(found.misfit, found.information, found.links, found.heard)
+    factors = noise_factors(found.misfit, found.information, found.links, found.counted)
     assert factors["q"] == pytest.approx(2.0, rel=0.06)
     assert max(abs(f - 1) for n, f in factors.items() if n != "q") < 0.1
 
@@ -111,7 +111,7 @@ def test_a_group_that_is_worth_nothing_goes_alone(simulator, observed, kite):
     both = wandering(("force_z", 0.5), ("moment_x", 0.1))
     misfit = Misfit(simulator, replace(observed, measured=flown.measured), (), (both,))
     found = fit(misfit, kite.parameters, prior=False, tolerance=0.1)
-    (kept,), gain = relevelled(misfit, found.gram, found.own, found.heard)
+    (kept,), gain = relevelled(misfit, found.gram, found.own, found.counted)
     assert kept.levels["moment_x"] == 0.0 and kept.levels["force_z"] == pytest.approx(1.0, rel=0.3) and gain > 0
 
 

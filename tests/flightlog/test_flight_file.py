@@ -99,7 +99,7 @@ signals:
   tension: {column: lod, unit: deg}
   rudder: {column: rudder, unit: degg}
   V_a: {column: airspeed}
-believe: [load]
+unchecked: [load]
 wnid: {}
 """
 

@@ -7,7 +7,9 @@ import long_logs
 import numpy as np
 import polars as pl
 import pytest
-from long_logs import FAULTS, clean_of_faults, flight, hard_to_use, spoil, try_one
+from long_logs import clean_of_faults, try_one
+from long_logs_faults import FAULTS, gaps, hard_to_use, spoil, stuck, zeros
+from long_logs_flight import flight
 
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.quality import data_quality
@@ -54,7 +56,7 @@ def test_all_faults_at_once(rate):
 def test_the_judge_sees_what_a_careless_reader_would_do(tmp_path, clean):
     """Bridging every gap and believing every sensor is not good: the judge would say so."""
     log, label = clean
-    frame, wind, faulty = spoil(log, [long_logs.gaps, long_logs.stuck, long_logs.zeros], 5)
+    frame, wind, faulty = spoil(log, [gaps, stuck, zeros], 5)
     read = read_flight(written(tmp_path, frame, wind))
     careless = type(read)(read.name, read.start, read.dt, read.time, read.measured, read.inputs, np.ones(len(read), bool), read.wind)
     found = long_logs.judge(log, label, faulty, careless)
@@ -62,7 +64,7 @@ def test_the_judge_sees_what_a_careless_reader_would_do(tmp_path, clean):
 
 
 def test_what_is_left_out_is_told_with_its_reason(tmp_path, clean):
-    frame, wind, _ = spoil(hard_to_use(*clean), [long_logs.gaps, long_logs.stuck], 1)
+    frame, wind, _ = spoil(hard_to_use(*clean), [gaps, stuck], 1)
     log = read_flight(written(tmp_path, frame, wind))
     quality = data_quality(log)
     assert quality.left_out["invalid: gap"] == pytest.approx(0.45 + 1.95 + 11.95, abs=0.2)

@@ -22,7 +22,7 @@ from awescli.simulation import synthetic
 from awescli.simulation.campaign_flights import dev_like, perturbed
 from awescli.simulation.gusts import dryden, roll_corner, roll_gust
 from awescli.simulation.made_wind import wind_record
-from awescli.simulation.rollout import Simulator
+from awescli.simulation.rollout import Simulator, rates_at
 from awescli.simulation.segments import observe
 from awescli.simulation.synthetic import ReelOut, fly, with_effects
 from awescli.stages import STAGES
@@ -200,6 +200,52 @@ def test_gusts_are_crossed_at_the_airspeed_of_the_kite_that_flies(speed, monkeyp
     fly(with_effects(DEVELOPMENT, {"turbulence": {"sigma": 0.5}}), law.setpoints, wind, ReelOut(260.0), **how)
     assert crossed == [pytest.approx(still["V_a"].mean(), rel=1e-6)]
     assert abs(crossed[0] - 40.0) > 1.0
+
+
+@pytest.mark.parametrize("effect", [{"actuator_lag:rudder": {"tau": 0.3}}, {"actuator_delay:rudder": {"tau": 0.2}}])
+def test_a_flight_that_sets_out_in_the_middle_goes_on_as_it_was(flight, effect):
+    """A surface that lags a moving set-point stands behind it where a flight sets out too; it used to begin at the set-point, as if that
+    had been at rest. The set-point moves steadily, so that where the surface stands is known from its rate."""
+    log, steps, middle = flight.log, 150, 110
+    kite = Kite(with_effects(DEVELOPMENT, effect), log.wind.height)
+    rudder = 0.02 * np.arange(steps + 1) * log.dt
+    setpoints = np.zeros((steps + 1, len(SURFACES))) + [log[n][0] if n in log.inputs else 0.0 for n in SURFACES]
+    setpoints[:, SURFACES.index("rudder")] += rudder
+    still = wind_record(log.wind.height, 9.0 + 0.0 * log.wind.height, 0.5, 100.0)
+    length, speed = float(log["tether_length"][0]), 0.5
+
+    def flown(begin: int, start: np.ndarray, rates=None) -> synthetic.Flown:
+        return synthetic.simulate_flight(
+            kite, None, still, ReelOut(length + speed * begin * log.dt, speed), pattern=None, duration=(steps - begin) * log.dt,
+            dt=log.dt, start=start, setpoints=setpoints[begin:], rates=rates,
+        )  # fmt: skip
+
+    start = np.array([log[n][0] for n in STATES])
+    whole = flown(0, start, {"rudder_rate": 0.02})
+    state = np.array([whole.outputs[n][middle] for n in STATES])
+    rest, at_rest = flown(middle, state, {"rudder_rate": 0.02}), flown(middle, state)
+    off, without = (np.abs(f.outputs["r"] - whole.outputs["r"][middle:]).max() for f in (rest, at_rest))
+    # set-points are held for a sample, so that they run half a sample behind the line
+    (tau,) = next(iter(effect.values())).values()
+    assert off < log.dt / tau * without and without > 1e-3
+
+
+def test_simulate_begins_with_the_rates_of_the_measured_flight(tmp_path):
+    """The stage hands them on: of a flight that sets out while the rudder moves, not of one at rest."""
+    seen = []
+    true = synthetic.simulate_flight
+
+    def watched(*args, rates=None, **how):
+        seen.append(rates)
+        return true(*args, rates=rates, **how)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(synthetic, "simulate_flight", watched)
+        simulate(tmp_path, surfaces="recorded", start="20.0", duration="1.0")
+    log = read_flight(DATA / "km1_demo")
+    kite = Kite(read_kite(DATA / "kites" / "km1_identified.yaml"), log.wind.height)
+    told = rates_at(log, kite, int(round(20.0 / log.dt)))
+    assert seen == [told] and told["rudder_rate"] != 0.0 and told["tension_rate"] != 0.0
 
 
 def test_a_term_that_reads_the_log_is_not_flown_without_one():

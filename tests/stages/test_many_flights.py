@@ -5,7 +5,7 @@ import json
 import re
 
 import pytest
-from stages.dummy_stages import DUMMIES, awes, make_folder
+from stages.dummy_stages import DUMMIES, Fit, awes, make_folder
 
 from awescli.notation.errors import BadInput
 from awescli.stages.plan import read_plan, read_plans
@@ -46,6 +46,14 @@ def test_every_flight_has_an_ordinary_run_of_its_own(folder, workers):
             assert (folder / "out" / "b" / file.relative_to(folder / "alone")).read_bytes() == file.read_bytes()
     again = awes("run", *SERIAL)
     assert {row["stages"]["identify"] for row in table(folder).values()} == {"unchanged"} and again.exit_code == 0
+
+
+def test_a_page_stands_beside_the_table_and_links_to_the_reports_that_there_are(folder):
+    result = awes("run", *SERIAL, "--set", "evaluate.report=true")
+    assert result.exit_code == 0 and "flights.html" in result.stdout
+    page = (folder / "out" / "flights.html").read_text()
+    links = re.findall(r'<a href="\./([^"]*)"', page)
+    assert links == [f"{name}/evaluate/report.html" for name in "abc"] and all((folder / "out" / link).is_file() for link in links)
 
 
 def test_what_has_changed_is_run_again_and_nothing_else(folder):
@@ -102,6 +110,59 @@ def test_an_interruption_ends_all_and_the_next_start_goes_on(folder):
     assert result.exit_code == 130 and "interrupted" in result.stderr and not (folder / "out" / "flights.json").exists()
     done = awes("run", "--workers", "0")
     assert done.exit_code == 0 and [row["status"] for row in table(folder).values()] == ["done"] * 3
+
+
+@pytest.mark.parametrize("how", [("--force",), ("--from", "identify")])
+def test_a_forced_run_that_was_interrupted_forces_no_flight_twice(folder, how, monkeypatch):
+    """Flights that had ended before the interruption were forced again. Then the run is over, and the same command a new one; an
+    ordinary run in between gives the forced one up."""
+    assert awes("run", *SERIAL).exit_code == 0
+    flown, ordinary = [], Fit.run
+
+    def ctrl_c_at(name):
+        def run(self, context, config):
+            if context.flight.name == name:
+                raise KeyboardInterrupt
+            flown.append(context.flight.name)
+            return ordinary(self, context, config)
+
+        flown.clear()
+        monkeypatch.setattr(Fit, "run", run)
+
+    def statuses():
+        return [row["stages"]["identify"] for row in table(folder).values()]
+
+    ctrl_c_at("b")
+    assert awes("run", *SERIAL, *how).exit_code == 130 and flown == ["a"]
+    ctrl_c_at("c")
+    assert awes("run", *SERIAL, *how).exit_code == 130 and flown == ["b"]
+    ctrl_c_at("")
+    assert awes("run", *SERIAL, *how).exit_code == 0 and flown == ["c"] and statuses() == ["unchanged", "unchanged", "ran"]
+    ctrl_c_at("")
+    assert awes("run", *SERIAL, *how).exit_code == 0 and flown == ["a", "b", "c"] and statuses() == ["ran"] * 3
+    ctrl_c_at("b")
+    assert awes("run", *SERIAL, *how).exit_code == 130
+    ctrl_c_at("")
+    assert awes("run", *SERIAL).exit_code == 0 and flown == []
+    assert awes("run", *SERIAL, *how).exit_code == 0 and flown == ["a", "b", "c"]
+
+
+def test_a_flight_without_an_answer_is_not_forced_twice_either(folder, monkeypatch):
+    """It has ended: its stages that had run stand, the answer is the same."""
+    settings = ("--set", "identify.end=no answer", "--force")
+    flown, ordinary = [], Fit.run
+
+    def run(self, context, config):
+        if context.flight.name == "c" and flown.count("a") == 1 and len(flown) == 2:
+            raise KeyboardInterrupt
+        flown.append(context.flight.name)
+        return ordinary(self, context, config)
+
+    monkeypatch.setattr(Fit, "run", run)
+    assert awes("run", *SERIAL, *settings).exit_code == 130
+    flown.append("again")
+    assert awes("run", *SERIAL, *settings).exit_code == 3 and flown == ["a", "b", "again", "c"]
+    assert [row["status"] for row in table(folder).values()] == ["no answer"] * 3
 
 
 def test_dry_run_and_check_write_nothing(folder):

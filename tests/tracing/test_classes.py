@@ -1,4 +1,4 @@
-"""What a flight cannot tell apart is said to be so, whether or not it was raced."""
+"""What a flight cannot tell apart is said to be so, whether or not it was beaten."""
 
 import pytest
 from kites import DEVELOPMENT
@@ -25,7 +25,7 @@ def test_a_heavier_kite_and_a_load_cell_that_reads_high_are_one_flight():
     both = account["probability"]
     named = finding.evidence.model.keys[0]
     assert 0.2 < both[named] < 0.9 and sum(both.get(k, 0.0) for k in TWINS) > 0.9
-    # a twin that was never raced is found all the same
+    # a twin that was never beaten is found all the same
     found = rivals(finding.frame, finding.evidence.model, TWINS, finding.evidence.search.gains)
     assert [r.key for r in found[named]] == [k for k in TWINS if k != named]
     assert found[named][0].lag == pytest.approx(0.0, abs=10.0)

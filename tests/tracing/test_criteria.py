@@ -14,6 +14,6 @@ def test_what_explains_much_must_lead_by_a_share_of_it():
 
 
 def test_what_may_win_is_fitted_to_the_end():
-    """Guards a race that ends before its runners do: whoever is within twice the lead that is asked runs on."""
+    """Guards a race that ends before its leaders do: whoever is within twice the lead that is asked runs on."""
     assert CRITERIA.in_reach(CRITERIA.finalists, 100.0) == CRITERIA.finalists
     assert CRITERIA.in_reach(CRITERIA.finalists, 2423.0) > 2423.0 - 2378.0

@@ -27,7 +27,7 @@ def fitted(gain: float, flies: int = SEGMENTS):
 BASE, FAILED, LOST, GOOD = fitted(0.0), fitted(-23.0), fitted(30.0, flies=3), fitted(40.0)
 
 
-def raced(monkeypatch, ends, to_the_end=lambda frame, model: model):
+def beaten(monkeypatch, ends, to_the_end=lambda frame, model: model):
     """(what the round says of its one significant candidate, (share, alone) of every start). ends: of its fits, in their order; to_the_end:
     what becomes of one that is fitted further."""
     begun, ends = [], iter(ends)
@@ -49,7 +49,7 @@ def raced(monkeypatch, ends, to_the_end=lambda frame, model: model):
 @pytest.mark.parametrize("ends", [[GOOD], [FAILED, GOOD], [FAILED, LOST, GOOD]])
 def test_a_fit_that_fails_is_begun_elsewhere(monkeypatch, ends):
     """Guards A4: a fit that ends far above the model without the effect, or loses a segment, has failed, and the next start is tried."""
-    found, begun = raced(monkeypatch, ends)
+    found, begun = beaten(monkeypatch, ends)
     assert begun == list(STARTS[: len(ends)]) and len(set(STARTS)) == 3
     assert found.outcome == "converged" and found.gain == 40.0
 
@@ -57,15 +57,15 @@ def test_a_fit_that_fails_is_begun_elsewhere(monkeypatch, ends):
 def test_a_quick_fit_that_goes_astray_is_fitted_to_the_end(monkeypatch):
     """Guards a clean flight in gusts (JSBSim) against "a candidate's fit failed": the quick fit of a mass ended 19 above the model
     without it, and was no worse when it was fitted to the end. One that has lost a segment is not worth it."""
-    found, begun = raced(monkeypatch, [FAILED], lambda frame, model: GOOD)
+    found, begun = beaten(monkeypatch, [FAILED], lambda frame, model: GOOD)
     assert begun == [STARTS[0]] and found.outcome == "converged" and found.gain == 40.0
-    found, _ = raced(monkeypatch, [LOST, LOST, LOST], lambda frame, model: GOOD)
+    found, _ = beaten(monkeypatch, [LOST, LOST, LOST], lambda frame, model: GOOD)
     assert found.outcome == "failed"
 
 
 def test_a_significant_candidate_that_stays_failed_is_not_forgotten(monkeypatch):
     """Guards A4's other half: its name stands in `failed`, which forbids `none` (test_verdict.py)."""
-    found, begun = raced(monkeypatch, [FAILED, FAILED, LOST])
+    found, begun = beaten(monkeypatch, [FAILED, FAILED, LOST])
     assert begun == list(STARTS) and found.significant and found.outcome == "failed" and found.model is None
     record = searching.Round(BASE, (found,), "", ())
     assert Search(BASE, BASE, (record,)).failed == ("pitch_curvature",)

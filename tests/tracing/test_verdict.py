@@ -202,8 +202,8 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("all_candidates_fitted", {}, {"failed": ("pitch_curvature",)}),
         ("no_parameter_hides_it", {}, {"suspects": (Suspect("surface_bias:yaw", "Cndr", 9.0, GOOD),)}),
         (
-            "no_better_empirical_term", {"answer": GOOD, "bank": Search(NULL_MODEL, model(891.0, ("custom_term:f_x*beta",)), ())},
-            {"answer": GOOD, "bank": Search(NULL_MODEL, model(889.0, ("custom_term:f_x*beta",)), ())},
+            "no_better_empirical_term", {"answer": GOOD, "empirical": Search(NULL_MODEL, model(891.0, ("custom_term:f_x*beta",)), ())},
+            {"answer": GOOD, "empirical": Search(NULL_MODEL, model(889.0, ("custom_term:f_x*beta",)), ())},
         ),
         ("effect_leads", {"answer": GOOD, "beside": 109.0}, {"answer": GOOD, "beside": 111.0}),
         ("effect_steady", {"answer": GOOD, "steadiness": 2e-4}, {"answer": GOOD, "steadiness": 5e-5}),
@@ -229,7 +229,7 @@ def test_what_a_flight_does_not_allow_to_test_is_neither_passed_nor_failed():
 def test_more_empirical_terms_than_effects_do_not_beat_them():
     """Guards a name against terms that only are more: two terms lead one effect by 100, and are no reason."""
     more = Search(NULL_MODEL, model(800.0, ("custom_term:f_x*beta", "custom_term:m_y*beta")), ())
-    assert passed(evidence(GOOD, bank=more))["no_better_empirical_term"] is True
+    assert passed(evidence(GOOD, empirical=more))["no_better_empirical_term"] is True
 
 
 def test_more_names_than_empirical_terms_must_be_worth_it():
@@ -238,7 +238,7 @@ def test_more_names_than_empirical_terms_must_be_worth_it():
     three = model(900.0, ("surface_bias:yaw", "load_cell_scale", "reynolds_drag"), validation=250.0)
     for terms, holds in ((894.0, False), (901.0, True)):
         two = Search(NULL_MODEL, model(terms, ("custom_term:m_z*1", "custom_term:f_y*1")), ())
-        assert passed(evidence(three, bank=two))["no_better_empirical_term"] is holds, terms
+        assert passed(evidence(three, empirical=two))["no_better_empirical_term"] is holds, terms
 
 
 RIVALLED = {"sideslip_drag": (Rival("parasitic_drag", model(901.0), 1.0),)}

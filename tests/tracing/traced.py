@@ -13,9 +13,9 @@ from awescli.flightlog.split import Split, split
 from awescli.notation.parameters import ParameterTable
 from awescli.physics.declaration import KiteDeclaration
 from awescli.simulation.campaign_flights import dev_like
-from awescli.tracing.account import account
 from awescli.tracing.flight import trace_flight
 from awescli.tracing.models import Frame, TracedFlight, fit_null
+from awescli.tracing.summary import summary
 
 GUESSED = ("CL0", "CLa", "CD0", "CDa2", "CYb", "Clb", "Clp", "Cma", "Cmq", "Cnb", "Cnr", "Cndr", "CtD", "dl")
 """What the user of a short test flight does not know; the rest is declared as it is, which keeps a test to seconds."""
@@ -40,7 +40,7 @@ def traced_flight(declared: KiteDeclaration, log: FlightLog, parts: Split, horiz
     """(effects.json, finding) of a flight."""
     finding = trace_flight(declared, log, parts, horizon=horizon, **how)
     before, after = (predict(model, log, parts.test, horizon) for model in (finding.before(), finding.after()))
-    return account(finding, log, horizon, before, after), finding
+    return summary(finding, log, horizon, before, after), finding
 
 
 def thinned(log: FlightLog, every: int) -> FlightLog:

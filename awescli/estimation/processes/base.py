@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from awescli.estimation.axes import Axes
+from awescli.flightlog.log import FlightLog
 from awescli.physics.disturbances import DISTURBANCES
 
 
@@ -65,13 +66,13 @@ class Process(ABC):
     name: ClassVar[str]
     doc: ClassVar[str]
     random: ClassVar[bool] = False
-    """Does the model depend on it so strongly, and so little linearly, that the log determinant has a slope (`laplace.tilt`)?"""
+    """Does the model depend on it so strongly, and so little linearly, that the log determinant has a slope (`laplace`)?"""
     certain: ClassVar[bool] = False
     """Is it there on every flight, however little one flight shows of it?"""
 
     @classmethod
     @abstractmethod
-    def of(cls, declaration, log) -> "Process":
+    def of(cls, declaration, log: FlightLog) -> "Process":
         """The process as it is known before anything is fitted to a flight of a kite."""
 
     def at(self, levels: dict[str, float], memories: dict[str, float] | None = None) -> "Process":

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.estimation.processes.base import Group, Prior, Process
+from awescli.flightlog.log import FlightLog
 from awescli.physics.disturbances import GUSTS
 from awescli.simulation.gusts import LENGTH, VERTICAL_SHARE
 
@@ -23,7 +24,7 @@ class Gusts(Process):
     random = True
 
     @classmethod
-    def of(cls, declaration, log) -> "Gusts":
+    def of(cls, declaration, log: FlightLog) -> "Gusts":
         airspeed = mean_airspeed(log)
         level, length = Prior(0.5, 0.7), Prior(LENGTH / airspeed, 0.7)
         vertical = Prior(VERTICAL_SHARE * LENGTH / airspeed / 2, 0.7)
@@ -36,8 +37,9 @@ class Gusts(Process):
         )
 
 
-def mean_airspeed(log) -> float:
+def mean_airspeed(log: FlightLog) -> float:
     """[m/s] over the valid part of a log; over ground where it has no airspeed."""
     if "V_a" in log:
         return max(float(log["V_a"][log.valid].mean()), 5.0)
-    return max(float(np.sqrt(sum(log[n][log.valid] ** 2 for n in ("v_n", "v_e", "v_d")).mean())), 5.0)
+    velocity = np.stack([log[n][log.valid] for n in ("v_n", "v_e", "v_d")])
+    return max(float(np.sqrt((velocity**2).sum(axis=0).mean())), 5.0)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.estimation.processes.base import Group, Process
+from awescli.flightlog.log import FlightLog
 from awescli.physics.disturbances import GUSTS
 
 SHARE = 0.7
@@ -27,17 +28,17 @@ class WindRecord(Process):
     certain = True
 
     @classmethod
-    def of(cls, declaration, log) -> "WindRecord":
-        entries = np.diff(log.wind.time)
+    def of(cls, declaration, log: FlightLog) -> "WindRecord":
+        entries = np.diff(log.recorded_wind.time)
         memory = max(float(np.median(entries)), LEAST) if len(entries) else 60.0
         memory = min(memory, passing_time(log))
         # not estimated: half a flight knows one or two entries, and the other half has others
         return cls((Group.known("wind record", GUSTS, max(SHARE * declaration.wind.std, 1e-3), memory),), SPACING)
 
 
-def passing_time(log) -> float:
+def passing_time(log: FlightLog) -> float:
     """[s] that the kite takes from one station's height to the next; infinite where there is one station, or the kite flies level."""
-    height, climb = np.asarray(log.wind.height, float), float(np.sqrt(np.mean(log["v_d"][log.valid] ** 2)))
+    height, climb = np.asarray(log.recorded_wind.height, float), float(np.sqrt(np.mean(log["v_d"][log.valid] ** 2)))
     flown = -log["p_d"][log.valid]
     between = np.diff(height)[(height[1:] > flown.min()) & (height[:-1] < flown.max())]
     return float(np.median(between)) / max(climb, SLOW) if len(between) else np.inf

@@ -19,6 +19,7 @@ from awescli.flightlog.plausible_units import is_unix
 from awescli.flightlog.read import NEEDED_BY_MODEL, NEEDED_ON_LINE
 from awescli.flightlog.resample import usable_stamps
 from awescli.notation.errors import BadInput
+from awescli.notation.present import present
 from awescli.notation.quantities import OF_LINE, SURFACES
 
 BETTER = 1 / 3
@@ -66,8 +67,8 @@ def draft(log: Path, weather: Sequence[Path] = ()) -> Draft:
     known = turning.angles if set(turning.angles) == set(ANGLES) else None
     path = find_path(pool, seconds, known)
     velocity = None if path.velocity is None else path.velocity.ned
-    if velocity is not None and path.velocity.frame != "BODY":
-        turning = turned_forward(pool, turning, velocity)
+    if path.velocity is not None and path.velocity.frame != "BODY":
+        turning = turned_forward(pool, turning, path.velocity.ned)
     turning = find_rates(pool, seconds, turning)
     position, place, origin, line, moved = _from_the_winch(pool, seconds, path.position)
     rest = find_rest(pool, seconds, velocity, turning.angles if set(turning.angles) == set(ANGLES) else None)
@@ -149,8 +150,9 @@ def _origin(pool: Pool, found: Alternative, place: np.ndarray) -> tuple[float, f
 
 
 def _unix(wind: Weather) -> bool:
-    stamps = pool_of(wind.file, weather=True).values[wind.time.column]
-    return is_unix(float(np.nanmedian(wind.time.si(stamps, "s"))))
+    clock = present(wind.time, "the clock of a weather file")
+    stamps = pool_of(present(wind.file, "the weather file"), weather=True).values[clock.column]
+    return is_unix(float(np.nanmedian(clock.si(stamps, "s"))))
 
 
 def _needed(signals: Mapping[str, Entry], parts: Mapping[str, Entry], wind: Weather | None) -> tuple[str, ...]:

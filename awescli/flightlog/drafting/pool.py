@@ -58,7 +58,8 @@ class Pool:
     def all(self, quantities: Iterable[str]) -> list[Reading] | None:
         """The likeliest column of each, or None if one has none."""
         found = [self.best(q) for q in quantities]
-        return found if all(found) else None
+        there = [reading for reading in found if reading is not None]
+        return there if len(there) == len(found) else None
 
     def stack(self, chosen: Sequence[Reading], rows: np.ndarray) -> np.ndarray:
         """(n, K) of several columns, with the signs of their names, in their own units."""

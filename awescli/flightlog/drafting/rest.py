@@ -90,9 +90,10 @@ def _surface(pool: Pool, reading, unit: str | None) -> Entry | str:
     if _is_pulse(pool, reading):
         middle = float(np.nanmedian(pool.values[reading.column]))
         return f"pulse widths around {middle:.0f} us are no angle: give scale and offset that make it one"
-    if (reading.unit or unit) is None:
+    known = reading.unit or unit
+    if known is None:
         return f"reaches {size:.3g}: rad, or a share of the full deflection? give `scale` for a share"
-    line = entry(reading, reading.unit or unit)
+    line = entry(reading, known)
     said = [] if reading.unit else [f"unit by the size of the surfaces, {size:.3g} here"]
     if not reading.meaning.command:
         said.append("taken as the command" if not reading.meaning.reached else "said to be measured, not commanded")
@@ -115,7 +116,8 @@ def _accelerations(pool: Pool, seconds, velocity, angles):
     chosen = pool.all(("a_x", "a_y", "a_z"))
     if chosen is None:
         return None, (), ()
-    columns = tuple(r.column for r in chosen)
+    x, y, z = (r.column for r in chosen)
+    columns = (x, y, z)
     named = {r.unit for r in chosen}
     if velocity is None or angles is None or any(r.meaning.sign < 0 for r in chosen) or len(named) > 1:
         return None, (("acceleration", ", ".join(columns), "could not be held against velocity and attitude"),), ()

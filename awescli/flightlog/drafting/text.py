@@ -10,6 +10,7 @@ from awescli.flightlog.drafting.draft import Draft
 from awescli.flightlog.drafting.pool import Entry
 from awescli.flightlog.drafting.weather import Weather
 from awescli.flightlog.motion import FRAMES
+from awescli.notation.present import present
 from awescli.notation.quantities import IN_WORDS, UNITS
 
 VECTORS = {"position": ("p_n", "p_e", "p_d"), "velocity": ("v_n", "v_e", "v_d")}
@@ -23,12 +24,13 @@ PARTS = {
 
 def draft_text(draft: Draft, folder: Path) -> str:
     """The flight.yaml of a draft, to lie in `folder`."""
+    clock = present(draft.time, "the clock of a drafted log")
     lines = [
         "# Drafted by `awes init` from the header and the numbers of the log: value = (sign * scale * column + offset) in unit.",
         "# Read what says CHECK or ASSUMED. A line that begins with # and a quantity was not found: complete it and remove the #.",
         "# `awes check` says what this file gives, `awes schema` every key that it may have.",
         f"file: {_quoted(os.path.relpath(draft.log.resolve(), folder.resolve()))}",
-        f"time: {_flow({'column': draft.time.column, 'unit': draft.time.unit})}{_comment(draft.time.why)}",
+        f"time: {_flow({'column': clock.column, 'unit': clock.unit})}{_comment(clock.why)}",
     ]
     lines += [f"# {note}" for note in draft.notes]
     signals = dict(draft.signals)
@@ -54,8 +56,8 @@ def draft_text(draft: Draft, folder: Path) -> str:
 
 def _vector(name: str, signals: Mapping[str, Entry], quantities, frame: str) -> str | None:
     """One line for three columns of one unit in one frame; None where they need a line each."""
-    found = [signals.get(q) for q in quantities]
-    if any(e is None or e.offset or e.scale != 1.0 for e in found) or len({e.unit for e in found}) > 1:
+    found = [signals[q] for q in quantities if q in signals]
+    if len(found) < len(quantities) or any(e.offset or e.scale != 1.0 for e in found) or len({e.unit for e in found}) > 1:
         return None
     for known in ("NED", "ENU"):
         axes = FRAMES[known]

@@ -129,7 +129,9 @@ def _of_the_gas_law(pool: Pool, temperature, pressure) -> dict[str, Entry]:
         ("temperature", temperature, "K", ("degC", "degF", "K"), (230.0, 330.0)),
         ("pressure", pressure, "Pa", ("hPa", "Pa", "kPa", "inHg"), (6e4, 1.1e5)),
     ):
-        for unit in () if reading is None else (reading.unit,) if reading.unit else units:
+        if reading is None:
+            continue
+        for unit in (reading.unit,) if reading.unit else units:
             line = entry(reading, unit)
             if limits[0] < float(np.nanmedian(line.si(pool.values[line.column], si))) < limits[1]:
                 found[part] = replace(line, assumed="" if reading.unit else "unit by its size")

@@ -82,10 +82,10 @@ AGAINST = {"heading_bias": "psi", "beta": "psi", "alpha": "theta"}
 
 def _beside_attitude(own: ChannelNoise, noise: Mapping[str, ChannelNoise]) -> ChannelNoise:
     """A vane is compared with an attitude that is noisy itself: its own white noise is what is left of the variance."""
-    angle = AGAINST.get(own.channel)
-    if angle not in noise or noise[angle].white is None or own.white is None or noise[angle].white.value > 0.9 * own.white.value:
+    angle = noise.get(AGAINST.get(own.channel, ""))
+    if angle is None or angle.white is None or own.white is None or angle.white.value > 0.9 * own.white.value:
         return own
-    share = np.sqrt(1 - (noise[angle].white.value / own.white.value) ** 2)
+    share = np.sqrt(1 - (angle.white.value / own.white.value) ** 2)
     return replace(own, white=Level(own.white.value * share, own.white.low * share, own.white.high * share))
 
 
@@ -93,10 +93,10 @@ def _beside_drift(error: SensorError, noise: Mapping[str, ChannelNoise], motion:
     """What is told against an attitude that drifts is known no better than the mean of that drift over the flight: angles themselves, and
     accelerations, which the drift turns away."""
     turns = error.target == "accelerations"
-    angle = "theta" if turns else AGAINST.get(error.name) or AGAINST.get(error.target or "")
-    if angle not in noise or noise[angle].drift is None or noise[angle].memory is None:
+    angle = noise.get("theta" if turns else AGAINST.get(error.name) or AGAINST.get(error.target or "", ""))
+    if angle is None or angle.drift is None or angle.memory is None:
         return error
-    mean = noise[angle].drift.value * np.sqrt(min(2 * noise[angle].memory.value / (len(motion) * motion.dt), 1.0))
+    mean = angle.drift.value * np.sqrt(min(2 * angle.memory.value / (len(motion) * motion.dt), 1.0))
     size = float(np.sqrt((motion.three("a_x", "a_y", "a_z") ** 2).sum(1).mean() / 3)) if turns else 1.0
     return replace(error, std=float(np.hypot(error.std, mean * size)))
 

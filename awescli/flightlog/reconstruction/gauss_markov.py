@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
+from scipy.linalg import cho_factor, cho_solve, get_lapack_funcs
 
 from awescli.notation.errors import NumericalFailure
 
+dpbtrf, dpbtrs, dtbtrs = get_lapack_funcs(("pbtrf", "pbtrs", "tbtrs"), dtype=np.float64)
+"""Of LAPACK: Cholesky factor of a band matrix, solution with it, and with a triangular band."""
 FAR = 1e3
 """Standard deviation with which a random walk begins, in its unit: knows nothing, and stays far from rounding."""
 

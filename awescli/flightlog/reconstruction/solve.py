@@ -7,6 +7,7 @@ import numpy as np
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood, Estimate, Series
 from awescli.flightlog.reconstruction.identities import Identity
 from awescli.flightlog.reconstruction.levels import Levels, estimate_levels
+from awescli.notation.present import present
 
 ENOUGH = 2000
 """Samples from which levels are estimated, evenly thinned: white noise stays what it is, and 2000 tell it to 1.6 %."""
@@ -63,7 +64,7 @@ def _asked(identity: Identity) -> tuple[tuple[str, ...], np.ndarray]:
 
 def without_outliers(identity: Identity, series: Series) -> Series:
     """The series, without samples that no noise of the starting level explains."""
-    left = BandedLikelihood(series).at(np.array(identity.white), identity.laws, smooth=True).left
+    left = present(BandedLikelihood(series).at(np.array(identity.white), identity.laws, smooth=True).left, "what smoothing leaves")
     far = series.seen & (np.abs(left) > OUTLIER * np.array(identity.white))
     return replace(series, seen=series.seen & ~far) if 0 < far.sum() <= FEW * series.seen.sum() else series
 

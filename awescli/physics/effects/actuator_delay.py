@@ -1,10 +1,13 @@
 """An actuator, or its bus, that answers after a pure delay."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import SURFACES
 from awescli.notation.scalars import select
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import SHORTEST
+from awescli.physics.instant import Instant
 
 
 class ActuatorDelay(Effect):
@@ -23,20 +26,20 @@ class ActuatorDelay(Effect):
     units = ("target", "target/s")
     probes = {"tau": (0.06, 0.12, 0.2)}
 
-    def _tau(self, own):
+    def _tau(self, own: SimpleNamespace):
         # the Pade poles, 3.5/tau, must be stepped through well by the longest step: at 36 ms, inside RK4's region of stability, a fit of a
         # short delay would still be worse than that of a lag
         shortest = 5 * SHORTEST
         return select(own.tau - shortest, own.tau, shortest + 0.0 * own.tau)
 
-    def actuate(self, deflections, at, own):
+    def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         _, x2 = self.own_states(at)
         return {**deflections, self.target: deflections[self.target] - own.tau * x2}
 
-    def rates(self, at, own):
+    def rates(self, at: Instant, own: SimpleNamespace) -> tuple:
         (x1, x2), tau = self.own_states(at), self._tau(own)
         return x2, 12 * (self.received(at)[self.target] - x1 - tau * x2 / 2) / (tau * tau)
 
-    def initial(self, at, own):
+    def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
         rate = at.inputs[f"{self.target}_rate"]
         return self.received(at)[self.target] - self._tau(own) * rate / 2, rate

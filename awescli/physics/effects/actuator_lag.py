@@ -1,9 +1,12 @@
 """An actuator that follows its set-point late."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import SURFACES
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import clipped, lag_rate, lag_time, lagged
+from awescli.physics.instant import Instant
 
 FASTEST = 50.0
 """[rad/s] a rate limit that no actuator reaches: none."""
@@ -31,18 +34,18 @@ class ActuatorLag(Effect):
     shapes = ("rate", "inertia")
     refinements = {"inertia": (0.15,)}
 
-    def actuate(self, deflections, at, own):
+    def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         deflection, _ = self.own_states(at)
         return {**deflections, self.target: lagged(deflection, deflections[self.target], own.tau)}
 
-    def rates(self, at, own):
+    def rates(self, at: Instant, own: SimpleNamespace) -> tuple:
         deflection, speed = self.own_states(at)
         tau = lag_time(own.tau)
         towards = (self.received(at)[self.target] - deflection) / tau
         # the speed follows what a first-order lag would do
         return clipped(lagged(speed, towards, own.inertia * tau), own.rate), lag_rate(speed, towards, own.inertia * tau)
 
-    def initial(self, at, own):
+    def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
         # where a lagging surface is when its set-point has been moving steadily
         speed = clipped(at.inputs[f"{self.target}_rate"], own.rate)
         return self.received(at)[self.target] - lag_time(own.tau) * speed, speed

@@ -2,12 +2,15 @@
 
 import math
 import re
+from types import SimpleNamespace
 
 from awescli.notation.errors import BadInput, did_you_mean
+from awescli.notation.present import present
 from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.notation.scalars import absolute, cos, sin
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
-from awescli.physics.instant import Coefficients
+from awescli.physics.instant import Coefficients, Instant
 
 VARIABLES = ("alpha", "beta", "p_hat", "q_hat", "r_hat", *CONTROL_SURFACES)
 COEFFICIENTS = {"wind": ("CD", "CY", "CL", "Cl", "Cm", "Cn"), "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}
@@ -37,17 +40,18 @@ class Aerodynamics(Effect):
     doc = "polynomial lift, drag, side force and moments"
     always = True
 
-    def __init__(self, target="", declaration=None):
+    def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):
         super().__init__(target, declaration)
-        self.table = declaration.aerodynamics
-        self.signs = {name: surface.sign for name, surface in declaration.surfaces.items()}
+        declared = present(declaration, f"the kite file that '{self.name}' reads")
+        self.table = declared.aerodynamics
+        self.signs = {name: surface.sign for name, surface in declared.surfaces.items()}
 
-    def coefficients(self, coefficients, at, own):
+    def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:
         c = self._evaluate(at, at.alpha)
         at_zero = self._evaluate(at, 0.0 * at.alpha)
         return c._replace(CL_alpha_part=c.CL - at_zero.CL)
 
-    def _evaluate(self, at, alpha) -> Coefficients:
+    def _evaluate(self, at: Instant, alpha) -> Coefficients:
         unit = 180 / math.pi if self.table.angles == "deg" else 1.0
         b, c, V_a = at.values["b"], at.values["c"], at.V_a
         x = {
@@ -69,9 +73,10 @@ class Aerodynamics(Effect):
                         term = term * factor
                 total = total + term
             C.append(total)
+        X, Y, Z, *moments = C
         if self.table.frame == "body":
-            C[:3] = wind_axes(*C[:3], at.alpha, at.beta)
-        return Coefficients(*C)
+            X, Y, Z = wind_axes(X, Y, Z, at.alpha, at.beta)
+        return Coefficients._make((X, Y, Z, *moments, 0.0))
 
 
 def wind_axes(CX, CY, CZ, alpha, beta):

@@ -1,7 +1,10 @@
 """The wing twists under load."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Coefficients, Instant
 
 
 class AeroelasticTwist(Effect):
@@ -11,6 +14,6 @@ class AeroelasticTwist(Effect):
     doc = "lift slope falls with dynamic pressure"
     parameters = (Parameter("k", 0.0, "1/Pa", -5e-4, 5e-4, source="a few per cent at 1 kPa"),)
 
-    def coefficients(self, coefficients, at, own):
+    def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:
         lost = own.k * at.dynamic_pressure * coefficients.CL_alpha_part
         return coefficients._replace(CL=coefficients.CL - lost)

@@ -1,7 +1,10 @@
 """A pitot that reads wrong."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class AirspeedScale(Effect):
@@ -26,5 +29,5 @@ class AirspeedScale(Effect):
         }
     }
 
-    def report(self, reported, at, own):
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         return {**reported, "V_a": own.s * reported["V_a"] + own.b}

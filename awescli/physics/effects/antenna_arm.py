@@ -1,8 +1,11 @@
 """A GNSS antenna that stands away from the reference point."""
 
+from types import SimpleNamespace
+
 from awescli.notation.frames import cross, rotate
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class AntennaArm(Effect):
@@ -17,7 +20,7 @@ class AntennaArm(Effect):
         Parameter("z", 0.0, "m", -2.0, 2.0, source="0.2-1 m"),
     )
 
-    def report(self, reported, at, own):
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         arm = (own.x, 0.0 * own.x, own.z)
         away, moves = rotate(at.R, arm), rotate(at.R, cross((at.z.p, at.z.q, at.z.r), arm))
         axes = ("n", "e", "d")

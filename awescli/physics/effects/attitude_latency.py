@@ -1,8 +1,11 @@
 """Euler angles that are reported late."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.scalars import cos, sin
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class AttitudeLatency(Effect):
@@ -15,7 +18,7 @@ class AttitudeLatency(Effect):
     instrument = "attitude reference"
     parameters = (Parameter("tau", 0.0, "s", -0.3, 0.3, source="0.02-0.1 s"),)
 
-    def report(self, reported, at, own):
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         z, t = at.z, own.tau
         s_f, c_f, s_t, c_t = sin(z.phi), cos(z.phi), sin(z.theta), cos(z.theta)
         dphi, dtheta, dpsi, dp, dq, dr = at.derivative[6:12]

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import UNITS
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.instant import Body, Coefficients, Instant, Line, Load, Wind
 
 PLACES = ("airflow", "actuate", "body", "coefficients", "line", "load", "report")
@@ -58,7 +59,7 @@ class Effect:
     instrument: str = ""
     weight: bool = False
 
-    def __init__(self, target: str = "", declaration=None):
+    def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):
         """target: one of `targets`, or empty; declaration: the kite file (`declaration.KiteDeclaration`) it stands in."""
         self.target = target
 
@@ -103,19 +104,19 @@ class Effect:
         """What stood at its place before it acted (not at `load` and `report`, which come later than states are asked for)."""
         return at.received[self.key]
 
-    def actuate(self, deflections: dict, at: Instant, own) -> dict:
+    def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         """Deflections [rad] that the set-points become."""
         return deflections
 
-    def airflow(self, wind: Wind, at: Instant, own) -> Wind:
+    def airflow(self, wind: Wind, at: Instant, own: SimpleNamespace) -> Wind:
         """The air at the kite."""
         return wind
 
-    def body(self, body: Body, at: Instant, own) -> Body:
+    def body(self, body: Body, at: Instant, own: SimpleNamespace) -> Body:
         """Mass, inertia, centre of mass."""
         return body
 
-    def coefficients(self, coefficients: Coefficients, at: Instant, own) -> Coefficients:
+    def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:
         """Aerodynamic coefficients."""
         return coefficients
 
@@ -123,26 +124,26 @@ class Effect:
         """The line as declared, which the effects at the place `line` then change; of the one effect that gives a line."""
         raise TypeError(f"effect '{self.name}' gives no line")
 
-    def line(self, line: Line, at: Instant, own) -> Line:
+    def line(self, line: Line, at: Instant, own: SimpleNamespace) -> Line:
         """The line and the winch."""
         return line
 
-    def load(self, at: Instant, own) -> Load:
+    def load(self, at: Instant, own: SimpleNamespace) -> Load:
         """A force and moment; `at.applied` holds the sum of the loads before it."""
         raise TypeError(f"effect '{self.name}' acts on {self.place}, it gives no load")
 
-    def report(self, reported: dict, at: Instant, own) -> dict:
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         """What the sensors say of the true outputs."""
         return reported
 
-    def start_spreads(self, own) -> tuple:
+    def start_spreads(self, own: SimpleNamespace) -> tuple:
         """`start_spread`, of an effect whose states can only be as far from `initial` as its parameters let them."""
         return self.start_spread
 
-    def rates(self, at: Instant, own) -> tuple:
+    def rates(self, at: Instant, own: SimpleNamespace) -> tuple:
         """Time derivatives of its states."""
         return ()
 
-    def initial(self, at: Instant, own) -> tuple:
+    def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
         """Its states at the start of a rollout, as if the flight had gone on before."""
         return ()

@@ -1,7 +1,10 @@
 """A whole group of signals on a clock of its own."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant, Line
 
 
 class ClockOffset(Effect):
@@ -16,7 +19,7 @@ class ClockOffset(Effect):
     parameters = (Parameter("tau", 0.0, "s", -10.0, 10.0, source="milliseconds to 10 s"),)
     targets = ("winch",)
 
-    def line(self, line, at, own):
+    def line(self, line: Line, at: Instant, own: SimpleNamespace) -> Line:
         return line._replace(
             length=line.length + own.tau * (line.speed + own.tau / 2 * line.acceleration), speed=line.speed + own.tau * line.acceleration
         )

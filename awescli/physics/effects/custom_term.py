@@ -1,12 +1,15 @@
 """An empirical term: what repeats in the residual and no effect of the library explains. Never a claim about physics."""
 
 import re
+from types import SimpleNamespace
 
+from awescli.notation.errors import BadInput
 from awescli.notation.parameters import Parameter
 from awescli.notation.scalars import cos, sin
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.sizes import crosswind_speed, weight
-from awescli.physics.instant import Load
+from awescli.physics.instant import Instant, Load
 
 CHANNELS = ("f_x", "f_y", "f_z", "m_x", "m_y", "m_z")
 FEATURES = {
@@ -48,20 +51,25 @@ class CustomTerm(Effect):
     traceable = False
     empirical = True
 
-    def __init__(self, target="", declaration=None):
+    def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):
         super().__init__(target, declaration)
-        factors = parse_term(target)[1]
-        self.reads = ("tension",) if "tension" in factors else ()
-        self.of_line = bool({"tension", "tether_length"} & set(factors))
+        term = parse_term(target)
+        if term is None:
+            raise BadInput(
+                f"cannot read the term '{target}'", where="effects", do=f"One of f_x to m_z, times any of {', '.join(FEATURES)}."
+            )
+        self.channel, self.factors = term
+        self.reads = ("tension",) if "tension" in self.factors else ()
+        self.of_line = bool({"tension", "tether_length"} & set(self.factors))
 
     @classmethod
-    def accepts(cls, target):
+    def accepts(cls, target: str) -> bool:
         return parse_term(target) is not None
 
-    def load(self, at, own):
-        channel, factors = parse_term(self.target)
+    def load(self, at: Instant, own: SimpleNamespace) -> Load:
+        channel = self.channel
         value = own.k * at.dynamic_pressure * at.values["S"]
-        for factor in factors:
+        for factor in self.factors:
             value = value * FEATURES[factor](at)
         if channel[0] == "m":
             value = value * at.values["c" if channel == "m_y" else "b"]

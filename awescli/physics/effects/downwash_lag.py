@@ -1,9 +1,12 @@
 """The tail meets the wing's downwash late."""
 
+from types import SimpleNamespace
+
 from awescli.notation.frames import add, cross
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import lag_rate, lag_time, lagged
+from awescli.physics.instant import Coefficients, Instant
 
 
 class DownwashLag(Effect):
@@ -25,18 +28,20 @@ class DownwashLag(Effect):
     start_spread = (0.02,)
     shapes = ("arm",)
 
-    def _tau(self, at, own):
+    def _tau(self, at: Instant, own: SimpleNamespace):
         return own.arm * at.values["c"] / at.V_a
 
-    def coefficients(self, coefficients, at, own):
-        seen = lagged(*self.own_states(at), at.alpha, self._tau(at, own))
+    def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:
+        (state,) = self.own_states(at)
+        seen = lagged(state, at.alpha, self._tau(at, own))
         # c / (2 V_a) / tau = 1 / (2 arm)
         return coefficients._replace(Cm=coefficients.Cm + own.Cm_adot * (at.alpha - seen) / (2 * own.arm))
 
-    def rates(self, at, own):
-        return (lag_rate(*self.own_states(at), at.alpha, self._tau(at, own)),)
+    def rates(self, at: Instant, own: SimpleNamespace) -> tuple:
+        (state,) = self.own_states(at)
+        return (lag_rate(state, at.alpha, self._tau(at, own)),)
 
-    def initial(self, at, own):
+    def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
         # the velocity through air that stays changes with that over ground, and turns as the body does
         u, _, w = at.air_velocity
         du, _, dw = add(at.acceleration, cross(at.air_velocity, (at.z.p, at.z.q, at.z.r)))

@@ -1,8 +1,10 @@
 """Weight of the kite."""
 
+from types import SimpleNamespace
+
 from awescli.notation.frames import rotate_back
 from awescli.physics.effects.base import Effect
-from awescli.physics.instant import Load
+from awescli.physics.instant import Instant, Load
 
 
 class Gravity(Effect):
@@ -13,5 +15,5 @@ class Gravity(Effect):
     always = True
     weight = True
 
-    def load(self, at, own):
+    def load(self, at: Instant, own: SimpleNamespace) -> Load:
         return Load(rotate_back(at.R, (0.0, 0.0, at.body.mass * at.values["g"])), (0.0, 0.0, 0.0))

@@ -1,7 +1,10 @@
 """A heading that is off by a constant."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class HeadingBias(Effect):
@@ -12,5 +15,5 @@ class HeadingBias(Effect):
     instrument = "attitude reference"
     parameters = (Parameter("b", 0.0, "rad", -0.3, 0.3, source="1-5 deg"),)
 
-    def report(self, reported, at, own):
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         return {**reported, "psi": reported["psi"] + own.b}

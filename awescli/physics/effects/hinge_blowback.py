@@ -1,8 +1,11 @@
 """A surface that the air blows back."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class HingeBlowback(Effect):
@@ -14,5 +17,5 @@ class HingeBlowback(Effect):
     parameters = (Parameter("k", 0.0, "1/Pa", 0.0, 1e-3, source="10-30 % at 50 m/s"),)
     targets = CONTROL_SURFACES
 
-    def actuate(self, deflections, at, own):
+    def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         return {**deflections, self.target: deflections[self.target] / (1 + own.k * at.dynamic_pressure)}

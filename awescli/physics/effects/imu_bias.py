@@ -1,7 +1,10 @@
 """Constant errors of gyros and accelerometers."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class ImuBias(Effect):
@@ -13,6 +16,6 @@ class ImuBias(Effect):
     targets = ("rates", "accelerations")
     _channels = {"rates": ("p", "q", "r"), "accelerations": ("a_x", "a_y", "a_z")}
 
-    def report(self, reported, at, own):
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         biased = zip(self._channels[self.target], (own.bx, own.by, own.bz), strict=True)
         return {**reported, **{name: reported[name] + b for name, b in biased}}

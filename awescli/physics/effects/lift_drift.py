@@ -1,9 +1,12 @@
 """Lift that changes in flight."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.scalars import tanh
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import lag_time
+from awescli.physics.instant import Coefficients, Instant
 
 SUDDEN = 1.0
 """[s] within which a step happens where nothing else is known: fast against a loop, and slow enough for the cost to have a slope in its
@@ -26,7 +29,7 @@ class LiftDrift(Effect):
     shapes = ("at", "within")
     refinements = {"within": (0.3, 0.1)}
 
-    def coefficients(self, coefficients, at, own):
+    def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:
         time = at.inputs["time"]
         since = (1 + tanh((time - own.at) / lag_time(own.within))) / 2
         return coefficients._replace(CL=coefficients.CL * (1 + own.rate * time + own.step * since))

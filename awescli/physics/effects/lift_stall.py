@@ -1,8 +1,11 @@
 """Lift rolls off at high angle of attack."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.scalars import maximum
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Coefficients, Instant
 
 
 class LiftStall(Effect):
@@ -17,6 +20,6 @@ class LiftStall(Effect):
     probes = {"alpha_0": (0.06, 0.09, 0.12, 0.16)}
     shapes = ("alpha_0",)
 
-    def coefficients(self, coefficients, at, own):
+    def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:
         beyond = maximum(at.alpha - own.alpha_0, 0.0 * at.alpha)
         return coefficients._replace(CL=coefficients.CL - own.k * beyond * beyond)

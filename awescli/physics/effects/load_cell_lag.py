@@ -1,8 +1,11 @@
 """A load cell behind a filter."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import lag_rate, lag_time, lagged
+from awescli.physics.instant import Instant
 
 
 class LoadCellLag(Effect):
@@ -18,12 +21,14 @@ class LoadCellLag(Effect):
     units = ("N",)
     probes = {"tau": (0.06, 0.15, 0.4)}
 
-    def report(self, reported, at, own):
-        return {**reported, "tension": lagged(*self.own_states(at), reported["tension"], own.tau)}
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
+        (state,) = self.own_states(at)
+        return {**reported, "tension": lagged(state, reported["tension"], own.tau)}
 
-    def rates(self, at, own):
-        return (lag_rate(*self.own_states(at), at.tension, own.tau),)
+    def rates(self, at: Instant, own: SimpleNamespace) -> tuple:
+        (state,) = self.own_states(at)
+        return (lag_rate(state, at.tension, own.tau),)
 
-    def initial(self, at, own):
+    def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
         # the measured rate of the load stands for the true one: both are slow against the filter
         return (at.tension - lag_time(own.tau) * at.inputs["tension_rate"],)

@@ -1,7 +1,10 @@
 """A load cell that reads wrong."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class LoadCellScale(Effect):
@@ -29,5 +32,5 @@ class LoadCellScale(Effect):
         }
     }
 
-    def report(self, reported, at, own):
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         return {**reported, "tension": own.s * reported["tension"] + own.b}

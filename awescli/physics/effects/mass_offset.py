@@ -1,7 +1,10 @@
 """The kite weighs more than declared, and balances elsewhere."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Body, Instant
 
 
 class MassOffset(Effect):
@@ -15,6 +18,6 @@ class MassOffset(Effect):
         Parameter("dz", 0.0, "m", -0.15, 0.15, source="3-9 cm between Makani serials"),
     )
 
-    def body(self, body, at, own):
+    def body(self, body: Body, at: Instant, own: SimpleNamespace) -> Body:
         x, y, z = body.cg
         return body._replace(mass=body.mass + own.dm, cg=(x + own.dx, y, z + own.dz))

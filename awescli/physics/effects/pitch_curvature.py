@@ -1,7 +1,10 @@
 """Pitching moment that bends with the angle of attack."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Coefficients, Instant
 
 
 class PitchCurvature(Effect):
@@ -11,5 +14,5 @@ class PitchCurvature(Effect):
     doc = "pitching moment quadratic in alpha"
     parameters = (Parameter("k", 0.0, "1/rad2", -10.0, 10.0, source="KM1's published polynomial: -0.7 /rad2"),)
 
-    def coefficients(self, coefficients, at, own):
+    def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:
         return coefficients._replace(Cm=coefficients.Cm + own.k * at.alpha * at.alpha)

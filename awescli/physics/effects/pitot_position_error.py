@@ -1,7 +1,10 @@
 """A pitot that stands in the flow of its own aircraft."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class PitotPositionError(Effect):
@@ -17,5 +20,5 @@ class PitotPositionError(Effect):
         Parameter("k_b", 0.0, "1/rad2", -5.0, 5.0, source="1-5 % at 0.2 rad"),
     )
 
-    def report(self, reported, at, own):
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         return {**reported, "V_a": reported["V_a"] * (1 + own.k_a * at.alpha + own.k_b * at.beta * at.beta)}

@@ -1,8 +1,11 @@
 """A GNSS position that is reported late."""
 
+from types import SimpleNamespace
+
 from awescli.notation.frames import cross, rotate
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class PositionLatency(Effect):
@@ -13,7 +16,7 @@ class PositionLatency(Effect):
     instrument = "position receiver"
     parameters = (Parameter("tau", 0.0, "s", -0.5, 0.5, source="0.05-0.22 s"),)
 
-    def report(self, reported, at, own):
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         acceleration = (reported["a_x"], reported["a_y"], reported["a_z"])
         a = rotate(at.R, acceleration)
         # in a coordinated turn the acceleration turns with the body

@@ -1,9 +1,12 @@
 """An air data probe away from the reference point: it meets the air that the kite's rotation brings it."""
 
+from types import SimpleNamespace
+
 from awescli.notation.frames import add, cross
 from awescli.notation.parameters import Parameter
 from awescli.physics.airflow import flow_angles
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class ProbeArm(Effect):
@@ -18,7 +21,7 @@ class ProbeArm(Effect):
     parameters = tuple(Parameter(n, 0.0, "m", -3.0, 3.0, source="from the reference point, body axes; 0.2-0.5 m") for n in "xyz")
     traceable = False
 
-    def report(self, reported, at, own):
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         there = add(at.air_velocity, cross((at.z.p, at.z.q, at.z.r), (own.x, own.y, own.z)))
         # differences of one formula, so that nothing changes at null, to the last bit
         seen, own_place = flow_angles(there), flow_angles(at.air_velocity)

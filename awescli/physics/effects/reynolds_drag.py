@@ -1,9 +1,12 @@
 """Drag that falls with the Reynolds number."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.scalars import exp, log
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.sizes import crosswind_speed
+from awescli.physics.instant import Coefficients, Instant
 
 
 class ReynoldsDrag(Effect):
@@ -17,7 +20,7 @@ class ReynoldsDrag(Effect):
     doc = "drag of kite and line falls with the Reynolds number"
     parameters = (Parameter("n", 0.0, "-", -0.5, 1.0, source="-10 % from 30 to 55 m/s: 0.17"),)
 
-    def coefficients(self, coefficients, at, own):
+    def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:
         v = at.values
         line = v["CtD"] * v["d_t"] * at.inputs["tether_length"] / (4 * v["S"]) if "tether_length" in at.inputs else 0.0
         change = exp(-own.n * log(at.V_a / crosswind_speed(at))) - 1

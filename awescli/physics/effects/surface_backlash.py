@@ -1,9 +1,12 @@
 """Play in a linkage, with memory."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import SHORTEST, clipped
+from awescli.physics.instant import Instant
 
 STEADY = 0.02
 """[rad/s] a set-point that has been moving faster than this has taken up the play; slower, the surface may stand anywhere in it."""
@@ -28,22 +31,22 @@ class SurfaceBacklash(Effect):
     states = ("remembered",)
     units = ("target",)
 
-    def _surface(self, setpoint, at, own):
+    def _surface(self, setpoint, at: Instant, own: SimpleNamespace):
         (remembered,) = self.own_states(at)
         return setpoint - clipped(setpoint - remembered, own.width / 2)
 
-    def actuate(self, deflections, at, own):
+    def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         return {**deflections, self.target: self._surface(deflections[self.target], at, own)}
 
-    def start_spreads(self, own):
+    def start_spreads(self, own: SimpleNamespace) -> tuple:
         # the play itself: a linkage with next to none remembers next to nothing
         return (max(own.width, NARROWEST) / 2,)
 
-    def rates(self, at, own):
+    def rates(self, at: Instant, own: SimpleNamespace) -> tuple:
         (remembered,) = self.own_states(at)
         return ((self._surface(self.received(at)[self.target], at, own) - remembered) / SHORTEST,)
 
-    def initial(self, at, own):
+    def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
         # pushed along from the side that the set-point comes from
         rate = at.inputs[f"{self.target}_rate"]
         side = clipped(rate / STEADY, 1.0 + 0.0 * rate)

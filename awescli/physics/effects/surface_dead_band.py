@@ -1,9 +1,12 @@
 """A linkage with play: small deflections are lost."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.notation.scalars import absolute, maximum, select
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class SurfaceDeadBand(Effect):
@@ -15,7 +18,7 @@ class SurfaceDeadBand(Effect):
     targets = CONTROL_SURFACES
     probes = {"d": (0.01, 0.03)}
 
-    def actuate(self, deflections, at, own):
+    def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         delta = deflections[self.target]
         lost = own.d - maximum(own.d - absolute(delta), 0.0 * delta)
         return {**deflections, self.target: delta - select(delta, lost, -lost)}

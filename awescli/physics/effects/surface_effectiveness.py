@@ -1,9 +1,12 @@
 """A surface that works less beyond a threshold."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.notation.scalars import absolute, maximum, select
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class SurfaceEffectiveness(Effect):
@@ -19,7 +22,7 @@ class SurfaceEffectiveness(Effect):
     probes = {"threshold": (0.09, 0.14, 0.19)}
     shapes = ("threshold",)
 
-    def actuate(self, deflections, at, own):
+    def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         delta = deflections[self.target]
         beyond = maximum(absolute(delta) - own.threshold, 0.0 * delta)
         return {**deflections, self.target: delta + (own.s - 1.0) * select(delta, beyond, -beyond)}

@@ -1,9 +1,13 @@
 """The tether: line constraint, virtual spring, drag sag, attachment moment: docs/equations.md (12) to (17)."""
 
+from types import SimpleNamespace
+
 from awescli.notation.frames import add, cross, dot, rotate, rotate_back, scale
+from awescli.notation.present import present
 from awescli.notation.scalars import maximum, select, sqrt
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
-from awescli.physics.instant import Line, Load
+from awescli.physics.instant import Instant, Line, Load
 
 STEEPEST = 0.95
 """sin(theta_t) is kept below this: a line that goes slack cannot carry its drag by a tilt, docs/equations.md (16) (see `Tether._force`)."""
@@ -51,22 +55,23 @@ class Tether(Effect):
     inputs = ("tether_length", "reel_out_speed", "reel_out_acceleration", "tension", "tension_rate")
     logged = ("tether_length", "reel_out_speed")
 
-    def __init__(self, target="", declaration=None):
+    def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):
         super().__init__(target, declaration)
-        self.pull, self.measured = LAWS[declaration.tether.law], declaration.tether.tension == "measured"
+        declared = present(declaration, f"the kite file that '{self.name}' reads")
+        self.pull, self.measured = LAWS[declared.tether.law], declared.tether.tension == "measured"
         self.reads = ("tension",) if self.measured else ()
 
-    def declared_line(self, at):
+    def declared_line(self, at: Instant) -> Line:
         v = at.values
         paid_out = at.inputs["tether_length"], at.inputs["reel_out_speed"], at.inputs["reel_out_acceleration"]
         return Line(*paid_out, v["CtD"], 0.0, (v["rtx"], v["rty"], v["rtz"]), 0.0, 0.0, 0.0)
 
-    def load(self, at, own):
+    def load(self, at: Instant, own: SimpleNamespace) -> Load:
         v, line, m = at.values, at.line, at.body.mass
         at.tension = at.inputs["tension"] if self.measured else self._tension(at, v, line, m)
         return self._force(at, v, line, at.tension)
 
-    def _tension(self, at, v, line: Line, m):
+    def _tension(self, at: Instant, v, line: Line, m):
         F_1 = self.pull(at, at.applied.force, m)
         # a heavy line hangs: w^2 l^3 / (24 T^2) of its length is not distance; a parabola while it pulls by more than its own weight
         weight = line.sag_weight * line.length
@@ -79,7 +84,7 @@ class Tether(Effect):
         T = select(line.stiffness, elastic, rigid)
         return maximum(T, 0.0 * T)
 
-    def _force(self, at, v, line: Line, T):
+    def _force(self, at: Instant, v, line: Line, T):
         V_a = at.V_a
         F_tD = at.wind.density * v["d_t"] * line.drag_coefficient * line.length * V_a * V_a / 8
         share = F_tD / select(T * STEEPEST - F_tD, T, F_tD / STEEPEST + LEAST)

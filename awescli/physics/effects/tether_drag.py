@@ -1,7 +1,10 @@
 """Tether drag beyond the declared one."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant, Line
 
 
 class TetherDrag(Effect):
@@ -15,5 +18,5 @@ class TetherDrag(Effect):
         Parameter("lateral", 0.0, "-", -0.5, 2.0, source="1: the drag follows the flow"),
     )
 
-    def line(self, line, at, own):
+    def line(self, line: Line, at: Instant, own: SimpleNamespace) -> Line:
         return line._replace(drag_coefficient=line.drag_coefficient + own.dC, lateral_drag=line.lateral_drag + own.lateral)

@@ -1,7 +1,10 @@
 """An elastic line instead of the rigid constraint."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant, Line
 
 
 class TetherElasticity(Effect):
@@ -18,5 +21,5 @@ class TetherElasticity(Effect):
     abrupt = True
     shapes = ("zeta",)
 
-    def line(self, line, at, own):
+    def line(self, line: Line, at: Instant, own: SimpleNamespace) -> Line:
         return line._replace(stiffness=line.stiffness + own.EA, damping=line.damping + own.zeta)

@@ -1,7 +1,10 @@
 """A heavy line hangs: part of its length is not distance."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant, Line
 
 
 class TetherSag(Effect):
@@ -13,5 +16,5 @@ class TetherSag(Effect):
     parameters = (Parameter("w", 0.0, "N/m", 0.0, 1.0, source="0.07 N/m for 3.5 mm Dyneema; 0.6 m of sag"),)
     probes = {"w": (0.1, 0.3)}
 
-    def line(self, line, at, own):
+    def line(self, line: Line, at: Instant, own: SimpleNamespace) -> Line:
         return line._replace(sag_weight=line.sag_weight + own.w)

@@ -1,9 +1,11 @@
 """Weight and inertia of the paid-out line."""
 
+from types import SimpleNamespace
+
 from awescli.notation.frames import add, dot, rotate_back, scale
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
-from awescli.physics.instant import Load
+from awescli.physics.instant import Instant, Load
 
 
 class TetherWeight(Effect):
@@ -26,7 +28,7 @@ class TetherWeight(Effect):
     of_line = True
     parameters = (Parameter("mu", 0.0, "kg/m", 0.0, 0.05, source="0.0074 kg/m for 3.5 mm Dyneema"),)
 
-    def load(self, at, own):
+    def load(self, at: Instant, own: SimpleNamespace) -> Load:
         mass = own.mu * at.line.length
         weight = mass * at.values["g"] / 2
         v_across = add(at.v_ned, scale(-dot(at.p_hat, at.v_ned), at.p_hat))

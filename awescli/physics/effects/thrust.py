@@ -1,13 +1,16 @@
 """Propellers: thrust, reaction torque and gyroscopic moment, driven by the throttle or turned by the air."""
 
 import math
+from types import SimpleNamespace
 
 from awescli.notation.errors import BadInput
 from awescli.notation.frames import add, cross, dot, scale
 from awescli.notation.parameters import Parameter
+from awescli.notation.present import present
 from awescli.notation.scalars import exp, log, maximum
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
-from awescli.physics.instant import Load
+from awescli.physics.instant import Instant, Load
 from awescli.physics.propeller import Propeller
 
 SLOWEST = 0.5
@@ -36,9 +39,10 @@ class Thrust(Effect):
     )
     always = True
 
-    def __init__(self, target="", declaration=None):
+    def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):
         super().__init__(target, declaration)
-        self.propellers = declaration.propellers
+        declared = present(declaration, f"the kite file that '{self.name}' reads")
+        self.propellers = declared.propellers
         if not self.propellers:
             raise BadInput("effect 'thrust' has no propeller", where="effects", do="Declare `propellers`, a list with at least one.")
         recorded = any(p.speed.law == "recorded" for p in self.propellers)
@@ -46,14 +50,14 @@ class Thrust(Effect):
         self.inputs = self.reads = ("motor_speed",) if recorded else ()
         self.logged = (*(("throttle",) if driven else ()), *self.reads)
 
-    def load(self, at, own):
+    def load(self, at: Instant, own: SimpleNamespace) -> Load:
         force = moment = (0.0, 0.0, 0.0)
         for propeller in self.propellers:
             f, m = self._of(propeller, at, own)
             force, moment = add(force, f), add(moment, m)
         return Load(force, moment)
 
-    def _of(self, propeller: Propeller, at, own):
+    def _of(self, propeller: Propeller, at: Instant, own: SimpleNamespace):
         """(force, moment about the reference point) of one propeller."""
         axis, rates, density, D = propeller.direction, (at.z.p, at.z.q, at.z.r), at.wind.density, propeller.diameter
         speed = dot(axis, add(at.air_velocity, cross(rates, propeller.hub)))
@@ -67,7 +71,7 @@ class Thrust(Effect):
         moment = add(cross(propeller.hub, force), scale(-propeller.sense * torque, axis))
         return force, add(moment, scale(-1.0, cross(rates, turning)))
 
-    def _revolutions(self, propeller: Propeller, speed, at, own):
+    def _revolutions(self, propeller: Propeller, speed, at: Instant, own: SimpleNamespace):
         """Revolutions per second, not slower than the air turns the propeller."""
         free = maximum(speed / (propeller.free_advance * propeller.diameter), SLOWEST + 0.0 * speed)
         if propeller.speed.law == "recorded":

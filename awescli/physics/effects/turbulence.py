@@ -1,7 +1,10 @@
 """Turbulence: gusts that no parameter explains. Simulated, reported, never traced as a deterministic effect."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant, Wind
 
 
 class Turbulence(Effect):
@@ -18,7 +21,7 @@ class Turbulence(Effect):
     shapes = ("L", "roll")
     traceable = False
 
-    def airflow(self, wind, at, own):
+    def airflow(self, wind: Wind, at: Instant, own: SimpleNamespace) -> Wind:
         i = at.inputs
         return wind._replace(
             n=wind.n + own.sigma * i["turbulence_n"],

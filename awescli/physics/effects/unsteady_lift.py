@@ -1,8 +1,11 @@
 """Lift follows the angle of attack with a delay."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import lag_rate, lagged
+from awescli.physics.instant import Coefficients, Instant
 
 
 class UnsteadyLift(Effect):
@@ -16,11 +19,13 @@ class UnsteadyLift(Effect):
     units = ("-",)
     probes = {"tau": (0.05, 0.1, 0.2)}
 
-    def coefficients(self, coefficients, at, own):
-        return coefficients._replace(CL=lagged(*self.own_states(at), coefficients.CL, own.tau))
+    def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:
+        (state,) = self.own_states(at)
+        return coefficients._replace(CL=lagged(state, coefficients.CL, own.tau))
 
-    def rates(self, at, own):
-        return (lag_rate(*self.own_states(at), self.received(at).CL, own.tau),)
+    def rates(self, at: Instant, own: SimpleNamespace) -> tuple:
+        (state,) = self.own_states(at)
+        return (lag_rate(state, self.received(at).CL, own.tau),)
 
-    def initial(self, at, own):
+    def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
         return (self.received(at).CL,)

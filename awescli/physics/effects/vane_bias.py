@@ -1,7 +1,10 @@
 """A flow vane that reads wrong."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant
 
 
 class VaneBias(Effect):
@@ -15,5 +18,5 @@ class VaneBias(Effect):
     )
     targets = ("alpha", "beta")
 
-    def report(self, reported, at, own):
+    def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         return {**reported, self.target: (1.0 + own.k) * reported[self.target] + own.b}

@@ -1,9 +1,12 @@
 """A winch that is told how fast to pay out, and answers the load."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.notation.scalars import maximum, sqrt
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import lag_rate
+from awescli.physics.instant import Instant, Line
 
 HEAVIEST = 1e6
 """[N] a load that no line holds: no limit."""
@@ -40,24 +43,24 @@ class WinchControl(Effect):
     units = ("N", "m")
     shapes = ("f_low", "f_high", "tau")
 
-    def _asked(self, at, own):
+    def _asked(self, at: Instant, own: SimpleNamespace):
         """[m/s]"""
         load, _ = self.own_states(at)
         beyond = maximum(load - own.f_high, 0.0 * load) - maximum(own.f_low - load, 0.0 * load)
         return own.v + own.kv * sqrt(maximum(load, 1.0 + 0.0 * load)) + own.k * beyond
 
-    def line(self, line, at, own):
+    def line(self, line: Line, at: Instant, own: SimpleNamespace) -> Line:
         _, ahead = self.own_states(at)
         return line._replace(length=line.length + ahead, speed=line.speed + self._asked(at, own))
 
-    def start_spreads(self, own):
+    def start_spreads(self, own: SimpleNamespace) -> tuple:
         # what it asks for, at a usual load, in the time by which a winch's records are late
         asked = abs(own.v) + own.kv * USUAL**0.5 + own.k * USUAL
         return 100.0, max(LATE * asked, 1e-4)
 
-    def rates(self, at, own):
+    def rates(self, at: Instant, own: SimpleNamespace) -> tuple:
         load, _ = self.own_states(at)
         return lag_rate(load, at.tension, own.tau), self._asked(at, own)
 
-    def initial(self, at, own):
+    def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
         return at.tension, 0.0 * at.tension

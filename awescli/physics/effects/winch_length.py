@@ -1,7 +1,10 @@
 """A drum that counts wrong."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
+from awescli.physics.instant import Instant, Line
 
 
 class WinchLength(Effect):
@@ -15,7 +18,7 @@ class WinchLength(Effect):
         Parameter("b", 0.0, "m", -20.0, 20.0, source="zero of the drum"),
     )
 
-    def line(self, line, at, own):
+    def line(self, line: Line, at: Instant, own: SimpleNamespace) -> Line:
         return line._replace(
             length=line.length + own.s * line.length + own.b,
             speed=line.speed + own.s * line.speed,

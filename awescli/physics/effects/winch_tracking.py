@@ -1,8 +1,11 @@
 """A winch that follows its reference late."""
 
+from types import SimpleNamespace
+
 from awescli.notation.parameters import Parameter
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import clipped, lag_time, lagged
+from awescli.physics.instant import Instant, Line
 
 UNSTEADY = 0.2
 """[m/s] by how much a winch's speed may differ from what it follows where a rollout begins."""
@@ -32,28 +35,28 @@ class WinchTracking(Effect):
     probes = {"tau": (0.2, 0.6)}
     shapes = ("v_max", "a_max")
 
-    def _motion(self, line, at, own):
+    def _motion(self, line: Line, at: Instant, own: SimpleNamespace):
         """(speed, acceleration) of the drum where `line` is asked for."""
         speed, _ = self.own_states(at)
         v = lagged(clipped(speed, own.v_max), line.speed, own.tau)
         # towards what it can reach: a drum at its fastest has no acceleration left, and none to take back
         return v, clipped((clipped(line.speed, own.v_max) - speed) / lag_time(own.tau), own.a_max)
 
-    def line(self, line, at, own):
+    def line(self, line: Line, at: Instant, own: SimpleNamespace) -> Line:
         _, ahead = self.own_states(at)
         v, a = self._motion(line, at, own)
         return line._replace(length=line.length + ahead, speed=v, acceleration=lagged(a, line.acceleration, own.tau))
 
-    def start_spreads(self, own):
+    def start_spreads(self, own: SimpleNamespace) -> tuple:
         # a winch that follows at once is nowhere ahead
         return UNSTEADY, UNSTEADY * max(own.tau, 1e-3)
 
-    def rates(self, at, own):
+    def rates(self, at: Instant, own: SimpleNamespace) -> tuple:
         asked = self.received(at)
         v, a = self._motion(asked, at, own)
         return a, v - asked.speed
 
-    def initial(self, at, own):
+    def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
         asked = self.received(at)
         speed = clipped(asked.speed - own.tau * clipped(asked.acceleration, own.a_max), own.v_max)
         return speed, -own.tau * speed

@@ -1,11 +1,10 @@
 """What effects.json says beside the verdict."""
 
-
 import pytest
 from tracing.annotated import holds
 
-from awescli.tracing.account import left
 from awescli.tracing.rest import Rest
+from awescli.tracing.summary import left
 
 
 def shares(before: float, after: float, samples: int) -> float:

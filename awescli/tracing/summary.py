@@ -1,4 +1,4 @@
-"""The account of a trace: effects.json and the arrays behind its pictures."""
+"""The summary of a trace: effects.json and the arrays behind its pictures."""
 
 from collections.abc import Mapping
 from math import log as ln
@@ -6,6 +6,7 @@ from math import log as ln
 import numpy as np
 
 from awescli.estimation.prediction import Prediction
+from awescli.flightlog.log import FlightLog
 from awescli.notation.quantities import UNITS
 from awescli.physics.disturbances import DISTURBANCE_UNITS
 from awescli.physics.effects.base import Effect
@@ -31,7 +32,7 @@ SENTENCES = {
 }
 
 
-def account(finding: Finding, log, horizon: float, before: Prediction, after: Prediction) -> dict:
+def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction, after: Prediction) -> dict:
     """effects.json: verdict and its criteria, effects with sizes, intervals and what they cannot be told from, ranking, what is
     unexplained, error on test loops, parameter shifts. before, after: of the test loops."""
     null, model, evidence = finding.null, finding.model, finding.evidence
@@ -131,7 +132,7 @@ def _roll_gusts(finding: Finding) -> dict | None:
     }  # fmt: skip
 
 
-def sizes(key: str, model: FittedModel, log) -> dict:
+def sizes(key: str, model: FittedModel, log: FlightLog) -> dict:
     """parameter -> value, std, unit. A time is known to no better than where in a sample things happen, dt / (2 sqrt 3)."""
     std = dict(zip(model.fit.names, np.sqrt(np.diag(model.fit.covariance)), strict=True))
     found = {}
@@ -146,7 +147,7 @@ def _named(effect: Effect) -> dict:
     return {"name": effect.name, "acts_on": effect.acts_on}
 
 
-def _effect(finding: Finding, key: str, model: FittedModel, log) -> dict:
+def _effect(finding: Finding, key: str, model: FittedModel, log: FlightLog) -> dict:
     effect = make_effect(key, finding.frame.declared)
     rivals = finding.evidence.rivals.get(key, ())
     others = [(make_effect(r.key, finding.frame.declared), r) for r in rivals]
@@ -158,7 +159,7 @@ def _effect(finding: Finding, key: str, model: FittedModel, log) -> dict:
     }  # fmt: skip
 
 
-def _suspect(finding: Finding, suspect, log) -> dict:
+def _suspect(finding: Finding, suspect, log: FlightLog) -> dict:
     effect = make_effect(suspect.key, finding.frame.declared)
     mine = sizes(suspect.key, suspect.model, log)
     bound = finding.null.table[suspect.parameter]
@@ -207,18 +208,17 @@ def _gain(null: FittedModel, t: Tried) -> float:
 
 def _unexplained(finding: Finding) -> dict:
     """Channel, share and a sparse expression for what has no name in the library."""
-    bank = finding.evidence.bank
-    terms = bank.final.keys if bank is not None else ()
-    if not terms:
+    empirical = finding.evidence.empirical
+    if empirical is None or not empirical.final.keys:
         levels = finding.evidence.rest.levels
-        channel = max(levels, key=levels.get, default=finding.evidence.rest.largest)
+        channel = max(levels, key=lambda axis: levels[axis], default=finding.evidence.rest.largest)
         return {"channel": _short(channel), "share": 0.0, "expression": None, "terms": []}
-    excess = max(finding.evidence.bare.chi2 - 1, 1e-9)
-    values = {k: bank.final.table[f"{k}.k"].value for k in terms}
+    terms, excess = empirical.final.keys, max(finding.evidence.bare.chi2 - 1, 1e-9)
+    values = {k: empirical.final.table[f"{k}.k"].value for k in terms}
     pieces = [f"{v:+.4g}*{k.partition(':')[2].partition('*')[2]}" for k, v in values.items()]
     channels = [k.partition(":")[2].partition("*")[0] for k in terms]
     expression = "; ".join(f"{c} += qbar*S*({p})" for c, p in zip(channels, pieces, strict=True))
-    share = float(np.clip(1 - (bank.final.chi2 - 1) / excess, 0, 1))
+    share = float(np.clip(1 - (empirical.final.chi2 - 1) / excess, 0, 1))
     return {
         "channel": channels[0],
         "share": share,
@@ -271,7 +271,7 @@ def _began(finding: Finding) -> str:
 
 
 def residual_arrays(
-    log, parts, loops, models: Mapping[str, Simulator], predictions: Mapping[str, Mapping[str, Prediction]], horizon: float
+    log: FlightLog, parts, loops, models: Mapping[str, Simulator], predictions: Mapping[str, Mapping[str, Prediction]], horizon: float
 ) -> tuple[dict, dict[str, np.ndarray]]:
     """(summaries before and after, arrays of residuals.npz). models, predictions: "before" and "after" -> simulator, part -> prediction.
 

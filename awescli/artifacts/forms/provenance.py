@@ -1,0 +1,34 @@
+"""The form of what every stage says of its own making."""
+
+from typing import Any
+
+from pydantic import Field
+
+from awescli.artifacts.forms.words import Checked, Number, Text
+
+
+class Stamp(Checked):
+    """What a stage was made from; where any of it has changed, the stage runs again."""
+
+    inputs: dict[str, Text] = Field(description="input (flight, kite file) -> its SHA-256")
+    upstream: dict[str, Text | None] = Field(description="earlier stage -> SHA-256 of its artifacts; nothing where it had not run")
+    settings: dict[str, Any] = Field(default={}, description="the stage's settings, defaults filled in")
+    versions: dict[str, Text] = Field(default={}, description="package -> version, of all that numbers depend on")
+    split: dict[str, Any] = Field(default={}, description="the plan's `split`")
+
+
+class Timing(Checked):
+    """When, and for how long."""
+
+    started: Text = Field(default="", description="when the stage began, ISO 8601 with time zone")
+    duration_s: Number | None = Field(default=None, description="how long it ran [s]")
+
+
+class Provenance(Checked):
+    """provenance.json of every stage."""
+
+    artifacts: dict[str, Text] = Field(description="file in this folder -> its SHA-256")
+    stamp: Stamp = Field(description="what the stage was made from")
+    paths: dict[str, Text] = Field(default={}, description="where flight, kite file and plan lay")
+    summary: dict[str, Any] = Field(default={}, description="the stage's answer, as it was printed")
+    timing: Timing = Field(default=Timing(), description="when it was made; takes no part in hashes")

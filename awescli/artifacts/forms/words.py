@@ -1,0 +1,56 @@
+"""What the forms of artifacts are written in: numbers, texts and channels, and the class that each form fills."""
+
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Spread = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+"""A standard deviation."""
+Text = str
+Numbers = dict[str, Number]
+Interval = Annotated[list[Number], Field(min_length=2, max_length=2)] | None
+"""[low, high]."""
+
+
+def _with_mean(errors: dict[str, float]) -> dict[str, float]:
+    if "mean" not in errors:
+        raise ValueError("'mean' is missing")
+    return errors
+
+
+def _not_null(value: Any) -> Any:
+    if value is None:
+        raise ValueError("null stands in place of what may be left out")
+    return value
+
+
+OrAbsent = BeforeValidator(_not_null)
+"""Of `Annotated[X | None, OrAbsent]`: a key that may be left out, and is never null where it is there."""
+Word = Annotated[str, Field(pattern="^[A-Za-z0-9_]+$")]
+"""A name that also becomes part of a file's name."""
+Channels = Annotated[Numbers, AfterValidator(_with_mean)]
+"""Channel -> NRMSE, and their `mean`."""
+Horizon = Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?$")]
+"""Seconds ahead, as a key."""
+
+
+class Checked(BaseModel):
+    """A mapping of a JSON artifact: types as they are written, more keys than these allowed. Every field says what it means, and every
+    number its unit in brackets, `[-]` where it has none (tests/test_artifact_forms.py)."""
+
+    model_config = ConfigDict(strict=True, extra="allow")
+
+
+class Metrics(Checked):
+    """What metrics.json of every stage has where it has it."""
+
+    outcome: Text | None = Field(default=None, description="how the stage ended, in a word; the verdict, where it gives one")
+
+
+class Parts(Checked):
+    """NRMSE of the parts of a flight."""
+
+    train: Channels = Field(description="channel -> NRMSE on the loops that stages are fitted to, and their `mean` [-]")
+    validation: Channels = Field(description="likewise, on the loops that choices are made on [-]")
+    test: Channels = Field(description="likewise, on the loops that nothing was fitted to or chosen on [-]")
