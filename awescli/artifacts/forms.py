@@ -414,7 +414,7 @@ ARRAYS: Mapping[str, Mapping[str, tuple[tuple[int | str, bool], ...]]] = {
     "trajectory.npz": {"time": (_ANY,), **_PATH, "simulated_*": (("time", False),), "measured_*": (("time", True),)},
     "predictions.npz": {
         "time": (_ANY,), "first": (_ANY,), "measured_p_n": _PREDICTED,
-        **{f"{which}_*": _PREDICTED for which in ("measured", "initial", "identified", "with_effects", "hybrid", "linear")},
+        **{f"{which}_*": _PREDICTED for which in ("measured", "initial", "identified", "with_effects", "hybrid", "linear", "low", "high")},
     },
     "correction.npz": {"time": (_ANY,), "correction": (("time", False), (6, False))},
     "residuals.npz": {

@@ -75,6 +75,19 @@ class Power(Checked):
     by_loop: Annotated[list[Energy], Field(min_length=1)]
 
 
+class Bands(Checked):
+    """Bands around the predictions of the test loops. level: share of samples that they should hold; outcome: "computed", how many
+    predictions diverged, or why there are none; inside: channel -> share of samples that they hold, `all` of them together; half_width:
+    its mean, and std: parameters, processes, start, noise -> what each makes of it, SI."""
+
+    outcome: str
+    level: Number = 0.9
+    predictions: int = 0
+    inside: dict[str, Number] = {}
+    half_width: dict[str, Number] = {}
+    std: dict[str, dict[str, Number]] = {}
+
+
 class Parts(Checked):
     train: Channels
     validation: Channels
@@ -93,6 +106,7 @@ class Scored(Checked):
     by_horizon: dict[Horizon, Ahead]
     one_step: Ahead | None
     by_loop: list[OfLoop]
+    bands: Bands = None
     power: Power = None  # one that is not there may not be null
 
 
