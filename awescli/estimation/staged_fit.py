@@ -13,6 +13,7 @@ from awescli.estimation.levels import noise_factors, opened, prior_deviance, rel
 from awescli.estimation.misfit import Misfit, Own
 from awescli.estimation.problem import EstimationProblem
 from awescli.estimation.processes.base import Process
+from awescli.estimation.record_level import record_relevelled
 from awescli.notation.parameters import ParameterTable
 
 MODEL_ERROR = "model_error"
@@ -305,7 +306,8 @@ def fit_in_stages(problem: EstimationProblem, horizons: Sequence[float], **how) 
 def fit_from_starts(
     flights: Sequence[Flight], horizons: Sequence[float], starts: int, seed: int, *, on_start: Callable[[int], None] = lambda i: None, **how
 ) -> tuple[JointFit, tuple[EstimationProblem, ...], list[Optimum]]:
-    """`fit_flights` from the declared values and from `starts` - 1 draws of the prior inside its bounds; the best of them, and all."""
+    """`fit_flights` from the declared values and from `starts` - 1 draws of the prior inside its bounds; the best of them, with the levels
+    of the wind's records as the flights show them, and all."""
     random = np.random.default_rng([seed, 3])
     best, optima = None, []
     for i in range(starts):
@@ -315,7 +317,21 @@ def fit_from_starts(
         optima.append(Optimum(_whole_deviance(result, problems), result.solution.outcome, result.solution.x))
         if best is None or optima[-1].cost < min(o.cost for o in optima[:-1]):
             best = result, problems
-    return *best, optima
+    return *with_record_levels(*best, flights, **how), optima
+
+
+def with_record_levels(
+    result: JointFit, problems: Sequence[EstimationProblem], flights: Sequence[Flight], *, per_flight: Sequence[str] = (),
+    prior: bool = True, on_iteration: OnIteration = lambda h, i, c: None,
+) -> tuple[JointFit, tuple[EstimationProblem, ...]]:  # fmt: skip
+    """A fit that came to its minimum, and its problems, with the levels of the wind's records as the flights show them."""
+    relevelled = [p.with_processes(record_relevelled(f)) for p, f in zip(problems, result.flights, strict=True)]
+    if not result.ended or all(new.processes == p.processes for new, p in zip(relevelled, problems, strict=True)):
+        return result, tuple(problems)
+    labels, tables = [f.label for f in flights], [f.parameters for f in result.flights]
+    owns, tilts = [f.own for f in result.flights], [f.tilt if f.tilt.any() else None for f in result.flights]
+    again = _fitted(relevelled, labels, tables, owns, per_flight, prior, TIGHT, on_iteration, tilts=tilts)
+    return (widened(again), tuple(relevelled)) if again.ended else (result, tuple(problems))
 
 
 def _whole_deviance(result: JointFit, problems: Sequence[EstimationProblem]) -> float:

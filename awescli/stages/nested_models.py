@@ -43,6 +43,7 @@ def score_models(models: dict, context: Context, log, parts, config, task) -> tu
     """(metrics.json, arrays of predictions.npz): every model predicted alike on train, validation and test."""
     from awescli.estimation.prediction_bands import NO_BANDS, bands
     from awescli.estimation.prediction_scores import scored
+    from awescli.estimation.record_level import with_record_level
     from awescli.flightlog.loops import find_loops
 
     loops = find_loops(log).bounds
@@ -58,7 +59,8 @@ def score_models(models: dict, context: Context, log, parts, config, task) -> tu
         block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts, told_by)
         block["bands"] = NO_BANDS["network" if name == "hybrid" else "measured_starts"]
         if name != "hybrid" and not config.known_starts:
-            banded = bands(simulator, log, predictions["test"], told_by[1])
+            known = with_record_level(simulator, log, parts, config.horizon, told_by[1]) if name in MADE_BY else told_by[1]
+            banded = bands(simulator, log, predictions["test"], known)
             block["bands"] = banded.told(predictions["test"])
             for which, edge in (("low", 0), ("high", 1)):
                 arrays |= {f"{which}_{name}_{n}": banded.edges(n)[edge] for n in banded.centre}
