@@ -37,8 +37,8 @@ def test_a_level_returns():
 
 
 def test_what_is_declared_matters_little_where_the_log_says_more():
-    """Guards the prior: a record declared four times as bad is found within half as much again, below both declarations' own levels where the
-    record is better than either."""
+    """Guards the prior: a record declared four times as bad is found within half as much again, below both declarations' levels where
+    the record is better than either."""
     log = flight(seed=3, duration=60.0, noise=True).log
     good, bad = (level_of(log, kite_with(std)) for std in (0.1, 0.4))
     assert good < 0.07 and bad < 1.5 * good < 0.28
