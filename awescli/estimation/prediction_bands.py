@@ -9,7 +9,7 @@ prediction are linear in what is not known:
 
 K, o: prior precision and true values of the effects' own states at the start. So a drift of the attitude shifts the start too, and what the
 start has taken up of it is taken off again. dp is as the fit left it (the common factor of the moment equation with its prior, and the
-record's error), dw and dd are Ornstein-Uhlenbeck processes at their levels, v is white. Nothing else is approximated than linearity:
+record's error), dw and dd are processes at their levels, v is white. Nothing else is approximated than linearity:
 variances are those of the dense covariance (tests/estimation/test_prediction_bands.py).
 """
 
@@ -23,6 +23,7 @@ from awescli.estimation.links import Links
 from awescli.estimation.misfit import Misfit, Own
 from awescli.estimation.power_interval import LEVEL, Known
 from awescli.estimation.prediction import WARM_UP, Prediction, warmed_up
+from awescli.estimation.processes.base import active
 from awescli.notation.angles import wrap
 from awescli.notation.frames import rotation_body_to_ned
 from awescli.notation.quantities import ANGLES, MEASURED
@@ -116,7 +117,7 @@ def bands(simulator: Simulator, log, prediction: Prediction, known: Known) -> Ba
         starts = observed.segments.starts[part]
         own = Own(starts, np.zeros((len(part), len(misfit.nodes), len(misfit.axes))))
         links, trajectories = some.links(kite.parameters.vector(names), own)
-        shifts, variances = spread(some, links, before, factor, found, noise[part])
+        shifts, variances = spread(some, links, before, factor, found, noise[part], node_covariances(some))
         of = {n: trajectories[n][:, before:] for n in ATTITUDE} | {n: prediction.simulated[n][part] for n in BODY_VELOCITY}
         for name in channels:
             M = _of_outputs(name, observed.outputs, of)
@@ -132,11 +133,11 @@ def bands(simulator: Simulator, log, prediction: Prediction, known: Known) -> Ba
 
 
 def spread(
-    misfit: Misfit, links: Links, before: int, factor: np.ndarray, found: np.ndarray, noise: np.ndarray
+    misfit: Misfit, links: Links, before: int, factor: np.ndarray, found: np.ndarray, noise: np.ndarray, covariances: np.ndarray
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """((K, N_a, n_out) change of the outputs with what is `found` of the globals, source -> (K, N_a, n_out, n_out) covariances) over the
     N_a samples from `before` on, the start fitted to those up to it. factor: (n, m) root of the globals' covariance; noise: (K, N, n_out)
-    standard deviations of the white noise."""
+    standard deviations of the white noise; covariances: (W, L + 1, L + 1) of the processes at the nodes."""
     K, N, n_out = links.r.shape
     n_start, unknown = links.n_start, links.unknown
     bare = replace(links, weight=np.ones_like(links.weight))
@@ -161,7 +162,7 @@ def spread(
     def squared(Y: np.ndarray) -> np.ndarray:
         return np.matmul(Y, Y.swapaxes(-1, -2))
 
-    of_globals, processes = ahead(response(change=np.eye(links.n))), ahead(response(path=unit_paths(misfit)))
+    of_globals, processes = ahead(response(change=np.eye(links.n))), ahead(response(path=unit_paths(covariances)))
     # what the warm-up's white noise does to the start, and what is not known of the effects' states there
     v = noise[:, : before + 1].reshape(K, 1, -1)
     started = np.concatenate([A * v, H[:, :, unknown:] * np.sqrt(precision[unknown:])], axis=2)
@@ -191,16 +192,19 @@ def responses(misfit: Misfit, links: Links, start: np.ndarray, path: np.ndarray,
     return links.changed(states, acting, drifting, change)
 
 
-def unit_paths(misfit: Misfit) -> np.ndarray:
-    """(L + 1, W, W (L + 1)) paths of the processes, one case for the step of each axis to each node, as large as its standard deviation:
-    their products add up to the processes' covariance."""
-    axes, times = misfit.axes, misfit.nodes * misfit.observed.segments.dt
-    L1, W = len(times), len(axes)
-    steps = np.sqrt(np.vstack([axes.level[None] ** 2, axes.variance(np.diff(times))]))
-    since = times[:, None] - times[None]
-    run = np.where((since >= 0)[..., None], axes.decay(np.maximum(since, 0.0)) * steps[None], 0.0)
+def node_covariances(misfit: Misfit) -> np.ndarray:
+    """(W, L + 1, L + 1) of every axis of the processes at the nodes, of the form that its group says."""
+    times, groups = misfit.nodes * misfit.observed.segments.dt, {g.name: g for g in active(misfit.processes)}
+    apart = np.abs(times[:, None] - times)
+    return np.array([groups[name].form(groups[name], apart) for name, _ in misfit.labels]).reshape(-1, *apart.shape)
+
+
+def unit_paths(covariances: np.ndarray) -> np.ndarray:
+    """(L + 1, W, W (L + 1)) paths of independent axes whose products add up to their covariances (W, L + 1, L + 1)."""
+    W, L1 = covariances.shape[:2]
     path = np.zeros((L1, W, W, L1))
-    path[:, np.arange(W), np.arange(W)] = run.transpose(2, 0, 1).swapaxes(0, 1)
+    for w, C in enumerate(covariances):
+        path[:, w, w] = _root(C)
     return path.reshape(L1, W, W * L1)
 
 

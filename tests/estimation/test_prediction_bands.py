@@ -19,6 +19,7 @@ from awescli.notation.angles import wrap
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import STATES
 from awescli.simulation.campaign_flights import dev_like
+from awescli.simulation.gusts import dryden
 
 DEG = np.pi / 180
 PARTS = Split(((100, 700),), ((700, 1100),), ((1100, 2900),), (1, 1, 2), "loops")
@@ -75,10 +76,11 @@ def test_variances_are_those_of_the_dense_covariance():
     is not known in one covariance, to rounding; the noise of the sample where a prediction begins has moved its start."""
     misfit, links, noise, random = linear_case()
     before, factor, found = 8, random.standard_normal((3, 2)), random.standard_normal(3)
-    shifts, variances = spread(misfit, links, before, factor, found, noise)
-    assert set(variances) == set(SOURCES)
     axes, times, n_out = misfit.axes, misfit.nodes * 0.1, 15
     at = np.abs(times[:, None] - times)
+    covariances = axes.level[:, None, None] ** 2 * np.exp(-at / axes.memory[:, None, None])
+    shifts, variances = spread(misfit, links, before, factor, found, noise, covariances)
+    assert set(variances) == set(SOURCES)
     prior = np.zeros((len(times), len(axes), len(times), len(axes)))
     for w in range(len(axes)):
         prior[:, w, :, w] = axes.level[w] ** 2 * np.exp(-at / axes.memory[w])
@@ -101,6 +103,21 @@ def test_variances_are_those_of_the_dense_covariance():
         assert (variances["noise"] + variances["start"])[k] == pytest.approx(V, rel=1e-9, abs=1e-9)
         T = (P + S @ A[:, :-1] @ P[:head])[before * n_out :]
         assert shifts[k].reshape(-1) == pytest.approx(T @ found)
+
+
+def test_vertical_gusts_have_the_spectrum_that_was_flown():
+    """Guards the form behind the level: a process that is fitted to fast changes of Dryden's vertical gusts of 0.9 m/s stands for these,
+    their slow changes included, in variance and in correlation; every other axis is as it is fitted."""
+    log = flight(seed=1).log
+    levels = {"vertical gusts": {"level": 0.9 * np.sqrt(3) / 2, "memory_s": 0.75}, "horizontal gusts": {"level": 0.9, "memory_s": 3.75}}
+    gusts = next(p for p in processes_at(declared(), log, levels) if p.name == "gusts")
+    along, down = gusts.groups
+    dt = np.array([0.0, 0.5, 1.5, 3.0, 4.5])
+    flown = dryden(400_000, 0.5, 40.0, 1)
+    for group, axis in ((along, 0), (down, 2)):
+        x = 0.9 * flown[:, axis]
+        seen = [float(np.mean(x[: len(x) - k] * x[k:])) for k in (np.round(dt / 0.5)).astype(int)]
+        assert group.form(group, dt) == pytest.approx(seen, abs=0.02), group.name
 
 
 def test_velocities_along_the_body_have_the_errors_of_what_they_are_derived_from():
