@@ -92,10 +92,10 @@ def summary(air: str, results: list[dict]) -> str:
     every = sum(counted(results).values(), [])
     inside = [r["bands"]["inside"]["all"] for r in results if "inside" in r["bands"]]
     # parameters of one flight are not independent: the flights' own scatter says how well the share is known
-    known = [100 * 1.96 * float(np.std(x, ddof=1)) / len(x) ** 0.5 if len(x) > 1 else float("nan") for x in (shares, inside)]
+    known = [f" +- {196 * np.std(x, ddof=1) / len(x) ** 0.5:.1f}" if len(x) > 1 else "" for x in (shares, inside)]
     held = 100 * sum(abs(z) < INSIDE for z in every) / len(every)
     return (
-        f"| {air} | {len(results)} | {held:.1f} +- {known[0]:.1f} % of {len(every)} | {100 * np.mean(inside):.1f} +- {known[1]:.1f} % | "
+        f"| {air} | {len(results)} | {held:.1f}{known[0]} % of {len(every)} | {100 * np.mean(inside):.1f}{known[1]} % | "
         f"{100 * min(inside):.0f} to {100 * max(inside):.0f} % |"
     )
 
