@@ -12,12 +12,13 @@ from loop to loop. The interval is Student's, with the effective degrees of free
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import stdtrit
 
 from awescli.estimation.prediction import WARM_UP, Prediction
+from awescli.estimation.processes.base import Process
 from awescli.flightlog.log import FlightLog
 from awescli.physics.flight_model import FlightModel
 from awescli.simulation.rollout import Columns, Simulator
@@ -30,12 +31,15 @@ LEVEL = 0.9
 class Known:
     """What is known of a model beside its values. names: of parameters and of errors of the wind record; covariance (n, n); record (n,)
     bool, which of them are the record's; found (n,): by how much they are believed to differ from what is predicted with (the fitted
-    error of the record; kite files leave it out)."""
+    error of the record; kite files leave it out). processes: what is random in time, with its levels; factors: channel -> factor on the
+    declared noise."""
 
     names: tuple[str, ...]
     covariance: np.ndarray
     record: np.ndarray
     found: np.ndarray
+    processes: tuple[Process, ...] = ()
+    factors: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def declared(cls, kite: FlightModel) -> "Known":

@@ -11,6 +11,8 @@ from awescli.reporting.plots import LINE, Figure, Shared, axis, dots, grid, hove
 from awescli.reporting.published import published
 from awescli.reporting.words import COLOURS, GROUPS, channel, listed, number, percent, scale_of
 
+BAND_POINTS = 500
+"""Samples of the edge of a band at most: it hardly changes between."""
 SPATIAL = ("p_n", "p_e", "p_d")
 
 
@@ -26,8 +28,28 @@ def prediction(evidence: Evidence) -> Section:
         "Where a line breaks, the next prediction begins."
     )
     told = over_horizon(evidence), horizons(evidence), over_loops(evidence)
+    text = f"{text} {bands_said(evidence)}".strip()
     body = Paragraph(text), paths(evidence), told, channels(evidence), scores(evidence), published(evidence)
     return Section("prediction", "Measured against simulated", body)
+
+
+def banded(evidence: Evidence) -> str | None:
+    """The last model that has bands."""
+    return next((m for m in reversed(evidence.models) if (evidence.scores[m].get("bands") or {}).get("inside")), None)
+
+
+def bands_said(evidence: Evidence) -> str:
+    """How often the bands hold, in a sentence or two; of models without, why."""
+    if (model := banded(evidence)) is None:
+        return ""
+    bands = evidence.scores[model]["bands"]
+    lost = "" if bands["outcome"] == "computed" else f" ({bands['outcome']}, and have none)"
+    without = [evidence.label(m) for m in evidence.compared if "inside" not in evidence.scores[m].get("bands", {})]
+    return (
+        f"Shaded: where {100 * bands['level']:.0f} % of all measured samples should lie, with what is known of parameters, start, air and "
+        f"sensors ({evidence.label(model)}); {100 * bands['inside']['all']:.0f} % do{lost}."
+        + (f" No band: {listed(without)}." if without else "")
+    )
 
 
 def paths(evidence: Evidence) -> Figure:
@@ -139,7 +161,7 @@ def channels(evidence: Evidence) -> Body:
     arrays = evidence.predictions
     dt = evidence.log.dt
     step = stride(arrays["measured_p_n"].size)
-    time = with_gaps(evidence.log.time[0] + arrays["first"][:, None] * dt + arrays["time"][None], step)
+    time = evidence.log.time[0] + arrays["first"][:, None] * dt + arrays["time"][None]
     text = Paragraph(
         "All channels zoom in time together: drag sideways; a double click goes back. A click on a name shows or hides its line in all.",
         "soft",
@@ -150,7 +172,8 @@ def channels(evidence: Evidence) -> Body:
         panels = [_channel(evidence, n, step) for n in names if f"measured_{n}" in arrays]
         if panels:
             out += [Heading(group), grid(panels)]
-    return Shared("test_time", time), Group("fig-channels", "Every channel over time", tuple(out))
+    shared = Shared("test_time", with_gaps(time, step)), Shared("band_time", with_gaps(time, stride(time.size, BAND_POINTS)))
+    return shared, Group("fig-channels", "Every channel over time", tuple(out))
 
 
 def _channel(evidence: Evidence, name: str, step: int) -> Figure:
@@ -169,6 +192,7 @@ def _channel(evidence: Evidence, name: str, step: int) -> Figure:
             simulated = measured + np.unwrap(wrap(simulated - measured), axis=1)
         label = evidence.label(m)
         data.append(line("$test_time", with_gaps(simulated * factor, step), label, COLOURS[m], width=LINE, meta=label))
+    data += _band(evidence, name, measured, factor)
     low, high = np.nanmin(measured * factor), np.nanmax(measured * factor)
     room = 0.15 * (high - low) or 1.0
     # a model that runs away must not flatten what was measured
@@ -177,6 +201,28 @@ def _channel(evidence: Evidence, name: str, step: int) -> Figure:
         "showlegend": False, "uirevision": name,
     }  # fmt: skip
     return Figure(f"fig-{name}", channel(name), data, layout, split=f"test {evidence.parts.of}", height=230, linked="test", part=True)
+
+
+def _band(evidence: Evidence, name: str, measured: np.ndarray, factor: float) -> list[dict]:
+    """The shaded band of the last model that has one, as smooth as it is; measured: (K, N+1), near which angles are drawn."""
+    model = banded(evidence)
+    if model is None or f"low_{model}_{name}" not in evidence.predictions:
+        return []
+    low, high = (evidence.predictions[f"{which}_{model}_{name}"] for which in ("low", "high"))
+    if name in ANGLES:
+        middle = measured + np.unwrap(wrap((low + high) / 2 - measured), axis=1)
+        low, high = middle - (high - low) / 2, middle + (high - low) / 2
+    # a prediction without a band has one of no width
+    drawn = np.any(high > low, axis=1, keepdims=True)
+    low, high = (np.where(drawn, edge * factor, np.nan) for edge in (low, high))
+    label = evidence.label(model)
+    shaded = {"type": "scatter", "mode": "lines", "x": "$band_time", "hoverinfo": "skip", "showlegend": False, "line": {"width": 0}}
+    step = stride(measured.size, BAND_POINTS)
+    return [
+        {**shaded, "y": with_gaps(low, step), "name": f"{label}, 5 %", "meta": label},
+        {**shaded, "y": with_gaps(high, step), "name": f"{label}, 95 %", "meta": label, "fill": "tonexty",
+         "fillcolor": f"{COLOURS[model]}/0.18"},
+    ]  # fmt: skip
 
 
 def scores(evidence: Evidence) -> Group:
@@ -190,7 +236,7 @@ def scores(evidence: Evidence) -> Group:
     floor = evidence.floor["mean"]
     rows.append(("noise alone", Cell("–"), Cell("–"), Cell(percent(floor), floor), Cell("–")))
     parts = table(("model", *PARTS, "predictions that diverged"), rows)
-    head = ("channel", "unit", "model", "NRMSE", "RMSE", "R²", "Theil U")
+    head = ("channel", "unit", "model", "NRMSE", "RMSE", "R²", "Theil U", "inside its 90 % band")
     every = table(head, [row for name in evidence.nrmse(evidence.best) if name != "mean" for row in _of_channel(evidence, name)])
     return Group("tab-scores", "Mean error by part", (parts, Folded("All scores per channel, test", every)))
 
@@ -204,6 +250,7 @@ def _of_channel(evidence: Evidence, name: str) -> list[tuple]:
         nrmse = block["nrmse"]["test"].get(name)
         rmse, r2, theil = (block.get(k, {}).get(name) for k in ("rmse", "r2", "theil"))
         in_unit = None if rmse is None else rmse * factor
+        inside = block.get("bands", {}).get("inside", {}).get(name)
         numbers = Cell(percent(nrmse), nrmse), Cell(number(in_unit), in_unit), Cell(number(r2, 5), r2), Cell(number(theil), theil)
-        rows.append((channel(name), unit, evidence.label(m), *numbers))
+        rows.append((channel(name), unit, evidence.label(m), *numbers, Cell(percent(inside), inside)))
     return rows

@@ -7,6 +7,7 @@ def score_baseline(metrics: dict, arrays: dict, context: Context, log, parts, co
     """Put the block `linear`, its predictions, and `baseline` (how it was chosen, and who does not beat it) beside the models that stand in
     `metrics` already."""
     from awescli.estimation.linear_baseline import linear_baseline
+    from awescli.estimation.prediction_bands import NO_BANDS
     from awescli.estimation.prediction_scores import scores_of
     from awescli.flightlog.loops import find_loops
     from awescli.physics.declaration import read_kite
@@ -25,6 +26,7 @@ def score_baseline(metrics: dict, arrays: dict, context: Context, log, parts, co
         return found.predict(log, kite.declaration.noise, ranges, horizon, every)
 
     block, predictions = scores_of(forecast, log, parts, find_loops(log).bounds, config.horizon, config.horizons)
+    block["bands"] = NO_BANDS["regression"]
     enter("linear", block, predictions, context, log, metrics, arrays)
     metrics["baseline"] = {
         "outcome": found.outcome, "order": found.model.order, "step_s": found.model.step * log.dt, "ridge": found.ridge,

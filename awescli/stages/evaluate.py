@@ -102,6 +102,8 @@ class Evaluate(Stage):
             summary["power"] = power
             cycles = cycle_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]})
             answer.append(f"mean power on test loops: {power}" + (f"; energy of cycles: {cycles}" if cycles else ""))
+        if held := {model: b["inside"]["all"] for model in models if "inside" in (b := metrics[model]["bands"])}:
+            summary["inside 90 % bands"] = ", ".join(f"{model} {100 * share:.0f} %" for model, share in held.items())
         if "wind_profile" in metrics:
             summary["wind"] = wind_line(metrics["wind_profile"]["rows"])
         for wanted, key, place in ((config.report, "report", REPORT), (config.figures, "figures", FIGURES)):

@@ -1,5 +1,6 @@
 """The nested models of a run: initial, identified, with_effects, hybrid; each adds what one more stage found."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from awescli.stages.base import KITE_FILE, Context
@@ -40,7 +41,9 @@ def network(folder: Path) -> tuple[dict, dict]:
 
 def score_models(models: dict, context: Context, log, parts, config, task) -> tuple[dict, dict]:
     """(metrics.json, arrays of predictions.npz): every model predicted alike on train, validation and test."""
+    from awescli.estimation.prediction_bands import NO_BANDS, bands
     from awescli.estimation.prediction_scores import scored
+    from awescli.estimation.record_level import with_record_level
     from awescli.flightlog.loops import find_loops
 
     loops = find_loops(log).bounds
@@ -52,8 +55,15 @@ def score_models(models: dict, context: Context, log, parts, config, task) -> tu
     for name, simulator in models.items():
         task.update(name)
         if name != "hybrid":  # a network is on top of the physics whose parameters were fitted
-            told_by = simulator, known_of(context, name, simulator.kite)
+            told_by = simulator, all_known_of(context, name, simulator.kite, log)
         block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts, told_by)
+        block["bands"] = NO_BANDS["network" if name == "hybrid" else "measured_starts"]
+        if name != "hybrid" and not config.known_starts:
+            known = with_record_level(simulator, log, parts, config.horizon, told_by[1]) if name in MADE_BY else told_by[1]
+            banded = bands(simulator, log, predictions["test"], known)
+            block["bands"] = banded.told(predictions["test"])
+            for which, edge in (("low", 0), ("high", 1)):
+                arrays |= {f"{which}_{name}_{n}": banded.edges(n)[edge] for n in banded.centre}
         enter(name, block, predictions, context, log, metrics, arrays)
         metrics["noise_floor"] = predictions["test"].noise_floor()
         task.advance()
@@ -79,6 +89,31 @@ def known_of(context: Context, name: str, kite):
     folder = context.upstream(MADE_BY[name]) if name in MADE_BY else None
     file = folder / "params.json" if folder else None
     return Known.fitted(read_json(file), kite) if file and file.is_file() else Known.declared(kite)
+
+
+def all_known_of(context: Context, name: str, kite, log):
+    """`known_of` with processes and noise as the fit left them: after a trace that was not testable, identify's; of a model that nothing
+    was fitted to, what is always there."""
+    from awescli.estimation.wind_seen import processes_at
+
+    left = [levels_of(context, model) for model in (name, "identified") if name in MADE_BY and model in MADE_BY]
+    levels, factors = next(((found, factors) for found, factors in left if found is not None), ({}, {}))
+    return replace(known_of(context, name, kite), processes=processes_at(kite.declaration, log, levels), factors=factors)
+
+
+def levels_of(context: Context, model: str) -> tuple[dict | None, dict]:
+    """(processes, noise factors) of the fit behind a model, as its stage left them; None for a fit that left none, or that the tracer did
+    not take for one."""
+    from awescli.artifacts import read_json
+
+    folder = context.upstream(MADE_BY[model])
+    for name in ("effects.json", "metrics.json"):
+        found = read_json(folder / name) if folder and (folder / name).is_file() else {}
+        if found.get("verdict") == "not_testable":
+            return None, {}
+        if "processes" in found:
+            return found["processes"], found.get("noise_factors", {})
+    return None, {}
 
 
 def surface_errors(context: Context, log, prediction) -> dict:

@@ -151,12 +151,15 @@ def begun(identified: dict, horizon: float, surfaces: str) -> dict:
     """Where identify ended: levels of processes and noise, and the error that the declared model must reach again. identified: its
     metrics.json; levels are missing where it weighed channels by their range or had other surfaces, the error where it predicted another
     horizon, or from other states."""
+    from awescli.estimation.processes import PROCESSES
     from awescli.tracing.models import Levels
 
     found, processes = {}, identified.get("processes")
     alike = identified["surfaces"] == surfaces
     if processes and alike and identified["method"] == "filter error":
-        found["levels"] = Levels({name: p["level"] for name, p in processes.items()}, identified["noise_factors"])
+        # models are compared with what is always there as it was declared: what they lack must not hide in it
+        levels = {name: p["level"] for name, p in processes.items() if not PROCESSES[p["process"]].certain}
+        found["levels"] = Levels(levels, identified["noise_factors"])
     if alike and identified["horizon_s"] == horizon and identified.get("initial_states", "free") == "free":
         found["identified_error"] = identified["nrmse"]["validation"]["mean"]
     return found

@@ -1,7 +1,7 @@
 """What a fitted model says of the wind that it was flown in."""
 
 from awescli.stages.base import Context
-from awescli.stages.nested_models import MADE_BY, known_of
+from awescli.stages.nested_models import MADE_BY, known_of, levels_of
 
 
 def wind_seen(context: Context, models: dict, log) -> dict | None:
@@ -26,21 +26,6 @@ def wind_seen(context: Context, models: dict, log) -> dict | None:
     except BadInput:
         return None
     return {"model": model, "rows": rows} if rows else None
-
-
-def levels_of(context: Context, model: str) -> tuple[dict | None, dict]:
-    """(processes, noise factors) of the fit behind a model, as its stage left them; None for a fit that left none, or that the tracer did
-    not take for one."""
-    from awescli.artifacts import read_json
-
-    folder = context.upstream(MADE_BY[model])
-    for name in ("effects.json", "metrics.json"):
-        found = read_json(folder / name) if folder and (folder / name).is_file() else {}
-        if found.get("verdict") == "not_testable":
-            return None, {}
-        if "processes" in found:
-            return found["processes"], found.get("noise_factors", {})
-    return None, {}
 
 
 def wind_line(rows: list[dict]) -> str:

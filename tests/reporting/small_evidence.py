@@ -47,6 +47,15 @@ def power(share: float) -> dict:
     }  # fmt: skip
 
 
+def bands(model: str) -> dict:
+    """What evaluate says of a model's bands."""
+    if model == "hybrid":
+        return {"outcome": "none: nothing says how well a network is known"}
+    inside = {n: 0.91 for n in (*SCORED, "all")}
+    width = {n: 0.5 for n in SCORED}
+    return {"level": 0.9, "outcome": "computed", "predictions": 9, "inside": inside, "half_width": width, "std": {"noise": width}}
+
+
 def told(share: float, **place) -> dict:
     """What evaluate says of the power of a part of the flight."""
     means = {"measured_mean_W": 280.0, "mean_W": 280 * (1 + share), "interval_W": [270 * (1 + share), 290 * (1 + share)]}
@@ -76,11 +85,13 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
                 {"loop": i + 1, "part": PARTS[i % 3], "from_s": 8.0 * i, "to_s": 8.0 * i + 8, "nrmse": errors} for i in range(COUNT)
             ],
             "power": power(-0.1 / 3**k),
-            "rmse": {n: 1.0 for n in SCORED}, "r2": {n: 0.9 for n in SCORED}, "theil": {n: 0.1 for n in SCORED},
+            "bands": bands(model), "rmse": {n: 1.0 for n in SCORED}, "r2": {n: 0.9 for n in SCORED}, "theil": {n: 0.1 for n in SCORED},
         }  # fmt: skip
         for n in SCORED:
             predictions[f"measured_{n}"] = log[n][rows]
             predictions[f"{model}_{n}"] = log[n][rows] + rng.standard_normal(rows.shape) * 0.3 / 3**k
+            if model != "hybrid":
+                predictions[f"low_{model}_{n}"], predictions[f"high_{model}_{n}"] = (predictions[f"{model}_{n}"] + h for h in (-0.5, 0.5))
     # a linear model as good as the identified one, but for a hair
     scores["linear"] = {k: v for k, v in scores["identified"].items() if k != "power"}
     scores["linear"]["nrmse"] = {p: {n: 0.99 * e for n, e in at.items()} for p, at in scores["identified"]["nrmse"].items()}

@@ -20,7 +20,7 @@ from awescli.reporting.html import SECTIONS, page
 from awescli.reporting.words import number, percent, times, with_std
 
 EVIL = "\"><script>alert('x')</script><img src=http://evil.example/x onerror=alert(1)></script>&@ink$phase"
-LARGEST = 8_000_000
+LARGEST = 8_200_000
 
 
 @cache

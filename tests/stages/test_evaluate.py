@@ -83,3 +83,19 @@ def test_power_is_in_the_artifact_and_is_that_of_the_predictions(tmp_path):
     bounds = find_loops(log).bounds
     assert power["loop_seconds"] == pytest.approx(sum(bounds[row["loop"] - 1] @ [-1, 1] for row in power["by_loop"]) * log.dt)
     assert power["seconds"] <= power["loop_seconds"]
+
+
+def test_bands_of_every_physical_model_are_in_the_artifacts(tmp_path):
+    """Guards the block `bands` and its arrays: the share inside is that of the measured samples between the arrays; the linear model says
+    that it has none."""
+    metrics = evaluated(tmp_path)
+    told, arrays = metrics["initial"]["bands"], read_arrays(tmp_path / "out" / "evaluate" / "predictions.npz")
+    assert told["outcome"] == "computed" and told["level"] == 0.9 and metrics["linear"]["bands"]["outcome"].startswith("none: ")
+    inside = (arrays["low_initial_V_a"] <= arrays["measured_V_a"]) & (arrays["measured_V_a"] <= arrays["high_initial_V_a"])
+    assert told["inside"]["V_a"] == pytest.approx(inside.mean()) and told["half_width"]["V_a"] > 0
+    half = (arrays["high_initial_V_a"] - arrays["low_initial_V_a"]) / 2
+    assert told["half_width"]["V_a"] == pytest.approx(half.mean())
+    # the kite is as declared: what is not known of its parameters is most of the band
+    assert told["std"]["parameters"]["V_a"] > told["std"]["noise"]["V_a"] > 0
+    measured = evaluated(tmp_path / "measured", {"evaluate.initial_states": "measured"})
+    assert measured["initial"]["bands"]["outcome"].startswith("none: it begins at measured states")

@@ -39,6 +39,8 @@ ARRAYS: Mapping[str, Mapping[str, Array]] = {
                 ("hybrid", "the model with the network"), ("linear", "the linear model"),
             )
         },
+        "low_*": Array(_PREDICTED, "(K, N) lower end of the 90 % band around a channel, `low_MODEL_CHANNEL` [SI]"),
+        "high_*": Array(_PREDICTED, "(K, N) upper end of it, `high_MODEL_CHANNEL` [SI]"),
     },
     "correction.npz": {
         "time": Array((_ANY,), "(N,) on the flight's clock [s]"),

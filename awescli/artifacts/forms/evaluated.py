@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from awescli.artifacts.forms.words import Channels, Checked, Horizon, Interval, Number, OrAbsent, Parts, Word
+from awescli.artifacts.forms.words import Channels, Checked, Horizon, Interval, Number, OrAbsent, Parts, Text, Word
 
 
 class Ahead(Checked):
@@ -80,6 +80,20 @@ class Power(Checked):
     by_loop: Annotated[list[Energy], Field(min_length=1)] = Field(description="loop by loop")
 
 
+class Bands(Checked):
+    """Bands around a model's predictions of the test loops."""
+
+    outcome: Text = Field(description='"computed", how many predictions diverged, or why there are none')
+    level: Number = Field(default=0.9, description="share of the samples that they should hold [-]")
+    predictions: int = Field(default=0, description="predictions that they lie around")
+    inside: dict[str, Number] = Field(default={}, description="channel -> share of the samples that they hold, `all` of them together [-]")
+    half_width: dict[str, Number] = Field(default={}, description="channel -> mean half width [SI unit of the channel]")
+    std: dict[str, dict[str, Number]] = Field(
+        default={},
+        description="source (parameters, processes, start, noise) -> channel -> its part, root mean square [SI unit of the channel]",
+    )
+
+
 class Scored(Checked):
     """All scores of one model."""
 
@@ -94,6 +108,7 @@ class Scored(Checked):
     by_horizon: dict[Horizon, Ahead] = Field(description="seconds ahead -> errors on test; as many as fit into a stretch of it")
     one_step: Ahead | None = Field(description="errors one sample ahead; nothing where test is too short")
     by_loop: list[OfLoop] = Field(description="errors loop by loop, over the whole flight")
+    bands: Annotated[Bands | None, OrAbsent] = Field(default=None, description="how far the predictions may be off, and how often they are")
     power: Annotated[Power | None, OrAbsent] = Field(
         default=None, description="what the flight earned, and what the model predicts of it; tethered flights only"
     )

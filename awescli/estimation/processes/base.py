@@ -5,7 +5,7 @@ Flight Vehicle System Identification, ch. 5). Output error is the case without a
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -33,12 +33,18 @@ class Prior:
         return float(np.log(value / self.median) / self.spread) if self.spread else 0.0
 
 
+def exponential(group: "Group", dt: np.ndarray) -> np.ndarray:
+    """The covariance of the Ornstein-Uhlenbeck process itself."""
+    return group.level**2 * np.exp(-dt / group.memory)
+
+
 @dataclass(frozen=True)
 class Group:
     """Axes that share a level (standard deviation, in their unit) and a memory [s], each an Ornstein-Uhlenbeck process of its own.
 
     axes: disturbances of the kite (`disturbances.DISTURBANCES`) or measured channels (`quantities.MEASURED`); level, memory: present
-    values; of_level, of_memory: their priors.
+    values; of_level, of_memory: their priors; form: (group, time differences >= 0 [s]) -> covariance of what the Ornstein-Uhlenbeck process
+    stands for in a fit, where that is known: for predictions.
     """
 
     name: str
@@ -47,6 +53,7 @@ class Group:
     memory: float
     of_level: Prior
     of_memory: Prior
+    form: Callable[["Group", np.ndarray], np.ndarray] = exponential
 
     @classmethod
     def known(cls, name: str, axes: Sequence[str], level: float, memory: float) -> "Group":

@@ -7,11 +7,17 @@ import numpy as np
 from awescli.estimation.processes.base import Group, Prior, Process
 from awescli.flightlog.log import FlightLog
 from awescli.physics.disturbances import GUSTS
-from awescli.simulation.gusts import LENGTH, VERTICAL_SHARE
+from awescli.simulation.gusts import LENGTH, VERTICAL_SHARE, transversal
 
 SPACING = 0.02
 """[s] What gusts do between nodes counts as noise, and is none: with nodes at 0.05 s accelerometers and load cell seemed a third noisier
 than they were, and every effect with a little of their colour was welcome."""
+
+
+def transversal_form(group: Group, dt: np.ndarray) -> np.ndarray:
+    """Dryden's transversal covariance whose high frequencies, which a pitot sees, are those of the group's process: 3 sigma^2 a / w^2
+    beside 4 level^2 a / w^2, a = V / L = 1 / (2 memory). It has a third more of low frequencies, which move a kite."""
+    return 4 / 3 * group.level**2 * transversal(dt, 1 / (2 * group.memory))
 
 
 @dataclass(frozen=True)
@@ -31,7 +37,7 @@ class Gusts(Process):
         return cls(
             (
                 Group("horizontal gusts", GUSTS[:2], 0.0, length.median, level, length),
-                Group("vertical gusts", GUSTS[2:], 0.0, vertical.median, level, vertical),
+                Group("vertical gusts", GUSTS[2:], 0.0, vertical.median, level, vertical, transversal_form),
             ),
             SPACING,
         )
