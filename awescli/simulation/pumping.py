@@ -114,7 +114,7 @@ class Pumping:
 
     def _through(self, kite: Kite, inputs: np.ndarray, start, own: Mapping[str, float], dt: float, switches: int | None) -> Switched:
         """Through all phases; own: states of the winch at the start."""
-        kites = [kite.with_values({f"{CONTROL}.{n}": v for n, v in p.winch.items()}) for p in self.phases]
+        kites = [kite.in_phase(p.name).with_values({f"{CONTROL}.{n}": v for n, v in p.winch.items()}) for p in self.phases]
         made = [
             Phase(p.name, s.law.value if s.law else 0, k.parameters.vector(), p.guards)
             for p, s, k in zip(self.phases, self.laws, kites, strict=True)

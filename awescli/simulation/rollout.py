@@ -7,8 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from awescli.engine.machine import Program, compile_program
+from awescli.flightlog.phases import phases
 from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
+from awescli.notation.phases import input_of
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.physics.disturbances import DISTURBANCES, GUSTS, PHASE, ROLL_GUST, both
 from awescli.physics.kite import Kite
@@ -235,7 +237,7 @@ def setpoints_of(log, which=SURFACES) -> np.ndarray:
 
 def inputs_of(log, kite: Kite) -> np.ndarray:
     """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: time, line, density, measured tension and motor speed, recorded rates,
-    wind."""
+    wind, phases."""
     zero = np.zeros(len(log))
     length = log.inputs.get("tether_length", zero)
     speed = log.inputs.get("reel_out_speed", np.gradient(length, log.dt))
@@ -253,8 +255,18 @@ def inputs_of(log, kite: Kite) -> np.ndarray:
         **dict.fromkeys((*(f"turbulence_{axis}" for axis in "nedp"), *DISTURBANCES, PHASE), zero),
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
         **wind,
+        **_phase_inputs(log, kite),
     }
     return np.stack([signals[name] for name in kite.input_names], axis=1)
+
+
+def _phase_inputs(log, kite: Kite) -> dict[str, np.ndarray]:
+    """1 in a phase in which parameters have values of their own, else 0; of what has no motion yet, that of its log, nothing is known."""
+    asked = dict.fromkeys(phase for _, _, phase in kite.own_in_phase)
+    if not asked or "p_n" not in log.measured:
+        return {input_of(phase): np.zeros(len(log)) for phase in asked}
+    labels = phases(log)
+    return {input_of(phase): (labels == phase).astype(float) for phase in asked}
 
 
 def wind_inputs(log) -> dict[str, np.ndarray]:
