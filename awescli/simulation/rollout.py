@@ -135,7 +135,7 @@ class Simulator:
         """What is asked of a kite at a sample: derivative and outputs share most of their work."""
         return [*self.kite.derivative(x, u, c), *self.kite.outputs(x, u, c)]
 
-    def _differentiating(self, outputs: tuple[str, ...]) -> Program:
+    def differentiating(self, outputs: tuple[str, ...]) -> Program:
         """`_at_sample`, linearised in the derivative and in some outputs."""
         if outputs not in self._differentiated:
             rows = [*range(self.n_s), *(self.n_s + _INDEX[name] for name in outputs)]
@@ -153,6 +153,12 @@ class Simulator:
         """The same compiled simulator with another law."""
         other = copy(self)
         other.law = self._compiled(law) if law else None
+        return other
+
+    def begun_by(self, initial: Callable) -> "Simulator":
+        """The same compiled simulator whose effects' states begin otherwise: function of (x, u, c) lists."""
+        other = copy(self)
+        other.initial = self._compiled(initial)
         return other
 
     def stepping(self, segments: Segments) -> Stepping:
@@ -225,7 +231,7 @@ class Simulator:
         J, ends = np.empty((*X.shape[:2], len(outputs), len(asked))), np.empty((len(X), len(restarts), X.shape[2], len(asked)))
         restart = np.full(samples, -1)
         restart[list(restarts)] = np.arange(len(restarts))
-        programs = (self._differentiating(tuple(outputs)), self.initial, self.law)
+        programs = (self.differentiating(tuple(outputs)), self.initial, self.law)
         at = np.array(asked, dtype=np.int64).reshape(-1, 5).T.copy()
         return Trajectories(X, Y, sensitivities(*programs, *self._inputs(segments, values), at, restart, X, Y, J, ends)), J, ends
 
