@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.flightlog.log import WindRecord
-from awescli.notation.errors import NumericalFailure
 from awescli.notation.phases import parted
 from awescli.notation.quantities import OUTPUTS, STATES
 from awescli.simulation.pumping import DRUM, GUARDED, Pumping, air_and_line, winch_states
+from awescli.simulation.stepping import Stepping
 from awescli.simulation.switched_sensitivities import Columns, Programs, Sensitivities, sensitivities_through
 from awescli.simulation.switching import Switched, fly_switched
 
@@ -23,22 +23,28 @@ GUARDING = ("tension", "V_a")
 
 @dataclass(frozen=True)
 class DifferentiatedCycles:
-    """flown: with phases that end at guards; of: its sensitivities, outputs in the order of `outputs`, columns as they were asked for;
-    power (N,) [W] and its derivative (N, n); dt: [s] between samples."""
+    """flown: with phases that end at guards; of: its sensitivities, outputs GUARDING, columns as they were asked for; power (N,) [W] and
+    its derivative (N, n); dt: [s] between samples."""
 
     flown: Switched
     of: Sensitivities
-    outputs: tuple[str, ...]
     power: np.ndarray
     power_moved: np.ndarray
     dt: float
 
+    @property
+    def _ends(self) -> list[int]:
+        """Which switches end a cycle."""
+        return [i for i, s in enumerate(self.flown.switches) if s.into == 0]
+
+    @property
+    def cycles(self) -> int:
+        """How many came to their end."""
+        return len(self._ends)
+
     def mean_power(self) -> tuple[float, np.ndarray, float]:
-        """(mean power [W] of all whole cycles since the start, its derivative (n,), their seconds). Raises NumericalFailure where none came
-        to its end."""
-        ends = [i for i, s in enumerate(self.flown.switches) if s.into == 0]
-        if not ends:
-            raise NumericalFailure("no_cycle", "no pumping cycle came to its end", do="Fly longer, or look at how it is lost.")
+        """(mean power [W] of all `cycles` since the start, its derivative (n,), their seconds)."""
+        ends = self._ends
         last = self.flown.switches[ends[-1]]
         energy, power = self._until(self.power, last.time)
         moved, _ = self._until(self.power_moved, last.time)
@@ -63,25 +69,31 @@ def parameters_of(asked: Sequence[Asked]) -> tuple[str, ...]:
 
 def differentiated(
     pumping: Pumping, wind: WindRecord, asked: Sequence[Asked], *, start: np.ndarray, length: float, duration: float, dt: float,
-    cycles: int, speed: float = 0.0, load: float = 0.0, outputs: Sequence[str] = GUARDING,
+    cycles: int, speed: float = 0.0, load: float = 0.0, begins: float = 0.0,
 ) -> DifferentiatedCycles:  # fmt: skip
-    """Fly `cycles` in calm air, as `Pumping.fly` but that phases end at guards, and differentiate; pumping: made with `wrt`."""
+    """Fly `cycles` in calm air, as `Pumping.fly` but that phases end at guards, and differentiate; pumping: made with `wrt`.
+
+    Raises ValueError where set-points move between samples (`held`).
+    """
     kite = pumping.kite
-    outputs = tuple(dict.fromkeys((*outputs, *GUARDING)))
-    _, inputs = air_and_line(kite, wind, length, duration, dt)
+    _, inputs = air_and_line(kite, wind, length, duration, dt, begins)
     phases, *how = pumping.through(kite, inputs, start, winch_states(load, speed), dt)
     one = pumping.laws[0]
     # one switch more: where the last cycle ends
     most = cycles * len(phases)
     flown = fly_switched(one.f.value, one.g.value, one.initial.value, phases, *how, most, at_guards=True)
-    programs = Programs(
-        one.f, one.differentiating(outputs), one.initial, [law.law for law in pumping.laws], tuple(OUTPUTS.index(n) for n in outputs)
-    )
+    rows = tuple(OUTPUTS.index(n) for n in GUARDING)
+    programs = Programs(one.f, one.differentiating(GUARDING), one.initial, [law.law for law in pumping.laws], rows)
     found = sensitivities_through(flown, phases, programs, *how, _columns(pumping, asked))
     tension, v = flown.outputs[: flown.alive, OUTPUTS.index("tension")], kite.state_names.index(f"{DRUM}.speed")
     reeled, moved = flown.states[: flown.alive, v], found.states[:, v]
-    power_moved = found.outputs[:, outputs.index("tension")] * reeled[:, None] + tension[:, None] * moved
-    return DifferentiatedCycles(flown, found, outputs, tension * reeled, power_moved, dt)
+    power_moved = found.outputs[:, GUARDING.index("tension")] * reeled[:, None] + tension[:, None] * moved
+    return DifferentiatedCycles(flown, found, tension * reeled, power_moved, dt)
+
+
+def held(pumping: Pumping, dt: float) -> bool:
+    """Whether set-points are held from sample to sample, so that a flight can be differentiated."""
+    return not Stepping.between(dt, dt, pumping.kite.declaration.set_point_rate).onward
 
 
 def _columns(pumping: Pumping, asked: Sequence[Asked]) -> Columns:

@@ -57,6 +57,9 @@ class Limit(Settings):
         return self
 
 
+WINCH_UNITS = {"v": "m/s", "kv": "m/s/sqrt(N)", "k": "m/s/N", "f_low": "N", "f_high": "N"}
+LIMIT_UNITS = {"time_in_phase": "s", "tether_length": "m", "height": "m", "elevation": "rad", "tension": "N", "V_a": "m/s"}
+"""Units of a phase's settings, as the simulation has them."""
 Ending = Literal["time_in_phase", "tether_length", "height", "elevation", "tension", "V_a"]
 
 
@@ -178,9 +181,52 @@ def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping, known=
         flown = [pumping.fly(wind, cycles=config.cycles, **line, **how, values=values) for values in kites]
         told |= {"mean_cycle_interval_W": band([mean_power(energies(f, names)[1]) for f in flown if f.ended]), "draws": config.draws}
         told["draws_flown"] = sum(f.ended is not None for f in flown)
+    if known is not None and config.draws and config.cycles == pumped.done:
+        told |= depends_on(config, pumping, wind, known, line | {k: how[k] for k in ("start", "duration", "dt", "begins")})
     power = log["tension"] * log["reel_out_speed"] if "tension" in log else None
     measured = [float(power[a:b].mean()) for a, b in cycles(phases(log))] if power is not None else []
     return pumped.flown, told | ({"measured_cycle_W": measured} if measured else {})
+
+
+def depends_on(config, pumping, wind, known, how: Mapping) -> dict:
+    """{"depends_on": how the mean cycle power changes by one standard deviation of each parameter, by one unit of each setting of a phase}
+    in calm air, first what changes it most; nothing where the flight cannot be differentiated, or its cycles do not come to their end."""
+    import numpy as np
+
+    from awescli.simulation.pumping import CONTROL, Pumping
+    from awescli.simulation.pumping_sensitivities import differentiated, held, parameters_of
+
+    kite = pumping.kite
+    if "turbulence.sigma" in kite.parameters or not held(pumping, how["dt"]):
+        return {}
+    of = [i for i, name in enumerate(known.names) if not known.record[i] and name in kite.parameter_names]
+    names, std = [known.names[i] for i in of], np.sqrt(np.diag(known.covariance))[of]
+    settings = [
+        (what, i, value, unit)
+        for i, phase in enumerate(config.phases)
+        for what, value, unit in (
+            *((f"{CONTROL}.{n}", v, WINCH_UNITS[n]) for n, v in phase.winch.model_dump(exclude_unset=True).items() if n in WINCH_UNITS),
+            *((g.quantity, g.limit, LIMIT_UNITS[g.quantity]) for g in guards_of(phase.until)),
+        )
+    ]
+    asked = [*names, *((what, i) for what, i, _, _ in settings)]
+    made = Pumping.of(kite, pumping.phases, config.step, wrt=parameters_of(asked))
+    flown = differentiated(made, wind, asked, cycles=config.cycles, **how)
+    if flown.cycles < config.cycles:
+        return {}
+    mean, moved, _ = flown.mean_power()
+    by_std = moved[: len(names)] * std
+    first = np.argsort(-np.abs(by_std))
+    return {
+        "depends_on": {
+            "mean_W": mean, "std_W": float(np.sqrt(max(moved[: len(names)] @ known.covariance[np.ix_(of, of)] @ moved[: len(names)], 0.0))),
+            "parameters": [{"name": names[k], "std": float(std[k]), "W_per_std": float(by_std[k])} for k in first],
+            "settings": [
+                {"phase": i + 1, "name": what.removeprefix(f"{CONTROL}."), "value": value, "unit": unit, "W_per_unit": float(slope)}
+                for (what, i, value, unit), slope in zip(settings, moved[len(names) :], strict=True)
+            ],
+        }
+    }  # fmt: skip
 
 
 def band(means: list[float]) -> list[float] | None:
@@ -211,6 +257,11 @@ def told_of_cycles(pumped: Mapping) -> list[str]:
             of.setdefault(row["phase"], []).append(row)
     shares = ", ".join(f"{name} {mean_power(rows) / 1000:.3g}" for name, rows in of.items())
     seconds = sum(row["to_s"] - row["from_s"] for row in pumped["cycles"]) / whole
+    depends = pumped.get("depends_on")
+    most = ", ".join(f"{row['name']} {row['W_per_std']:+.3g} W" for row in depends["parameters"][:3]) if depends else ""
     interval = pumped.get("mean_cycle_interval_W")
     between = " (90 %: {:.3g} to {:.3g})".format(*(w / 1000 for w in interval)) if interval else ""
-    return [f"{whole} pumping cycles of {seconds:.0f} s: mean power {pumped['mean_cycle_W'] / 1000:.3g} kW{between}; {shares}"]
+    return [
+        f"{whole} pumping cycles of {seconds:.0f} s: mean power {pumped['mean_cycle_W'] / 1000:.3g} kW{between}; {shares}",
+        *([f"by one standard deviation, mean power changes most with {most}"] if most else []),
+    ]  # fmt: skip

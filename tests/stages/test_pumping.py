@@ -44,6 +44,12 @@ def test_the_example_earns_power_and_is_read_again(tmp_path):
     low, high = metrics["mean_cycle_interval_W"]
     assert low < high and metrics["draws"] == 4 >= metrics["draws_flown"] > 1
     assert "2 pumping cycles" in told_of_cycles(metrics)[0] and "(90 %: " in told_of_cycles(metrics)[0]
+    depends = metrics["depends_on"]
+    assert depends["mean_W"] == pytest.approx(metrics["mean_cycle_W"], rel=0.02) and 0 < depends["std_W"]
+    sizes = [abs(r["W_per_std"]) for r in depends["parameters"]]
+    named = {"kv", "k", "f_low", "f_high", "v", "tether_length", "time_in_phase"}
+    assert sizes == sorted(sizes, reverse=True) and {r["name"] for r in depends["settings"]} == named
+    assert "mean power changes most with" in told_of_cycles(metrics)[1]
     log = read_flight(folder)
     labels = phases(log)
     assert len(cycles(labels)) == 2 and (np.asarray(log["tether_length"]) > 470).all()
