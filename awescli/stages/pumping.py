@@ -36,6 +36,7 @@ class WinchLaw(Settings):
     f_low: float = Field(0.0, ge=0, le=1e6, description="load below which it reels in [N]")
     f_high: float = Field(1e6, ge=0, le=1e6, description="load above which it pays out [N]")
     tau: float = Field(0.3, ge=0.02, le=10, description="lag of the load that it answers [s]")
+    fitted: bool = Field(False, description="what is not named here is as fit-controller (winch: true) found it in this phase")
 
     @model_validator(mode="after")
     def _limits_in_order(self):
@@ -72,7 +73,7 @@ class PhaseConfig(Settings):
     )
     pattern: Circle = Field(Circle(), description="circle of path_following: elevation, azimuth, radius")
     surfaces: dict[str, Degrees] = Field({}, description="surfaces held [deg], e.g. {elevator: 3, flaps: 0}; default as the log's median")
-    winch: WinchLaw = Field(WinchLaw(), description="winch law: v, kv, k, f_low, f_high, tau")
+    winch: WinchLaw = Field(WinchLaw(), description="winch law: v, kv, k, f_low, f_high, tau, or fitted")
     until: dict[Ending, Limit] = Field(
         min_length=1, description="what ends it, the first that is passed: {tether_length: {above: 400}}; m, s, N, m/s, deg"
     )
@@ -147,9 +148,30 @@ def pumping_phases(phases: tuple[PhaseConfig, ...], log, kite, fitted):
 
     laws = laws_of(phases, log, kite.declaration, fitted)
     return [
-        PumpingPhase(p.name, loop(law, kite, wind_direction(log)), p.winch.model_dump(), guards_of(p.until), law.pattern)
+        PumpingPhase(p.name, loop(law, kite, wind_direction(log)), p.winch.model_dump(exclude={"fitted"}), guards_of(p.until), law.pattern)
         for p, law in zip(phases, laws, strict=True)
     ]
+
+
+def with_fitted_winch(config, metrics: Mapping):
+    """The settings of simulate with the winch laws that fit-controller found, and the lag of the drum behind them where the plan names
+    none. metrics: its metrics.json. Raises BadInput where it has found none for a phase."""
+    laws, phases, lags = metrics.get("winch", {}), [], []
+    for i, phase in enumerate(config.phases):
+        named = phase.winch.model_dump(exclude_unset=True, exclude={"fitted"})
+        if phase.winch.fitted:
+            if phase.name not in laws:
+                found = f"it has one for {' and '.join(laws)}" if laws else "it has none"
+                do = "Run awes fit-controller with winch: true, and split.of: cycles, so that its loops hold the phase."
+                raise BadInput(f"fit-controller found no winch law for {phase.name} ({found})", f"simulate.phases.{i}.winch", do)
+            rows = laws[phase.name]["parameters"]
+            named = {n: row["value"] for n, row in rows.items() if n != "tau_d"} | named
+            lags.append(rows["tau_d"]["value"])
+        phases.append(phase.model_copy(update={"winch": WinchLaw(**named)}))
+    drum = config.drum
+    if lags and "tau" not in drum.model_fields_set:
+        drum = Drum(**drum.model_dump(exclude_unset=True) | {"tau": sorted(lags)[len(lags) // 2]})
+    return config.model_copy(update={"phases": tuple(phases), "drum": drum})
 
 
 def on_winch(declaration, drum: Drum):
@@ -182,25 +204,25 @@ def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping, known=
         told |= {"mean_cycle_interval_W": band([mean_power(energies(f, names)[1]) for f in flown if f.ended]), "draws": config.draws}
         told["draws_flown"] = sum(f.ended is not None for f in flown)
     if known is not None and config.draws and config.cycles == pumped.done:
-        told |= depends_on(config, pumping, wind, known, line | {k: how[k] for k in ("start", "duration", "dt", "begins")})
+        told |= slopes(config, pumping, wind, known, line | {k: how[k] for k in ("start", "duration", "dt", "begins")})
     power = log["tension"] * log["reel_out_speed"] if "tension" in log else None
     measured = [float(power[a:b].mean()) for a, b in cycles(phases(log))] if power is not None else []
     return pumped.flown, told | ({"measured_cycle_W": measured} if measured else {})
 
 
-def depends_on(config, pumping, wind, known, how: Mapping) -> dict:
-    """{"depends_on": how the mean cycle power changes by one standard deviation of each parameter, by one unit of each setting of a phase}
-    in calm air, first what changes it most; nothing where the flight cannot be differentiated, or its cycles do not come to their end."""
-    import numpy as np
+def slopes(config, pumping, wind, known, how: Mapping) -> dict:
+    """{"slopes"}: exact derivatives of the mean cycle power in calm air with respect to each parameter and to each setting of a phase;
+    nothing where the flight cannot be differentiated, or its cycles do not come to their end.
 
+    They are those of small changes: a larger one moves the place on the loop at which a phase ends, and with it the power back and forth.
+    """
     from awescli.simulation.pumping import CONTROL, Pumping
     from awescli.simulation.pumping_sensitivities import differentiated, held, parameters_of
 
     kite = pumping.kite
     if "turbulence.sigma" in kite.parameters or not held(pumping, how["dt"]):
         return {}
-    of = [i for i, name in enumerate(known.names) if not known.record[i] and name in kite.parameter_names]
-    names, std = [known.names[i] for i in of], np.sqrt(np.diag(known.covariance))[of]
+    names = [n for n, of_record in zip(known.names, known.record, strict=True) if not of_record and n in kite.parameter_names]
     settings = [
         (what, i, value, unit)
         for i, phase in enumerate(config.phases)
@@ -215,18 +237,11 @@ def depends_on(config, pumping, wind, known, how: Mapping) -> dict:
     if flown.cycles < config.cycles:
         return {}
     mean, moved, _ = flown.mean_power()
-    by_std = moved[: len(names)] * std
-    first = np.argsort(-np.abs(by_std))
-    return {
-        "depends_on": {
-            "mean_W": mean, "std_W": float(np.sqrt(max(moved[: len(names)] @ known.covariance[np.ix_(of, of)] @ moved[: len(names)], 0.0))),
-            "parameters": [{"name": names[k], "std": float(std[k]), "W_per_std": float(by_std[k])} for k in first],
-            "settings": [
-                {"phase": i + 1, "name": what.removeprefix(f"{CONTROL}."), "value": value, "unit": unit, "W_per_unit": float(slope)}
-                for (what, i, value, unit), slope in zip(settings, moved[len(names) :], strict=True)
-            ],
-        }
-    }  # fmt: skip
+    rows = [
+        *({"name": name, "value": kite.parameters[name].value, "unit": kite.parameters[name].unit} for name in names),
+        *({"name": what.removeprefix(f"{CONTROL}."), "phase": i + 1, "value": value, "unit": unit} for what, i, value, unit in settings),
+    ]
+    return {"slopes": {"mean_W": mean, "rows": [row | {"W_per_unit": float(w)} for row, w in zip(rows, moved, strict=True)]}}
 
 
 def band(means: list[float]) -> list[float] | None:
@@ -257,11 +272,6 @@ def told_of_cycles(pumped: Mapping) -> list[str]:
             of.setdefault(row["phase"], []).append(row)
     shares = ", ".join(f"{name} {mean_power(rows) / 1000:.3g}" for name, rows in of.items())
     seconds = sum(row["to_s"] - row["from_s"] for row in pumped["cycles"]) / whole
-    depends = pumped.get("depends_on")
-    most = ", ".join(f"{row['name']} {row['W_per_std']:+.3g} W" for row in depends["parameters"][:3]) if depends else ""
     interval = pumped.get("mean_cycle_interval_W")
     between = " (90 %: {:.3g} to {:.3g})".format(*(w / 1000 for w in interval)) if interval else ""
-    return [
-        f"{whole} pumping cycles of {seconds:.0f} s: mean power {pumped['mean_cycle_W'] / 1000:.3g} kW{between}; {shares}",
-        *([f"by one standard deviation, mean power changes most with {most}"] if most else []),
-    ]  # fmt: skip
+    return [f"{whole} pumping cycles of {seconds:.0f} s: mean power {pumped['mean_cycle_W'] / 1000:.3g} kW{between}; {shares}"]
