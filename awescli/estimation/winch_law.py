@@ -2,9 +2,9 @@
 
     v_ref = v + kv sqrt(f) + k (max(f - f_high, 0) - max(f_low - f, 0)),    tau df/dt = T - f,    tau_d ds/dt = v_ref - s
 
-the law of the effect `winch_control`, behind a filter of the load, and the drum that follows with a lag (`winch_tracking`). s is linear in
-v, kv, k: for given lags and limits these are a linear least-squares problem (variable projection, Golub & Pereyra, SIAM J. Numer. Anal. 10,
-1973). Which of the terms a phase has is chosen on loops that nothing was fitted to.
+docs/equations.md (33), the law of the effect `winch_control` behind a filter of the load, and the drum that follows with a lag
+(`winch_tracking`). s is linear in v, kv, k: for given lags and limits these are a linear least-squares problem (variable projection,
+Golub & Pereyra, SIAM J. Numer. Anal. 10, 1973). Which of the terms a phase has is chosen on loops that nothing was fitted to.
 """
 
 from collections.abc import Mapping, Sequence

@@ -16,7 +16,7 @@ def own_values(names: Sequence[str]) -> tuple[Own, ...]:
 
 
 def with_those_of_now(values: Mapping[str, Any], own: Sequence[Own], inputs: Mapping[str, Any]) -> dict[str, Any]:
-    """The values that count at an instant: theta + sum over phases of w (theta_phase - theta), w the phase's input, 1 while it lasts."""
+    """The values that count at an instant (docs/equations.md (32)): theta + sum of w (theta_phase - theta), w the phase's input."""
     now = dict(values)
     for name, base, phase in own:
         now[base] = now[base] + inputs[input_of(phase)] * (values[name] - values[base])

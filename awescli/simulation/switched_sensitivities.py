@@ -8,9 +8,9 @@ when a parameter moves, S = dx/dp before it. Behind the switch, whose reset is x
 
     S+ = r_x S- + (r_x f_old(x-) - f_new(x+)) dt*/dp
 
-(the saltation of Aizerman & Gantmakher, 1958; Kong et al., Saltation matrices, Proc. IEEE 112, 2024, eq. 9). Between switches the loop of
-`sensitivities` runs; from the guard to the next sample it runs once for the old phase and once for the new one, as `switching` flies, so
-that phases that are alike leave every bit.
+(docs/equations.md (34): the saltation of Aizerman & Gantmakher, 1958; Kong et al., Saltation matrices, Proc. IEEE 112, 2024). Between
+switches the loop of `sensitivities` runs; from the guard to the next sample it runs once for the old phase and once for the new one, as
+`switching` flies, so that phases that are alike leave every bit.
 """
 
 from collections.abc import Mapping, Sequence
