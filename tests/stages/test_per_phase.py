@@ -1,19 +1,22 @@
 """identify with values of their own in the phases of a cycle: found again from a flight through all phases, handed on, and flown."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from flightlog.synthetic import write_folder
-from kites import DEVELOPMENT
+from kites import DEVELOPMENT, flight
 from pumped import DRUM, DT, HEIGHTS, LENGTH, PHASES, start, wind
 
 from awescli.artifacts import read_json
 from awescli.export.words import input_signal
+from awescli.learning.correction import HybridKite
 from awescli.notation.errors import BadInput, BadInputs
 from awescli.physics.declaration import KiteDeclaration, kite_text, read_kite
 from awescli.physics.kite import Kite
 from awescli.simulation.pumping import Pumping, with_winch
+from awescli.simulation.rollout import inputs_of
 from awescli.simulation.switching import Guard
 from awescli.simulation.synthetic import as_recorded
 from awescli.stages import STAGES
@@ -136,3 +139,11 @@ def test_a_kite_file_says_no_other_phase(tmp_path, name, words):
     (tmp_path / "kite.yaml").write_text(kite_text(kite))
     with pytest.raises(BadInput, match=words):
         read_kite(tmp_path / "kite.yaml")
+
+
+def test_a_network_beside_it_leaves_its_phases():
+    """Guards hybrids of such a kite: inputs of phases come to it as to the kite alone."""
+    log = flight(seed=1).log
+    kite = Kite(TRUTH, log.wind.height)
+    hybrid = HybridKite(kite, SimpleNamespace(weights=np.zeros(1), inputs=("alpha",)))
+    assert hybrid.own_in_phase == kite.own_in_phase and np.array_equal(inputs_of(log, hybrid), inputs_of(log, kite))
