@@ -74,8 +74,8 @@ LAW = PathFollowing(CIRCLE, k_radius=0.7, k_course=1.5, k_rate=3.0, limit=0.44, 
 HIGH = dataclasses.replace(LAW, pattern=dataclasses.replace(CIRCLE, elevation=60 * DEG))
 HELD = Held(HIGH, {"elevator": 3 * DEG, "flaps": 0.0})
 TAUT = {"k": 0.004, "f_low": 900.0, "f_high": 6000.0}
-"""Below twice the kite's weight the line is hauled in: with 300 N and half of k, 5 of 8 flights of the weakest wind were lost in gusts at
-the top of the circle, where the airspeed falls to 13 m/s."""
+"""Below twice the kite's weight the line is hauled in: with 300 N and half of k, most flights of the weakest wind were lost in gusts at
+the top of the circle."""
 REELING_IN = {"v": -5.0, "k": 0.004, "f_low": 300.0, "f_high": 1500.0}
 
 
