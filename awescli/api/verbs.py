@@ -92,7 +92,8 @@ def simulate(
     origin, label = _of_model(model, flight, "simulate")
     origin = _with(origin, controller)
     steering = [p.get("law", "path_following") for p in settings.get("phases", ())] or [settings.get("surfaces", "controller")]
-    if "controller" in steering and "fit-controller" not in origin.made:
+    winches = [dict(p.get("winch", {})).get("fitted", False) for p in settings.get("phases", ())]
+    if ("controller" in steering or any(winches)) and "fit-controller" not in origin.made:
         do = 'Give controller=fit_controller(flight, kite), or surfaces="recorded" or "path_following".'
         raise BadInput("there is no controller to fly by", "simulate()", do)
     return result(Simulation, run("simulate", "simulate", origin, {"model": label, **settings}, out, progress))

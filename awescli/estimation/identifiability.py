@@ -37,20 +37,22 @@ def interval(value: float, std: float) -> list[float]:
     return [value - INTERVAL * std, value + INTERVAL * std]
 
 
-def describe(fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str, str] | None = None) -> dict:
+def describe(
+    fit: JointFit, record: Collection[str] = (), flight_of: Mapping[str, str] | None = None, phase_of: Mapping[str, str] | None = None
+) -> dict:
     """Per free parameter: value, std, prior, shift, flags, advice, and `determined`: "well" (excited), "hardly" (near its prior still), or
     "poorly" (it moved by more than MOVED, or to a bound, though the flight does not say where it is).
 
     std is that of the fit's covariance (`staged_fit` has added what coloured residuals do); excited: std < half of the prior's;
     interval: 95 %; at_bound: it sits at an end of its range; partners: parameters correlated by more than 0.95. record: names of nuisance
-    parameters, listed apart. flight_of: name -> the flight that it belongs to, where it belongs to one alone.
+    parameters, listed apart. flight_of: name -> the flight that it belongs to, where it belongs to one alone; phase_of: the same of phases.
     """
-    flight_of = flight_of or {}
+    belongs = {"flight": flight_of or {}, "phase": phase_of or {}}
     std = np.sqrt(np.diag(fit.covariance))
     correlation = _correlation(fit.covariance)
     rows, errors = {}, {}
     for i, name in enumerate(fit.names):
-        whose = {"flight": flight_of[name]} if name in flight_of else {}
+        whose = {what: of[name] for what, of in belongs.items() if name in of}
         if name in record:
             errors[name] = {"value": fit.parameters[name].value, "std": float(std[i]), "unit": fit.parameters[name].unit, **whose}
             continue

@@ -8,9 +8,7 @@ from awescli.estimation.power_interval import Known, Seen, power_interval
 from awescli.estimation.prediction import Prediction
 from awescli.flightlog.cycles import cycles
 from awescli.flightlog.log import runs_of
-
-WORKING = ("traction", "transition", "retraction")
-"""Phases of a pumping cycle, in its order (`flightlog.phases`)."""
+from awescli.notation.phases import WORKING
 
 
 def flown_ranges(labels: np.ndarray, valid: np.ndarray, of: Sequence[str] = WORKING) -> tuple[tuple[int, int], ...]:

@@ -9,6 +9,7 @@ from awescli.estimation.misfit import Misfit
 from awescli.estimation.processes import PROCESSES
 from awescli.estimation.processes.base import Process
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.phases import apart_from_changes, phases
 from awescli.flightlog.split import Split, segments
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
@@ -105,11 +106,15 @@ def build(
     known_starts: bool = False,
 ) -> EstimationProblem:  # fmt: skip
     """Cut the log into segments of `horizon` seconds for fitting and for choosing. Processes that are always there have their level, others
-    are at zero. Raises BadInput where a part is too short for a segment."""
+    are at zero. Raises BadInput where a part is too short for a segment.
+
+    Of a kite with values of its own in a phase, segments stay clear of changes of phase, whose time a log tells to some seconds only.
+    """
     kite, steps = simulator.kite, int(round(horizon / log.dt))
+    valid = log.valid & apart_from_changes(phases(log), log.dt) if kite.own_in_phase else log.valid
     observed: list[Observed] = []
     for part in ("train", "validation"):
-        first = segments(getattr(split, part), steps, valid=log.valid)
+        first = segments(getattr(split, part), steps, valid=valid)
         if not len(first):
             raise BadInput(
                 f"no segment of {horizon:g} s fits into the {part} loops of flight '{log.name}'",

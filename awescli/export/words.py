@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from awescli.notation.phases import OWN, input_of
 from awescli.notation.quantities import IN_WORDS, STATES, SURFACES, UNITS
 
 
@@ -31,6 +32,7 @@ _INPUTS = {
     "reel_out_acceleration": ("m/s2", "rate of the reel-out speed"),
     "time": ("s", "the flight's clock, which runs on as it flies"),
     "tension_rate": ("N/s", "rate of the measured pull of the line"),
+    **{input_of(phase): ("-", f"1 in {phase}, in which parameters have values of their own, else 0") for phase in OWN},
 }  # fmt: skip
 """Exogenous inputs that are no quantity of a flight -> (unit, words)."""
 _STATIONS = {"speed": ("m/s", "wind speed"), "direction": ("rad", "direction that the wind comes from, clockwise from north"),

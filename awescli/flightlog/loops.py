@@ -38,8 +38,8 @@ flight may last, and a block then holds a turn or two: up to FREE_BLOCK."""
 
 @dataclass(frozen=True)
 class Loops:
-    """kind: "loops" (figures of eight among them) or "blocks"; bounds: (K, 2) half-open sample ranges, in order; sentence: what they are;
-    left_out: those that were found but are not fit for use."""
+    """kind: "loops" (figures of eight among them), "blocks" or "cycles"; bounds: (K, 2) half-open sample ranges, in order; sentence: what
+    they are; left_out: those that were found but are not fit for use."""
 
     kind: str
     bounds: np.ndarray
@@ -77,7 +77,7 @@ def find_loops(log: FlightLog, labels: np.ndarray | None = None) -> Loops:
     is_eight = np.isin(good[:, 0], [first for first, _ in eights])
     kinds = (("loops", good[~is_eight]), ("figures of eight", good[is_eight]))
     sentence = " and ".join(_say(name, part, log.dt) for name, part in kinds if len(part))
-    return Loops("loops", good, sentence + _say_left_out(out), out)
+    return Loops("loops", good, sentence + left_out_in_words(out), out)
 
 
 def _say(name: str, bounds: np.ndarray, dt: float) -> str:
@@ -85,7 +85,7 @@ def _say(name: str, bounds: np.ndarray, dt: float) -> str:
     return f"{len(bounds)} {name} of {seconds.mean():.1f} s (from {seconds.min():.1f} to {seconds.max():.1f} s)"
 
 
-def _say_left_out(out: tuple[LeftOut, ...]) -> str:
+def left_out_in_words(out: tuple[LeftOut, ...]) -> str:
     """"; 3 left out: 2 slack line, 1 no excitation"; empty where nothing is."""
     reasons = Counter(o.reason for o in out)
     return f"; {len(out)} left out: {', '.join(f'{n} {reason}' for reason, n in reasons.items())}" if out else ""
@@ -155,5 +155,5 @@ def _blocks(log: FlightLog, labels: np.ndarray) -> Loops:
         bounds += list(zip(edges[:-1], edges[1:], strict=True))
     good, out = usable(log, np.array(bounds, dtype=int).reshape(-1, 2))
     if log.on_line:
-        return Loops("blocks", good, f"{len(good)} blocks of {seconds:.1f} s (the flight does not loop){_say_left_out(out)}", out)
-    return Loops("blocks", good, f"no tether: {len(good)} blocks of {seconds:.3g} s{_say_left_out(out)}", out)
+        return Loops("blocks", good, f"{len(good)} blocks of {seconds:.1f} s (the flight does not loop){left_out_in_words(out)}", out)
+    return Loops("blocks", good, f"no tether: {len(good)} blocks of {seconds:.3g} s{left_out_in_words(out)}", out)

@@ -75,6 +75,15 @@ def _of_free_flight(log: FlightLog) -> np.ndarray:
     return np.array(PHASES)[_without_short(code, max(1, int(round(SHORTEST / log.dt))))]
 
 
+def apart_from_changes(labels: np.ndarray, dt: float) -> np.ndarray:
+    """(N,) bool: samples so far from a change of phase, and from both ends of the flight, that what is smoothed over LOOP cannot have
+    misplaced a change past them."""
+    around, near = int(round(LOOP / 2 / dt)), np.zeros(len(labels), bool)
+    for edge in (0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1), len(labels)):
+        near[max(edge - around, 0) : edge + around] = True
+    return ~near
+
+
 def phase_durations(labels: np.ndarray, dt: float) -> dict[str, float]:
     """Seconds spent in every phase that occurs, in the order of PHASES."""
     return {name: float((labels == name).sum() * dt) for name in PHASES if (labels == name).any()}

@@ -180,7 +180,7 @@ class HybridKite:
         self.declaration, self.heights, self.effects, self.by_place = kite.declaration, kite.heights, kite.effects, kite.by_place
         self.state_names, self.x_names, self.input_names = kite.state_names, kite.x_names, kite.input_names
         self.constraints, self.tether = kite.constraints, kite.tether
-        self.record, self.start_spread = kite.record, kite.start_spread
+        self.record, self.start_spread, self.own_in_phase = kite.record, kite.start_spread, kite.own_in_phase
 
     def instant(self, x, u, c) -> CorrectedInstant:
         """The instant of the physics, its derivative corrected; `at.correction` holds the six corrections."""

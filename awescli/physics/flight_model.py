@@ -27,6 +27,7 @@ class FlightModel(Protocol):
     input_names: tuple[str, ...]
     constraints: tuple[LinearConstraint, ...]
     record: tuple[str, ...]
+    own_in_phase: tuple[tuple[str, str, str], ...]
 
     @property
     def start_spread(self) -> np.ndarray:

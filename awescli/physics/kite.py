@@ -11,6 +11,7 @@ from awescli.notation.constraints import parse_constraint
 from awescli.notation.errors import BadInput, BadInputs, did_you_mean
 from awescli.notation.frames import add, cross, dot, rotate, rotate_back, rotation_body_to_ned, scale
 from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.notation.phases import input_of
 from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.notation.scalars import sqrt
 from awescli.physics.airflow import air_data, declared_wind, wind_vector
@@ -21,6 +22,7 @@ from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.aerodynamics import COEFFICIENTS, body_axes, parse_monomial
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Body, Coefficients, Instant, Load
+from awescli.physics.phase_values import own_values, with_those_of_now, wrong_phases
 from awescli.physics.rigid_body import acceleration, state_derivative
 
 REQUIRED = ("m", "g", "S", "b", "c", "Jx", "Jy", "Jz", "Jxz")
@@ -128,7 +130,7 @@ def check_declaration(declaration: KiteDeclaration, where: Callable[..., str]) -
             parameter_of(name, row)
         except BadInput as e:
             errors.append(BadInput(e.what, where("parameters", name), e.do))
-    errors += _wrong_constraints(declaration, where)
+    errors += [*wrong_phases(tuple(declaration.parameters), declaration.effects, where), *_wrong_constraints(declaration, where)]
     if errors:
         raise errors[0] if len(errors) == 1 else BadInputs(errors)
 
@@ -175,12 +177,14 @@ class Kite:
         self.record = tuple(p.name for p in record)
         self.parameters: ParameterTable = table.with_rows([*own, *nuisance_parameters(), *record])
         self.parameter_names = tuple(self.parameters)
+        self.own_in_phase = own_values(self.parameter_names)
         self.constraints = tuple(parse_constraint(text) for text in declaration.constraints)
         self.state_names = (*STATES, *(s for e in self.effects for s in e.state_names()))
         self.x_names = (*self.state_names, *SURFACES)
         wind = (f"wind_{kind}_{i}" for kind in ("speed", "direction", "down") for i in range(len(self.heights)))
         read = dict.fromkeys(name for e in self.effects for name in e.inputs)
-        self.input_names = (*_SIGNALS, *read, *(f"{s}_rate" for s in SURFACES), *wind)
+        phases = dict.fromkeys(input_of(phase) for _, _, phase in self.own_in_phase)
+        self.input_names = (*_SIGNALS, *read, *(f"{s}_rate" for s in SURFACES), *wind, *phases)
         self.tether = next((e for e in self.effects if e.gives_line), None)
         self.by_place: dict[str, list[Effect]] = {
             place: [e for e in self.effects if e.place == place] for place in {e.place for e in self.effects}
@@ -205,8 +209,8 @@ class Kite:
 
     def instant(self, x, u, c) -> Instant:
         """Fill one instant, from the state down to the loads' sum about the reference point."""
-        values = dict(zip(self.parameter_names, c, strict=True))
         inputs = dict(zip(self.input_names, u, strict=True))
+        values = with_those_of_now(dict(zip(self.parameter_names, c, strict=True)), self.own_in_phase, inputs)
         z = SimpleNamespace(**dict(zip(STATES, x, strict=False)))
         setpoints = dict(zip(SURFACES, x[len(self.state_names) :], strict=True))
         states = dict(zip(self.state_names[12:], x[12:], strict=False))

@@ -20,6 +20,8 @@ from awescli.simulation.switching import Guard, Phase, Switch, Switched, fly_swi
 from awescli.simulation.synthetic import Commanded, Flown, ReelOut, gusts_for, refuse_measured, with_effects
 
 CONTROL, DRUM = "winch_control", "winch_tracking"
+TOLD = (f"{CONTROL}.load", f"{CONTROL}.ahead", f"{DRUM}.speed", f"{DRUM}.ahead")
+"""States of the winch, with which a flight begins as it is told."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +39,12 @@ class PumpingPhase:
 GUARDED: Mapping[str, Callable[[np.ndarray, Mapping[str, np.ndarray]], np.ndarray]] = {
     "tether_length": lambda X, told: told["tether_length"],
     "height": lambda X, told: -X[:, 2],
-    "elevation": lambda X, told: np.arctan2(-X[:, 2], np.hypot(X[:, 0], X[:, 1])),
+    "elevation": lambda X, told: np.arctan(-X[:, 2] / np.sqrt(X[:, 0] ** 2 + X[:, 1] ** 2)),
     "tension": lambda X, told: told["tension"],
     "V_a": lambda X, told: told["V_a"],
 }
-"""Quantity that may end a phase -> function of (states (n, n_x), {"tether_length", outputs}); `time_in_phase` [s] is another. SI."""
+"""Quantity that may end a phase -> function of (states (n, n_x), {"tether_length", outputs}), of complex numbers too (sensitivities step
+into them); `time_in_phase` [s] is another. SI."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +79,17 @@ class Pumping:
     laws: tuple[Simulator, ...]
 
     @classmethod
-    def of(cls, kite: FlightModel, phases: Sequence[PumpingPhase], step: float = 0.01) -> "Pumping":
-        """step: longest of RK4 [s]."""
+    def of(cls, kite: FlightModel, phases: Sequence[PumpingPhase], step: float = 0.01, wrt: Sequence[str] = ()) -> "Pumping":
+        """step: longest of RK4 [s]; wrt: parameters that sensitivities may be asked for."""
         refuse_measured(kite.declaration)
-        simulator = Simulator(kite, wrt=(), step=step)
+        simulator = Simulator(kite, wrt=wrt, step=step)
+        told = [name in TOLD for name in kite.state_names[12:]]
+
+        def initial(x, u, c) -> list:
+            """Of the winch nothing: how it begins is told."""
+            return [0.0 if known else value for known, value in zip(told, kite.initial(x, u, c), strict=True)]
+
+        simulator = simulator.begun_by(initial)
         return cls(kite, tuple(phases), tuple(simulator.flown_by(p.law) for p in phases))
 
     def fly(
@@ -93,15 +103,12 @@ class Pumping:
         It departs where it diverges, comes lower than LOWEST or stands in the air (STALLED). Slack lines are flown. Other arguments as in
         `simulate_flight`.
         """
-        kite, samples = self.kite.with_values(dict(values or {})), int(round(duration / dt)) + 1
-        time = np.arange(samples) * dt
-        line: dict[str, np.ndarray] = dict(zip(("tether_length", "reel_out_speed"), ReelOut(length, 0.0).at(time), strict=True))
-        inputs = inputs_of(Commanded(time, dt, line, wind), kite)
-        inputs[:, kite.input_names.index("time")] += begins
+        kite = self.kite.with_values(dict(values or {}))
+        time, inputs = air_and_line(kite, wind, length, duration, dt, begins)
         for name, value in (rates or {}).items():
             inputs[0, kite.input_names.index(name)] = value
-        switches = None if cycles is None else cycles * len(self.phases) - 1
-        how = start, {f"{CONTROL}.load": load, f"{DRUM}.speed": speed}, dt, switches
+        samples, switches = len(time), None if cycles is None else cycles * len(self.phases) - 1
+        how = start, winch_states(load, speed), dt, switches
         flown = self._through(kite, inputs, *how)
         if "turbulence.sigma" in kite.parameters:
             at = {n: i for i, n in enumerate(kite.input_names)}
@@ -117,7 +124,13 @@ class Pumping:
 
     def _through(self, kite: FlightModel, inputs: np.ndarray, start, own: Mapping[str, float], dt: float, switches: int | None) -> Switched:
         """Through all phases; own: states of the winch at the start."""
-        kites = [kite.with_values({f"{CONTROL}.{n}": v for n, v in p.winch.items()}) for p in self.phases]
+        one, (made, *how) = self.laws[0], self.through(kite, inputs, start, own, dt)
+        return fly_switched(one.f.value, one.g.value, one.initial.value, made, *how, most=switches)
+
+    def through(self, kite: FlightModel, inputs: np.ndarray, start: np.ndarray, own: Mapping[str, float], dt: float) -> tuple:
+        """(phases, n_s, x0, setpoints, inputs, dt, stepping, n_y, read) as `fly_switched` takes them; inputs (N+1, n_u); own: states of the
+        winch at the start."""
+        kites = [in_phase(kite, p.name).with_values({f"{CONTROL}.{n}": v for n, v in p.winch.items()}) for p in self.phases]
         made = [
             Phase(p.name, s.law.value if s.law else 0, k.parameters.vector(), p.guards)
             for p, s, k in zip(self.phases, self.laws, kites, strict=True)
@@ -125,25 +138,31 @@ class Pumping:
         one = self.laws[0]
         segments = Segments(np.zeros(1, int), start[None], np.zeros((1, len(inputs), len(SURFACES))), inputs[None], dt)
         x0 = segments.starts_for(one.n_s)[0]
-        x0[12:] = _offsets(kites[0], own, start, inputs[0])
-        return fly_switched(
-            one.f.value, one.g.value, one.initial.value, made, one.n_s, x0, segments.setpoints[0], inputs, dt, one.stepping(segments),
-            len(OUTPUTS), lambda X, Y, U: _quantities(kite, X, Y, U), switches,
-        )  # fmt: skip
+        x0[12:] = [own.get(name, 0.0) for name in kite.state_names[12:]]
+        read = lambda X, Y, U: _quantities(kite, X, Y, U)  # noqa: E731
+        return made, one.n_s, x0, segments.setpoints[0], inputs, dt, one.stepping(segments), len(OUTPUTS), read
 
 
-def _offsets(kite: FlightModel, own: Mapping[str, float], start: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """(n_e,) by how much the effects' states at the start differ from what `Kite.initial` says: drum and load as told."""
-    names = kite.state_names[12:]
-    c = [float(v) for v in kite.parameters.vector()]
-    x = [*map(float, start), *(0.0 for _ in names), *(0.0 for _ in SURFACES)]
-    said = np.array([float(v) for v in kite.initial(x, [float(v) for v in u], c)])
-    wanted = np.array([own.get(name, value) for name, value in zip(names, said, strict=True)])
-    ahead = [f"{CONTROL}.ahead", f"{DRUM}.ahead"]
-    return np.where(np.isin(names, ahead), 0.0, wanted) - said
+def in_phase(kite: FlightModel, phase: str) -> FlightModel:
+    """A model as it is in a phase, for flights whose inputs do not say in which they are."""
+    return kite.with_values({base: kite.parameters[name].value for name, base, of in kite.own_in_phase if of == phase})
 
 
-def _line(kite: FlightModel, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def air_and_line(kite: FlightModel, wind: WindRecord, length: float, duration: float, dt: float, begins: float = 0.0):
+    """(time (N,) s, inputs (N, n_u)) of a flight that begins with `length` of line."""
+    time = np.arange(int(round(duration / dt)) + 1) * dt
+    line: dict[str, np.ndarray] = dict(zip(("tether_length", "reel_out_speed"), ReelOut(length, 0.0).at(time), strict=True))
+    inputs = inputs_of(Commanded(time, dt, line, wind), kite)
+    inputs[:, kite.input_names.index("time")] += begins
+    return time, inputs
+
+
+def winch_states(load: float, speed: float) -> dict[str, float]:
+    """States of the winch that begins with a load [N] and a speed [m/s]."""
+    return {f"{CONTROL}.load": load, f"{DRUM}.speed": speed}
+
+
+def line_of(kite: FlightModel, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(length [m], speed [m/s]) paid out, (n,)."""
     at = {name: i for i, name in enumerate(kite.state_names)}
     length = U[:, kite.input_names.index("tether_length")] + X[:, at[f"{CONTROL}.ahead"]] + X[:, at[f"{DRUM}.ahead"]]
@@ -151,7 +170,7 @@ def _line(kite: FlightModel, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _quantities(kite: FlightModel, X: np.ndarray, Y: np.ndarray, U: np.ndarray) -> dict[str, np.ndarray]:
-    told = {name: Y[:, i] for i, name in enumerate(OUTPUTS)} | {"tether_length": _line(kite, X, U)[0]}
+    told = {name: Y[:, i] for i, name in enumerate(OUTPUTS)} | {"tether_length": line_of(kite, X, U)[0]}
     return {name: of(X, told) for name, of in GUARDED.items()}
 
 
@@ -165,7 +184,7 @@ def _samples(flown: Switched) -> int:
 def _told(kite: FlightModel, flown: Switched, inputs: np.ndarray, last: int, time: np.ndarray, dt: float, departed: bool) -> Flown:
     """The flight as `simulate_flight` gives it."""
     X, Y = flown.states[:last], flown.outputs[:last]
-    length, speed = _line(kite, X, inputs[:last])
+    length, speed = line_of(kite, X, inputs[:last])
     trajectories = Trajectories(X[None], Y[None], np.array([last]))
     outputs = {n: Y[:, i] for i, n in enumerate(OUTPUTS)} | {n: trajectories[n][0] for n in BODY_VELOCITY}
     return Flown(time[:last], dt, outputs, {"tether_length": length, "reel_out_speed": speed}, departed)

@@ -9,8 +9,10 @@ import numpy as np
 
 from awescli.engine.machine import Program, compile_program
 from awescli.flightlog.log import FlightLog, WindRecord
+from awescli.flightlog.phases import phases
 from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
+from awescli.notation.phases import input_of
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.physics.disturbances import DISTURBANCES, GUSTS, PHASE, ROLL_GUST, both
 from awescli.physics.flight_model import FlightModel
@@ -135,7 +137,7 @@ class Simulator:
         """What is asked of a kite at a sample: derivative and outputs share most of their work."""
         return [*self.kite.derivative(x, u, c), *self.kite.outputs(x, u, c)]
 
-    def _differentiating(self, outputs: tuple[str, ...]) -> Program:
+    def differentiating(self, outputs: tuple[str, ...]) -> Program:
         """`_at_sample`, linearised in the derivative and in some outputs."""
         if outputs not in self._differentiated:
             rows = [*range(self.n_s), *(self.n_s + _INDEX[name] for name in outputs)]
@@ -153,6 +155,12 @@ class Simulator:
         """The same compiled simulator with another law."""
         other = copy(self)
         other.law = self._compiled(law) if law else None
+        return other
+
+    def begun_by(self, initial: Callable) -> "Simulator":
+        """The same compiled simulator whose effects' states begin otherwise: function of (x, u, c) lists."""
+        other = copy(self)
+        other.initial = self._compiled(initial)
         return other
 
     def stepping(self, segments: Segments) -> Stepping:
@@ -228,7 +236,7 @@ class Simulator:
         J, ends = np.empty((*X.shape[:2], len(outputs), len(asked))), np.empty((len(X), len(restarts), X.shape[2], len(asked)))
         restart = np.full(samples, -1)
         restart[list(restarts)] = np.arange(len(restarts))
-        programs = (self._differentiating(tuple(outputs)), self.initial, self.law)
+        programs = (self.differentiating(tuple(outputs)), self.initial, self.law)
         at = np.array(asked, dtype=np.int64).reshape(-1, 5).T.copy()
         return Trajectories(X, Y, sensitivities(*programs, *self._inputs(segments, values), at, restart, X, Y, J, ends)), J, ends
 
@@ -271,7 +279,7 @@ def setpoints_of(log: FlightLog, which=SURFACES) -> np.ndarray:
 
 def inputs_of(log: Recorded, kite: FlightModel) -> np.ndarray:
     """(N, n_u) exogenous inputs of a log, by `Kite.input_names`: time, line, density, measured tension and motor speed, recorded rates,
-    wind."""
+    wind, phases."""
     zero = np.zeros(len(log))
     length = log.inputs.get("tether_length", zero)
     speed = log.inputs.get("reel_out_speed", np.gradient(length, log.dt))
@@ -289,6 +297,7 @@ def inputs_of(log: Recorded, kite: FlightModel) -> np.ndarray:
         **dict.fromkeys((*(f"turbulence_{axis}" for axis in "nedp"), *DISTURBANCES, PHASE), zero),
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
         **wind,
+        **_phase_inputs(log, kite),
     }
     return np.stack([signals[name] for name in kite.input_names], axis=1)
 
@@ -298,6 +307,15 @@ def rates_at(log: FlightLog, kite: FlightModel, sample: int) -> dict[str, float]
     start from these (`Effect.initial`), where a flight sets out in the middle of a log."""
     row = inputs_of(log, kite)[sample]
     return {name: float(row[i]) for i, name in enumerate(kite.input_names) if name.endswith("_rate")}
+
+
+def _phase_inputs(log: Recorded, kite: FlightModel) -> dict[str, np.ndarray]:
+    """1 in a phase in which parameters have values of their own, else 0; of what has no motion yet, that of its log, nothing is known."""
+    asked = dict.fromkeys(phase for _, _, phase in kite.own_in_phase)
+    if not asked or not isinstance(log, FlightLog):
+        return {input_of(phase): np.zeros(len(log)) for phase in asked}
+    labels = phases(log)
+    return {input_of(phase): (labels == phase).astype(float) for phase in asked}
 
 
 def wind_inputs(log: Recorded) -> dict[str, np.ndarray]:

@@ -107,7 +107,8 @@ class _Differentiated(Loop):
 
 
 @cache
-def _loop() -> Callable:
+def differentiated_loop() -> Callable:
+    """`rollout_loop` with sensitivities."""
     return compile_loop(_Differentiated().text("loop", _ARGUMENTS) + print_lanes(LANES), _ARGUMENTS)
 
 
@@ -132,4 +133,4 @@ def sensitivities(
         to = (len(J[here]), J.strides[0] // 8, J[here], ends.strides[0] // 8, ends[here])
         return (*more_programs, n_col, n_wrt, *columns, restart, n_rows, *to, np.empty(n_col, np.int64))
 
-    return on_segments(_loop(), programs, n_s, (X0, SP, U, C), h, stepping, X, Y, rows, more)
+    return on_segments(differentiated_loop(), programs, n_s, (X0, SP, U, C), h, stepping, X, Y, rows, more)

@@ -4,6 +4,10 @@ The compiled loop over time is that of every rollout (`kernels`), stopped at sam
 phases are alike is the unswitched one to the last bit. A phase ends at the first sample at which one of its guards has been passed: that
 is when a flight computer, which sets surfaces and winch once per sample, can act. Where between two samples the guard itself was passed
 is told by the cubic through values and slopes at both.
+
+Or it ends where the guard is passed (`at_guards`), so that the flight is a smooth function of its start and its parameters, with
+sensitivities (`switched_sensitivities`): from there to the next sample it flies once as the old phase and once as the new one, and the
+difference is added to the step of the old one. Set-points, held otherwise from sample to sample, move there by what both laws differ in.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,10 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from awescli.engine.lanes import abreast, lane_rows
-from awescli.simulation import kernels
 from awescli.simulation.stepping import Stepping
+from awescli.simulation.stretches import BetweenSamples, Leg, Side, Stretch, beside_lanes
 
+Read = Callable[[np.ndarray, np.ndarray, np.ndarray], Mapping[str, np.ndarray]]
+"""(states (n, n_x), outputs (n, n_y), inputs (n, n_u)) -> what guards name, (n,)."""
 AHEAD = 64
 """Samples flown before the guards are looked at: what is flown beyond one is thrown away."""
 
@@ -34,8 +39,8 @@ class Guard:
 
 @dataclass(frozen=True)
 class Phase:
-    """law: address of the program of set-points, 0 for recorded ones; c: (n_c,) parameters; guards: what ends it; reset: state x (n_s,) at
-    its first sample -> the state that it begins with, or None."""
+    """law: address of the program of set-points, 0 for recorded ones; c: (n_c,) parameters; guards: what ends it; reset: state x (n_s,)
+    where it begins -> the state that it begins with, or None; it takes complex numbers where sensitivities are asked for."""
 
     name: str
     law: int
@@ -46,13 +51,15 @@ class Phase:
 
 @dataclass(frozen=True)
 class Switch:
-    """At `sample` phase `into` took over from phase `out_of`, since `guard` was passed at `time` [s]."""
+    """At `sample` phase `into` took over from phase `out_of`, since `guard` was passed at `time` [s]; share: of the way there from the
+    sample before, where phases end at guards: there it took over; None where the guard had been passed before."""
 
     sample: int
     time: float
     out_of: int
     into: int
     guard: Guard
+    share: float | None = None
 
 
 @dataclass(frozen=True)
@@ -70,21 +77,24 @@ class Switched:
 
 def fly_switched(
     f: int, g: int, initial: int, phases: Sequence[Phase], n_s: int, x0: np.ndarray, setpoints: np.ndarray, inputs: np.ndarray, h: float,
-    stepping: Stepping, n_y: int, read: Callable[[np.ndarray, np.ndarray, np.ndarray], Mapping[str, np.ndarray]], most: int | None = None,
+    stepping: Stepping, n_y: int, read: Read, most: int | None = None, at_guards: bool = False,
 ) -> Switched:  # fmt: skip
     """Fly through the phases, after the last one the first again, for all samples or until `most` switches.
 
     f, g, initial: addresses of programs, as in `kernels.rollout`; x0 (n_s,), setpoints (N+1, n_sp), inputs (N+1, n_u) of one segment;
-    read: (states (n, n_x), outputs (n, n_y), inputs (n, n_u)) -> what guards name, (n,); `time_in_phase` [s] is always there.
+    read: what guards name of states, outputs and inputs; `time_in_phase` [s] is always there. at_guards: phases end where guards are
+    passed, not at the next sample. Raises ValueError for that where set-points move between samples.
     """
+    if at_guards and (stepping.first or stepping.onward):
+        raise ValueError("phases can end between samples only where set-points are held from sample to sample")
     samples, n_sp, n_u = len(setpoints), setpoints.shape[1], inputs.shape[1]
-    n_x = n_s + n_sp
-    X, Y, of = np.empty((samples, n_x)), np.empty((samples, n_y)), np.zeros(samples, dtype=int)
-    stretch = _Stretch(kernels.rows_of_loop(n_x, n_s, n_u, n_y), x0, (f, g, initial), (n_s, n_sp, n_u, n_y), h, stepping)
-    parameters = [abreast(np.ascontiguousarray(p.c[None], dtype=float)) for p in phases]
+    X, Y, of = np.empty((samples, n_s + n_sp)), np.empty((samples, n_y)), np.zeros(samples, dtype=int)
+    how = (f, g, initial), (n_s, n_sp, n_u, n_y), h, stepping
+    stretch, between = Stretch(x0, *how), BetweenSamples(*how)
+    parameters = [beside_lanes(p.c) for p in phases]
     switches: list[Switch] = []
     now = first = entered = 0
-    alive = samples
+    since, alive = 0.0, samples
     while first < samples and alive == samples:
         until = min(first + AHEAD, samples)
         alive = stretch.fly(phases[now].law, parameters[now], first, until, setpoints, inputs, X, Y)
@@ -92,7 +102,7 @@ def fly_switched(
         begin = max(first - 1, entered)
         seen = slice(begin, min(until, alive))
         values = dict(read(X[seen], Y[seen], inputs[seen]))
-        values["time_in_phase"] = (np.arange(seen.start, seen.stop) - entered) * h
+        values["time_in_phase"] = (np.arange(seen.start, seen.stop) - since) * h
         passed = _first_passed(phases[now].guards, values)
         if passed is None:
             first = until
@@ -101,38 +111,40 @@ def fly_switched(
         at, into = begin + k, (now + 1) % len(phases)
         if len(switches) == most:
             return Switched(X, Y, of, at + 1, tuple(switches), guard)
-        switches.append(Switch(at, h * (at - 1 + _share(guard.beyond(values), k)), now, into, guard))
-        reset = phases[into].reset
-        stretch.begin_at(X[at] if reset is None else np.concatenate([reset(X[at, :n_s]), X[at, n_s:]]))
+        beyond, reset = guard.beyond(values), phases[into].reset or unchanged
+        if at_guards and beyond[k - 1] < 0:
+            leg, c = Leg(X[at - 1], inputs[at - 1], inputs[at]), parameters[now]
+            share = between.passed(leg, c, Passing(guard, read, h, at - 1 - since).beyond)
+            sides = (Side(phases[i].law, parameters[i], phases[i].reset or unchanged) for i in (now, into))
+            x, since = between.switched(leg, share, *sides, X[at]), at - 1 + share
+            switches.append(Switch(at, h * since, now, into, guard, share))
+        else:
+            x, since = np.concatenate([reset(X[at, :n_s]), X[at, n_s:]]), float(at)
+            switches.append(Switch(at, h * (at - 1 + _share(beyond, k)), now, into, guard))
+        stretch.begin_at(x)
         # what was flown beyond the guard counts for nothing
         now, first, entered, alive = into, at, at, samples
     return Switched(X, Y, of, alive, tuple(switches), None)
 
 
-class _Stretch:
-    """The loop of a rollout, some samples at a time: `work` holds the state between them. All lanes fly the same."""
+@dataclass(frozen=True)
+class Passing:
+    """A guard on the way from one sample to the next; before: samples from where the phase took over to where the way begins."""
 
-    def __init__(self, rows: int, x0: np.ndarray, programs: tuple, sizes: tuple, h: float, stepping: Stepping):
-        self.work, self.x0 = lane_rows(rows), abreast(np.ascontiguousarray(x0[None], dtype=float))
-        self.programs, self.sizes, self.h, self.stepping = programs, sizes, h, stepping
+    guard: Guard
+    read: Read
+    h: float
+    before: float
 
-    def begin_at(self, x: np.ndarray) -> None:
-        """The next stretch begins at the state x (n_x,)."""
-        self.work[: len(x)] = x[:, None]
+    def beyond(self, x: np.ndarray, y: np.ndarray, u: np.ndarray, share: float) -> float:
+        """How far beyond its limit, at state x (n_x,), outputs y (n_y,), inputs u (n_u,), so far along the way."""
+        seen = dict(self.read(x[None], y[None], u[None])) | {"time_in_phase": np.array([(self.before + share) * self.h])}
+        return self.guard.beyond(seen)[0]
 
-    def fly(self, law: int, c: np.ndarray, first: int, until: int, setpoints, inputs, X: np.ndarray, Y: np.ndarray) -> int:
-        """Fill samples first..until-1 of X and Y; returns the first sample that diverged, or how many there are."""
-        n_s, n_sp, n_u, n_y = self.sizes
-        samples, before = len(setpoints), max(first - 1, 0)  # a loop that begins at sample 0 begins from the start
-        here = slice(before, min(until + 1, samples))
-        given = (abreast(np.ascontiguousarray(a[None, here], dtype=float)) for a in (setpoints, inputs))
-        count = here.stop - here.start
-        states, outputs, alive = lane_rows(count, n_s + n_sp), lane_rows(count, n_y), np.full(kernels.LANES, count)
-        sizes = (*self.sizes, samples - before, self.stepping.substeps, self.h, self.stepping.first, self.stepping.onward)
-        arrays = (self.x0, *given, c, states, outputs, alive, self.work)
-        kernels.rollout_loop()(*kernels.passed(*self.programs, law, *sizes, first - before, until - before, *arrays))
-        X[first:until], Y[first:until] = states[first - before : until - before, :, 0], outputs[first - before : until - before, :, 0]
-        return samples if alive[0] == count else before + int(alive[0])
+
+def unchanged(x: np.ndarray) -> np.ndarray:
+    """The reset of a phase without one."""
+    return x
 
 
 def _first_passed(guards: Sequence[Guard], values: Mapping[str, np.ndarray]) -> tuple[int, Guard] | None:

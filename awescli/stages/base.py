@@ -75,7 +75,7 @@ class StageConfig(BaseModel):
 
 
 class Split(BaseModel):
-    """How the flight's whole loops are divided. Stages are fitted to `train`, chosen on `validation`, judged on `test`."""
+    """How the flight's whole loops, or cycles, are divided. Stages are fitted to `train`, chosen on `validation`, judged on `test`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -85,6 +85,9 @@ class Split(BaseModel):
     order: Literal["balanced", "chronological", "interleaved"] = Field(
         default="balanced",
         description="balanced: few stretches with alike ranges; chronological: train first, test last; interleaved: spread over the flight",
+    )
+    of: Literal["loops", "cycles"] = Field(
+        default="loops", description="what is dealt whole: loops of the traction, or pumping cycles with all their phases"
     )
 
     @model_validator(mode="after")
@@ -166,7 +169,7 @@ class Inputs:
 
     def parts_of(self, log: Any, folder: Path) -> Any:
         """`parts` of another flight, dealt by the same shares."""
-        from awescli.flightlog.loops import find_loops
+        from awescli.flightlog.cycles import pieces
         from awescli.flightlog.read import missing_for_model
         from awescli.flightlog.split import split
         from awescli.physics.kite import needed_by
@@ -174,7 +177,7 @@ class Inputs:
         if missing := missing_for_model(log, needed_by(self.declared)):
             what = f"flight '{log.name}' lacks what a model needs: {'; '.join(missing)}"
             raise BadInput(what, str(folder), "See `awes check` for what it has.")
-        return split(find_loops(log), **self.split.model_dump(), log=log)
+        return split(pieces(log, self.split.of), **self.split.model_dump(exclude={"of"}), log=log)
 
     @cached_property
     def quality(self) -> Any:

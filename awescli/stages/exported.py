@@ -129,10 +129,11 @@ def _first(log, split: Any) -> int:
 
     if split is None:
         return int(np.flatnonzero(log.valid)[0])
-    from awescli.flightlog.loops import find_loops
+    from awescli.flightlog.cycles import pieces
     from awescli.flightlog.split import split as dealt
 
-    return int(dealt(find_loops(log), **Split(**split).model_dump()).test[0][0])
+    asked = Split(**split)
+    return int(dealt(pieces(log, asked.of), **asked.model_dump(exclude={"of"})).test[0][0])
 
 
 def _ranges(kite, z, sp, u) -> dict[str, tuple[float, float]]:

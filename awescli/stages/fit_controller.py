@@ -27,6 +27,7 @@ class FitControllerConfig(StageConfig):
     )
     most_nonzeros: int = Field(79, ge=1, le=2000, description="most Gaussians the law may keep")
     closed_loop_time: float = Field(60.0, gt=0, le=600, description="seconds that the law must fly the declared model in closed loop")
+    winch: bool = Field(False, description="fit the law of the winch too: how fast it pays out for the load, phase by phase")
     compare: bool = Field(False, description="fit all kinds, and the convex law, and report them in one table")
 
 
@@ -54,6 +55,9 @@ class FitController(Stage):
             except BadInput as e:
                 yield "features", e
         parts, _ = inputs.parts, inputs.declared
+        if config.winch and (lacks := [n for n in ("tension", "reel_out_speed") if n not in inputs.log]):
+            what = f"the flight '{inputs.log.name}' has no {' and no '.join(lacks)}: its winch says nothing"
+            yield "winch", BadInput(what, do="Drop this key.")
         try:
             samples = gather(inputs.log, parts.train, parts.validation, config.surfaces)
         except BadInput as e:
@@ -66,6 +70,7 @@ class FitController(Stage):
     def run(self, context, config):
         from awescli.artifacts import write_json
         from awescli.estimation.controller_fit import ControllerConfig, fit_controller
+        from awescli.estimation.winch_law import fit_winch
         from awescli.physics.declaration import read_kite
         from awescli.simulation.survival import flies, gain_margin, loop_gain
         from awescli.stages.controller_artifact import wind_direction, write_controller
@@ -81,7 +86,7 @@ class FitController(Stage):
             task.update(f"flying a {law.kind} law of {len(law.features)} features")
             return flies(kite, law, log, direction, config.closed_loop_time, known)["share"]
 
-        settings = config.model_dump(exclude={"closed_loop_time"}) | {"seed": context.seed}
+        settings = config.model_dump(exclude={"closed_loop_time", "winch"}) | {"seed": context.seed}
         fitted = fit_controller(log, parts.train, parts.validation, ControllerConfig(**settings), fly)
         task.advance()
         task.update("flying it in closed loop")
@@ -96,8 +101,12 @@ class FitController(Stage):
                 task.update(f"{name}: how much gain may be missing")
                 fitted.report["comparison"][name]["gain_margin"] = gain_margin(kite, law, log, direction)
             rows = {name: row_of(line) for name, line in fitted.report["comparison"].items()}
+        winch = {phase: law.described() for phase, law in fit_winch(log, parts).items()} if config.winch else {}
+        told = fitted.report | {"outcome": "converged", "closed_loop": proof, "gain": gain} | ({"winch": winch} if config.winch else {})
+        if config.winch and not winch:
+            context.progress.note("no phase of a cycle lasts in train and validation loops: the law of the winch is not told")
         write_controller(context.folder, fitted.law)
-        write_json(context.folder / "metrics.json", fitted.report | {"outcome": "converged", "closed_loop": proof, "gain": gain})
+        write_json(context.folder / "metrics.json", told)
         if config.few_loops == "blocks" and fitted.report["folds_of"] == "blocks":
             context.progress.note("fewer loops than folds: the law was chosen on blocks of time")
         for kind, line in fitted.report["comparison"].items():
@@ -106,7 +115,7 @@ class FitController(Stage):
         test = fitted.report["nrmse"].get("test", {})
         summary = {f"test NRMSE {surface}": value for surface, value in test.items()}
         summary |= {"laws": rows} if rows else {}
-        answer = answer_lines(fitted.report, proof)
+        answer = [*answer_lines(fitted.report, proof), *winch_lines(winch)]
         return summary | {"non-zeros": fitted.report["nonzeros"], "closed loop": proof["outcome"], ANSWER: answer}
 
 
@@ -129,3 +138,15 @@ def answer_lines(report: dict, proof: dict) -> list[str]:
         f"error on unseen loops, share of the range: {errors or '-'}",
         f"in closed loop on its own it {proof['outcome'].replace('_', ' ')} ({100 * proof['share']:.0f} % of {proof['asked_s']:g} s flown)",
     ]
+
+
+def winch_lines(winch: dict) -> list[str]:
+    """The winch's law, phase by phase, in a line; empty without one."""
+    said = []
+    for phase, law in winch.items():
+        v, kv, k, low, high = (law["parameters"].get(n, {}).get("value") for n in ("v", "kv", "k", "f_low", "f_high"))
+        parts = [number(v) if v is not None else "", f"{number(kv)} sqrt(T)" if kv is not None else ""]
+        parts += [f"{number(k)} per N {side} {number(f)}" for side, f in (("above", high), ("below", low)) if f is not None]
+        error = law["nrmse"].get("test", law["nrmse"]["validation"])
+        said.append(f"{phase} {' + '.join(p for p in parts if p)} m/s (error {number(error)})")
+    return [f"winch: {'; '.join(said)}"] if said else []

@@ -27,8 +27,9 @@ def traced_params(model, effects: Mapping[str, Any]) -> dict:
     """params.json of the model that tracing ended with, in the form of identify's, strengths and shapes of accepted effects included, with
     the intervals of effects.json. effects: effects.json."""
     from awescli.estimation.identifiability import describe, interval
+    from awescli.stages.per_phase import phases_of
 
-    params = describe(model.fit, set(model.problems[0].kite.record))
+    params = describe(model.fit, set(model.problems[0].kite.record), phase_of=phases_of(model.fit.names))
     keys = {key.partition(":")[::2]: key for key in model.keys}
     for effect in effects["effects"]:
         key = keys.get((effect["name"], effect["acts_on"]), effect["name"])

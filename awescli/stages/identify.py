@@ -9,6 +9,7 @@ from awescli.stages.ahead import AheadConfig, Surfaces
 from awescli.stages.answers import ANSWER, change, number, plural, sized
 from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage
 from awescli.stages.further_flights import FurtherFlight, flights_of, refused_flights, unknown_own
+from awescli.stages.per_phase import by_phase, phases_fitted, phases_of, refused_phases
 
 
 class IdentifyConfig(AheadConfig):
@@ -29,6 +30,10 @@ class IdentifyConfig(AheadConfig):
     also: tuple[FurtherFlight, ...] = Field((), description="further flights of the same kite, fitted together with the plan's")
     per_flight: tuple[str, ...] = Field(
         (), description="parameters that each flight has for itself, names or patterns: trims, offsets ([dl, C?0]); all others are shared"
+    )
+    per_phase: tuple[str, ...] = Field(
+        (), description="parameters with a value of their own in each phase of the cycles that are fitted, names or patterns ([CD0]); "
+        "needs split.of: cycles"
     )
     starts: int = Field(1, ge=1, le=100, description="fits from so many starts: the declared values, then draws of the prior")
 
@@ -55,6 +60,7 @@ class Identify(Stage):
         if config.too_long == "refuse":
             yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
         yield from unknown_own(inputs.declared, config)
+        yield from refused_phases(inputs.declared, config.per_phase, inputs.log, inputs.parts)
         yield from refused_flights(inputs, config.also, config.outputs, closed)
 
     def run(self, context, config):
@@ -63,9 +69,10 @@ class Identify(Stage):
         from awescli.estimation.staged_fit import fit_from_starts, fit_output_error, spread_of, unaided
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.simulation.closed_loop import without_setpoint_dynamics
+        from awescli.stages.flight_parts import flight_parts
         from awescli.stages.handed_on import with_sources
 
-        declared = read_kite(context.kite)
+        declared = by_phase(read_kite(context.kite), config.per_phase, phases_fitted(*flight_parts(context)))
         asked, config = config.horizon, within(context, config)
         flights = flown(context, config, declared)
         task = context.progress.task("Gauss-Newton")
@@ -96,7 +103,7 @@ class Identify(Stage):
                 on_iteration=on_iteration,
             )  # fmt: skip
         flight_of, record = owners(flights, config.per_flight)
-        answer = describe(fitted, record, flight_of)
+        answer = describe(fitted, record, flight_of, phases_of(fitted.names))
         scored = [scores(*each, config.horizon, config.known_starts) for each in zip(problems, fitted.flights, strict=True)]
         chi2 = unaided(problems[0], fitted.flights[0])
         metrics = {
@@ -133,7 +140,7 @@ def shown(row: dict) -> dict:
     said = (
         ("at its bound", row["at_bound"]), ("hardly seen, near its prior", row["determined"] == "hardly"),
         ("poorly determined", row["determined"] == "poorly"), (f"with {', '.join(row['partners'])}", row["partners"]),
-        (row.get("flight", ""), "flight" in row),
+        (row.get("flight", ""), "flight" in row), (row.get("phase", ""), "phase" in row),
     )  # fmt: skip
     return {
         "value": row["value"], "std": row["std"], "unit": row["unit"], "prior": row["prior"],

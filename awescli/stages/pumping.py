@@ -39,6 +39,7 @@ class WinchLaw(Settings):
     f_low: float = Field(default=0.0, ge=0, le=1e6, description="load below which it reels in [N]")
     f_high: float = Field(default=1e6, ge=0, le=1e6, description="load above which it pays out [N]")
     tau: float = Field(default=0.3, ge=0.02, le=10, description="lag of the load that it answers [s]")
+    fitted: bool = Field(default=False, description="what is not named here is as fit-controller (winch: true) found it in this phase")
 
     @model_validator(mode="after")
     def _limits_in_order(self):
@@ -65,6 +66,9 @@ class Limit(Settings):
         return present(self.below if self.above is None else self.above, "one of above and below")
 
 
+WINCH_UNITS = {"v": "m/s", "kv": "m/s/sqrt(N)", "k": "m/s/N", "f_low": "N", "f_high": "N"}
+LIMIT_UNITS = {"time_in_phase": "s", "tether_length": "m", "height": "m", "elevation": "rad", "tension": "N", "V_a": "m/s"}
+"""Units of a phase's settings, as the simulation has them."""
 Ending = Literal["time_in_phase", "tether_length", "height", "elevation", "tension", "V_a"]
 
 
@@ -79,7 +83,7 @@ class PhaseConfig(Settings):
     surfaces: dict[str, Degrees] = Field(
         default={}, description="surfaces held [deg], e.g. {elevator: 3, flaps: 0}; default as the log's median"
     )
-    winch: WinchLaw = Field(default=WinchLaw(), description="winch law: v, kv, k, f_low, f_high, tau")
+    winch: WinchLaw = Field(default=WinchLaw(), description="winch law: v, kv, k, f_low, f_high, tau, or fitted")
     until: dict[Ending, Limit] = Field(
         min_length=1, description="what ends it, the first that is passed: {tether_length: {above: 400}}; m, s, N, m/s, deg"
     )
@@ -152,9 +156,30 @@ def pumping_phases(phases: tuple[PhaseConfig, ...], log, kite, fitted):
 
     laws = laws_of(phases, log, kite.declaration, fitted)
     return [
-        PumpingPhase(p.name, loop(law, kite, wind_direction(log)), p.winch.model_dump(), guards_of(p.until), law.pattern)
+        PumpingPhase(p.name, loop(law, kite, wind_direction(log)), p.winch.model_dump(exclude={"fitted"}), guards_of(p.until), law.pattern)
         for p, law in zip(phases, laws, strict=True)
     ]
+
+
+def with_fitted_winch(config, metrics: Mapping):
+    """The settings of simulate with the winch laws that fit-controller found, and the lag of the drum behind them where the plan names
+    none. metrics: its metrics.json. Raises BadInput where it has found none for a phase."""
+    laws, phases, lags = metrics.get("winch", {}), [], []
+    for i, phase in enumerate(config.phases):
+        named = phase.winch.model_dump(exclude_unset=True, exclude={"fitted"})
+        if phase.winch.fitted:
+            if phase.name not in laws:
+                found = f"it has one for {' and '.join(laws)}" if laws else "it has none"
+                do = "Run awes fit-controller with winch: true, and split.of: cycles, so that its loops hold the phase."
+                raise BadInput(f"fit-controller found no winch law for {phase.name} ({found})", f"simulate.phases.{i}.winch", do)
+            rows = laws[phase.name]["parameters"]
+            named = {n: row["value"] for n, row in rows.items() if n != "tau_d"} | named
+            lags.append(rows["tau_d"]["value"])
+        phases.append(phase.model_copy(update={"winch": WinchLaw(**named)}))
+    drum = config.drum
+    if lags and "tau" not in drum.model_fields_set:
+        drum = Drum(**drum.model_dump(exclude_unset=True) | {"tau": sorted(lags)[len(lags) // 2]})
+    return config.model_copy(update={"phases": tuple(phases), "drum": drum})
 
 
 def on_winch(declaration, drum: Drum):
@@ -187,9 +212,45 @@ def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping, known=
         means = [mean_power(energies(f, names)[1]) for f in flown if f.ended]
         told |= {"mean_cycle_interval_W": band([w for w in means if w is not None]), "draws": config.draws}
         told["draws_flown"] = sum(f.ended is not None for f in flown)
+    if known is not None and config.draws and config.cycles == pumped.done:
+        told |= slopes(config, pumping, wind, known, line | {k: how[k] for k in ("start", "duration", "dt", "begins")})
     power = log["tension"] * log["reel_out_speed"] if "tension" in log else None
     measured = [float(power[a:b].mean()) for a, b in cycles(phases(log))] if power is not None else []
     return pumped.flown, told | ({"measured_cycle_W": measured} if measured else {})
+
+
+def slopes(config, pumping, wind, known, how: Mapping) -> dict:
+    """{"slopes"}: exact derivatives of the mean cycle power in calm air with respect to each parameter and to each setting of a phase;
+    nothing where the flight cannot be differentiated, or its cycles do not come to their end.
+
+    They are those of small changes: a larger one moves the place on the loop at which a phase ends, and with it the power back and forth.
+    """
+    from awescli.simulation.pumping import CONTROL, Pumping
+    from awescli.simulation.pumping_sensitivities import differentiated, held, parameters_of
+
+    kite = pumping.kite
+    if "turbulence.sigma" in kite.parameters or not held(pumping, how["dt"]):
+        return {}
+    names = [n for n, of_record in zip(known.names, known.record, strict=True) if not of_record and n in kite.parameter_names]
+    settings = [
+        (what, i, value, unit)
+        for i, phase in enumerate(config.phases)
+        for what, value, unit in (
+            *((f"{CONTROL}.{n}", v, WINCH_UNITS[n]) for n, v in phase.winch.model_dump(exclude_unset=True).items() if n in WINCH_UNITS),
+            *((g.quantity, g.limit, LIMIT_UNITS[g.quantity]) for g in guards_of(phase.until)),
+        )
+    ]
+    asked = [*names, *((what, i) for what, i, _, _ in settings)]
+    made = Pumping.of(kite, pumping.phases, config.step, wrt=parameters_of(asked))
+    flown = differentiated(made, wind, asked, cycles=config.cycles, **how)
+    if flown.cycles < config.cycles:
+        return {}
+    mean, moved, _ = flown.mean_power()
+    rows = [
+        *({"name": name, "value": kite.parameters[name].value, "unit": kite.parameters[name].unit} for name in names),
+        *({"name": what.removeprefix(f"{CONTROL}."), "phase": i + 1, "value": value, "unit": unit} for what, i, value, unit in settings),
+    ]
+    return {"slopes": {"mean_W": mean, "rows": [row | {"W_per_unit": float(w)} for row, w in zip(rows, moved, strict=True)]}}
 
 
 def band(means: list[float]) -> list[float] | None:

@@ -84,7 +84,7 @@ class Simulate(Stage):
     makes = ("flight/kite.csv", "flight/wind.csv", "trajectory.npz", "metrics.json")
 
     def needs(self, config):
-        upstream = [Need("fit-controller")] if steered_by_controller(config) else []
+        upstream = [Need("fit-controller")] if steered_by_controller(config) or has_fitted_winch(config) else []
         upstream += [Need(s, required=config.model == model) for model, s in MADE_BY.items() if config.model in (model, "newest")]
         return tuple(upstream)
 
@@ -112,7 +112,7 @@ class Simulate(Stage):
     def run(self, context, config):
         from dataclasses import replace
 
-        from awescli.artifacts import write_arrays, write_json, write_text
+        from awescli.artifacts import read_json, write_arrays, write_json, write_text
         from awescli.flightlog.kitemill_csv import to_kitemill_csv
         from awescli.flightlog.plausible_units import YEARS
         from awescli.simulation.free_flight import compared, side_by_side
@@ -123,8 +123,10 @@ class Simulate(Stage):
         from awescli.stages.flight_parts import flight_parts
         from awescli.stages.nested_models import known_of
         from awescli.stages.power_curve import told_of_curve, write_power_curve
-        from awescli.stages.pumping import fly_phases, told_of_cycles
+        from awescli.stages.pumping import fly_phases, told_of_cycles, with_fitted_winch
 
+        if has_fitted_winch(config):
+            config = with_fitted_winch(config, read_json(context.made_by("fit-controller") / "metrics.json"))
         log, parts = flight_parts(context)
         log = in_wanted_wind(log, config.wind)
         first = max(parts.test, key=lambda r: r[1] - r[0])[0] if config.start is None else int(round(config.start / log.dt))
@@ -194,6 +196,11 @@ def moved_by(config: SimulateConfig) -> str:
 def steered_by_controller(config: SimulateConfig) -> bool:
     """Whether the fitted controller moves surfaces."""
     return moved_by(config) == "controller"
+
+
+def has_fitted_winch(config: SimulateConfig) -> bool:
+    """Whether a phase is flown by the winch law that fit-controller found."""
+    return any(phase.winch.fitted for phase in config.phases)
 
 
 def steered(config: SimulateConfig) -> str:

@@ -8,6 +8,7 @@ from awescli.stages.ahead import Surfaces, surfaces_of
 from awescli.stages.answers import ANSWER, WIDTH, change, fitting, named, number, sized
 from awescli.stages.base import FAILURE, KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 from awescli.stages.further_flights import FurtherFlight, flights_of, refused_flights, unknown_own
+from awescli.stages.per_phase import by_phase_as
 
 
 class TraceResidualConfig(StageConfig):
@@ -67,8 +68,8 @@ class TraceResidual(Stage):
         from awescli.tracing.flight import trace_flight
         from awescli.tracing.summary import residual_arrays, summary
 
-        declared = read_kite(context.kite)
         identified = read_kite(context.made_by("identify") / KITE_FILE)
+        declared = by_phase_as(read_kite(context.kite), identified)
         task = context.progress.task("tracing the residual")
 
         def progress(text):

@@ -7,10 +7,11 @@ from awescli.stages.nested_models import MADE_BY, known_of, levels_of
 def wind_seen(context: Context, models: dict, log) -> dict | None:
     """{"model", "rows" (`estimation.wind_seen.wind_profile`)} of the last fitted physical model; None without one, without a record, or
     where the flight holds nothing long enough to smooth. models: name -> Simulator."""
-    from awescli.estimation.phase_power import WORKING, flown_ranges
+    from awescli.estimation.phase_power import flown_ranges
     from awescli.estimation.wind_seen import processes_at, wind_profile
     from awescli.flightlog.phases import phases
     from awescli.notation.errors import BadInput
+    from awescli.notation.phases import WORKING
 
     fitted = [name for name in models if name in MADE_BY and name != "hybrid"]
     if not fitted or log.wind is None:

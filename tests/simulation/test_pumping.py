@@ -5,69 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from kites import DEVELOPMENT
+from pumped import CIRCLE, DEG, DRUM, DT, HEIGHTS, HIGH, LAW, LENGTH, NAMES, PHASES, TAUT, fly, setpoints, start, wind
 
 from awescli.control.held import Held
-from awescli.control.path_following import PathFollowing
-from awescli.control.pattern import Pattern
-from awescli.flightlog.cycles import cycles
+from awescli.flightlog.cycles import cycles, pieces
 from awescli.flightlog.kitemill_csv import to_kitemill_csv
 from awescli.flightlog.phases import phases
 from awescli.flightlog.read import read_flight
+from awescli.flightlog.split import split
+from awescli.notation.errors import BadInput
 from awescli.notation.frames import rotate_back
 from awescli.notation.quantities import STATES, SURFACES
 from awescli.physics.kite import Kite
-from awescli.simulation.made_wind import wind_record
 from awescli.simulation.power_curve import power_curve, starts_on
 from awescli.simulation.pumping import Pumping, PumpingPhase, energies, with_winch
-from awescli.simulation.rollout import inputs_of
 from awescli.simulation.switching import Guard
-from awescli.simulation.synthetic import Commanded, as_recorded, circle_starts, with_effects
-
-DEG = np.pi / 180
-DT, LENGTH = 0.02, 270.0
-HEIGHTS = np.array([10.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0, 400.0])
-DRUM = {"tau": 0.3, "v_max": 10.0, "a_max": 5.0}
-CIRCLE = Pattern(35.5 * DEG, 0.0, 52.0, -1.0)
-LAW = PathFollowing(CIRCLE, k_radius=0.7, k_course=1.5, k_rate=3.0, limit=0.44, trims={"elevator": -1.4 * DEG, "flaps": 3.8 * DEG})
-HIGH = replace(LAW, pattern=replace(CIRCLE, elevation=60 * DEG))
-REELING_IN = Held(HIGH, {"elevator": 3 * DEG, "flaps": 0.0})
-TAUT = {"k": 0.002, "f_low": 300.0, "f_high": 6000.0}
-
-
-def setpoints(law):
-    def of(x, u, c):
-        told = law.deflections(dict(zip(STATES, x, strict=False)))
-        return [told[s] for s in SURFACES]
-
-    return of
-
-
-PHASES = (
-    PumpingPhase("traction", setpoints(LAW), {"kv": 0.045, **TAUT}, (Guard("tether_length", 400.0, True),)),
-    PumpingPhase("transition", setpoints(HIGH), TAUT, (Guard("time_in_phase", 5.0, True),)),
-    PumpingPhase("retraction", setpoints(REELING_IN), {"v": -5.0, "k": 0.004, "f_low": 300.0, "f_high": 1500.0},
-                 (Guard("tether_length", 280.0, False),)),
-    PumpingPhase("transition", setpoints(LAW), TAUT, (Guard("time_in_phase", 3.0, True),)),
-)  # fmt: skip
-NAMES = [p.name for p in PHASES]
-
-
-def wind(speed: float):
-    return wind_record(HEIGHTS, speed * (HEIGHTS / 10) ** 0.12, np.pi, 700.0)
-
-
-def start() -> np.ndarray:
-    """(12,) on the circle, crosswind at 42 m/s over ground."""
-    kite = Kite(DEVELOPMENT, HEIGHTS)
-    line = {"tether_length": np.full(50, LENGTH), "reel_out_speed": np.zeros(50)}
-    inputs = inputs_of(Commanded(DT * np.arange(50), DT, line, wind(9.0)), kite)
-    return circle_starts(CIRCLE, kite, inputs[0], {n: i for i, n in enumerate(kite.input_names)})[8]
-
-
-def fly(speed=10.0, declaration=DEVELOPMENT, phases_=PHASES, **how):
-    kite = Kite(with_winch(declaration, DRUM), HEIGHTS)
-    how = {"duration": 600.0, "cycles": 2, "load": 2000.0} | how
-    return kite, Pumping.of(kite, phases_).fly(wind(speed), start=start(), length=LENGTH, dt=DT, **how)
+from awescli.simulation.synthetic import as_recorded, with_effects
 
 
 @pytest.fixture(scope="module")
@@ -191,6 +144,21 @@ def test_the_written_log_holds_the_cycles(flown, tmp_path):
     assert len(cycles(labels)) == 2
     power = again["tension"] * again["reel_out_speed"]
     assert np.trapezoid(power, again.time) == pytest.approx(sum(w["energy_J"] for w in whole), rel=0.05)
+
+
+def test_whole_cycles_are_dealt(flown):
+    """Guards `split.of: cycles`: each piece is a cycle with its retraction, from the beginning of its traction to that of the next (found
+    by motion alone, so to some seconds); loops stay in the traction; two cycles are too few."""
+    kite, pumped = flown
+    log = as_recorded(pumped.flown, kite.declaration, wind(10.0), seed=1)
+    labels, found = phases(log), pieces(log, "cycles")
+    begun = [0, *(s.sample for s in pumped.switches if s.into == 0), len(log)]
+    assert found.kind == "cycles" and found.bounds.shape == (2, 2) and "2 pumping cycles of 9" in found.sentence
+    assert np.abs(found.bounds - np.column_stack([begun[:-1], begun[1:]])).max() < 5.0 / DT
+    assert all(set(labels[a:b]) >= {"traction", "retraction"} for a, b in found.bounds)
+    assert all(set(labels[a:b]) == {"traction"} for a, b in pieces(log, "loops").bounds)
+    with pytest.raises(BadInput, match="2 cycles cannot be split"):
+        split(found)
 
 
 def test_a_power_curve_is_that_of_its_flights():

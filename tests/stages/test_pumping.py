@@ -44,6 +44,11 @@ def test_the_example_earns_power_and_is_read_again(tmp_path):
     low, high = metrics["mean_cycle_interval_W"]
     assert low < high and metrics["draws"] == 4 >= metrics["draws_flown"] > 1
     assert "2 pumping cycles" in told_of_cycles(metrics)[0] and "(90 %: " in told_of_cycles(metrics)[0]
+    slopes = metrics["slopes"]
+    assert slopes["mean_W"] == pytest.approx(metrics["mean_cycle_W"], rel=0.02)
+    named = [(r["name"], r["phase"]) for r in slopes["rows"] if "phase" in r]
+    assert named[:5] == [(n, 1) for n in ("kv", "k", "f_low", "f_high", "tether_length")] and ("v", 3) in named and len(named) == 18
+    assert {"CD_0", "Cm_elev"} <= {r["name"] for r in slopes["rows"]} and all(np.isfinite(r["W_per_unit"]) for r in slopes["rows"])
     log = read_flight(folder)
     labels = phases(log)
     assert len(cycles(labels)) == 2 and (np.asarray(log["tether_length"]) > 470).all()

@@ -14,6 +14,12 @@ USUAL, LATE = 3000.0, 0.1
 """[N] a usual load; [s] by which what a winch pays out is known beforehand no better."""
 
 
+def asked_speed(load, v, kv, k, f_low, f_high):
+    """[m/s] the law: what is asked for at a load [N]."""
+    beyond = maximum(load - f_high, 0.0 * load) - maximum(f_low - load, 0.0 * load)
+    return v + kv * sqrt(maximum(load, 1.0 + 0.0 * load)) + k * beyond
+
+
 class WinchControl(Effect):
     """Beside what the log says (nothing, where a flight is only simulated) the reference speed of the winch is
 
@@ -46,8 +52,7 @@ class WinchControl(Effect):
     def _asked(self, at: Instant, own: SimpleNamespace):
         """[m/s]"""
         load, _ = self.own_states(at)
-        beyond = maximum(load - own.f_high, 0.0 * load) - maximum(own.f_low - load, 0.0 * load)
-        return own.v + own.kv * sqrt(maximum(load, 1.0 + 0.0 * load)) + own.k * beyond
+        return asked_speed(load, own.v, own.kv, own.k, own.f_low, own.f_high)
 
     def line(self, line: Line, at: Instant, own: SimpleNamespace) -> Line:
         _, ahead = self.own_states(at)
