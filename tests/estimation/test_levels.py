@@ -149,8 +149,8 @@ def test_gusts_that_were_flown_are_found_and_none_where_none_were():
 
 
 def test_a_level_falls_fast_until_it_has_risen():
-    """Guards a gusty flight against levels that swing: with falls taken twice as far, round after round, the level of vertical gusts went from
-    0.36 to 0.45 m/s and back, and model error that was not there stayed. A level that has risen once goes only as far as it was asked."""
+    """Guards a gusty flight against levels that swing: with falls taken twice as far, round after round, vertical gusts went from 0.36 to
+    0.45 m/s and back, and model error that was not there stayed. A level that has risen once goes only as far as it was asked."""
     was, asked = (wandering(("force_z", 0.8)),), (wandering(("force_z", 0.4)),)
     assert _hurried(was, asked, set())[0].levels["force_z"] == pytest.approx(0.2)
     assert _hurried(was, asked, {"force_z"})[0].levels["force_z"] == pytest.approx(0.4)
