@@ -13,7 +13,6 @@ from awescli.estimation.levels import noise_factors, opened, prior_deviance, rel
 from awescli.estimation.misfit import Misfit, Own
 from awescli.estimation.problem import EstimationProblem
 from awescli.estimation.processes.base import Group, Process
-from awescli.estimation.record_level import record_relevelled
 from awescli.notation.parameters import ParameterTable
 
 MODEL_ERROR = "model_error"
@@ -335,8 +334,7 @@ def fit_in_stages(problem: EstimationProblem, horizons: Sequence[float], **how) 
 def fit_from_starts(
     flights: Sequence[Flight], horizons: Sequence[float], starts: int, seed: int, *, on_start: Callable[[int], None] = lambda i: None, **how
 ) -> tuple[JointFit, tuple[EstimationProblem, ...], list[Optimum]]:
-    """`fit_flights` from the declared values and from `starts` - 1 draws of the prior inside its bounds; the best of them, with the levels
-    of the wind's records as the flights show them, and all."""
+    """`fit_flights` from the declared values and from `starts` - 1 draws of the prior inside its bounds; the best of them, and all."""
     random = np.random.default_rng([seed, 3])
     found: list[tuple[JointFit, tuple[EstimationProblem, ...]]] = []
     optima: list[Optimum] = []
@@ -348,21 +346,8 @@ def fit_from_starts(
         # only the best is kept: a fit is large
         if not found or optima[-1].cost < min(o.cost for o in optima[:-1]):
             found = [(result, problems)]
-    return *with_record_levels(*found[0], flights, **how), optima
-
-
-def with_record_levels(
-    result: JointFit, problems: Sequence[EstimationProblem], flights: Sequence[Flight], *, per_flight: Sequence[str] = (),
-    prior: bool = True, on_iteration: OnIteration = lambda h, i, c: None,
-) -> tuple[JointFit, tuple[EstimationProblem, ...]]:  # fmt: skip
-    """A fit that came to its minimum, and its problems, with the levels of the wind's records as the flights show them."""
-    relevelled = [p.with_processes(record_relevelled(f)) for p, f in zip(problems, result.flights, strict=True)]
-    if not result.ended or all(new.processes == p.processes for new, p in zip(relevelled, problems, strict=True)):
-        return result, tuple(problems)
-    labels, tables = [f.label for f in flights], [f.parameters for f in result.flights]
-    owns, slopes = [f.own for f in result.flights], [f.slope if f.slope.any() else None for f in result.flights]
-    again = _fitted(relevelled, labels, tables, owns, per_flight, prior, TIGHT, on_iteration, slopes=slopes)
-    return (widened(again), tuple(relevelled)) if again.ended else (result, tuple(problems))
+    (result, problems) = found[0]
+    return result, problems, optima
 
 
 def _whole_deviance(result: JointFit, problems: Sequence[EstimationProblem]) -> float:
