@@ -364,9 +364,7 @@ def spread_of(optima: Sequence[Optimum], best: JointFit) -> dict:
     std = np.sqrt(np.diag(best.covariance))
     above = np.array([o.cost for o in optima])
     above -= above.min()
-    # the fit itself has gone on from there, with the record's level
-    centre = optima[int(np.argmin(above))].x
-    apart = np.array([np.abs(o.x - centre) / std for o in optima])
+    apart = np.array([np.abs(o.x - best.solution.x) / std for o in optima])
     same = above < SAME_OPTIMUM
     return {
         "starts": len(optima), "same_optimum": int(same.sum()), "cost_above_best": above.tolist(),
