@@ -1,9 +1,9 @@
 """How wrong the wind's record is, as the fitted loops show it: the declared accuracy is its prior.
 
 A fit holds the record's level as declared while everything else is sought (`processes/wind_record.py`: half a flight knows few entries, and
-what a model lacks is not to hide in them). Bands say how far off a prediction may be: a record that is twice as good as it was declared makes
-them too wide, one that is half as good too narrow. So the likeliest level is asked for once parameters are known: the slope
-of the marginal likelihood with a log-normal prior about what was declared (`levels.py`; empirical Bayes).
+what a model lacks is not to hide in them). Bands say how far off a prediction may be: a record that is twice as good as declared makes them
+too wide, one that is half as good too narrow. So the likeliest level is asked for once parameters are known: the slope of the marginal
+likelihood with a log-normal prior about what was declared (`levels.py`; empirical Bayes).
 """
 
 from collections.abc import Sequence
