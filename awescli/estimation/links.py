@@ -7,6 +7,7 @@ globals,
     ds+ = E [ds, dg, dg+],      dy = L [ds, dg, dg+] + S dp   at every sample of the link.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -235,3 +236,9 @@ class Gram:
         """The same for some of the globals, by index."""
         kept = np.append(globals_, self.n).astype(int)
         return replace(self, xy=self.xy[..., kept], y=self.y[:, kept[:, None], kept])
+
+
+def joined(parts: Sequence[Gram]) -> Gram:
+    """The Gram matrices of segments that were worked through in parts, one part behind the other."""
+    names = ("x", "xy", "y", "E", "dof")
+    return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

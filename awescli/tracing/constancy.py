@@ -1,49 +1,72 @@
-"""Does an effect keep its size while a flight goes on? Ice grows, a zero drifts, a line wears: a model with one size for all of it is then
-not what is there, however little it leaves.
+"""Does an effect keep its size while a flight goes on, and however the kite flies? Ice grows, a zero drifts, a gyro feels acceleration: a
+model with one size for all of it is then not what is there, however little it leaves.
 
-A score test (Rao): to each strength a second one is added that grows with time through the flight, -1 at its beginning and +1 at its
-end, and asked for what it would gain at once, everything else free to answer. Of a size that stays, the gain is chi-square distributed.
+Score tests (Rao): to each strength a second one is added that goes with time through the flight, -1 at its beginning and +1 at its end, or
+with a predicted channel less its mean, over its standard deviation. It is asked for what it would gain at once, everything else free to
+answer. Of a size that stays, the gain is chi-square distributed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
 from awescli.estimation.fit import Fit
-from awescli.estimation.links import Gram
+from awescli.estimation.information_filter import Information
+from awescli.estimation.links import Gram, joined
 from awescli.notation.parameters import Parameter
 from awescli.tracing.models import FittedModel
 from awescli.tracing.screen import firm
 
 FEWEST = 3
-"""Segments of which no course in time is asked."""
+"""Segments of which no course is asked."""
+AT_ONCE = 32
+"""Segments whose further columns are held at once: they are as many as the outputs, times the strengths."""
 
 
 def steadiness(model: FittedModel) -> float:
     """Probability that chance makes the sizes of a model's effects drift so much through a flight; the least of its flights."""
     found = [1.0]
+    for fit, strengths, prior in _fits(model):
+        begins = fit.misfit.begins
+        late = 2 * (begins - begins.min()) / max(float(np.ptp(begins)), 1e-9) - 1
+        info = fit.misfit.eliminated(_grown(fit.gram, strengths, late), fit.own, fit.counted)
+        gain = _gain(fit, info, prior, slice(len(fit.names), None))
+        found.append(float(stats.chi2.sf(gain, len(strengths))))
+    return min(found)
+
+
+def gains_along(model: FittedModel) -> dict[str, float]:
+    """Output channel -> deviance that sizes of a model's effects which go with it would gain; the most of its flights. Empty without an
+    effect."""
+    found: dict[str, float] = {}
+    for fit, strengths, prior in _fits(model):
+        info = fit.misfit.eliminated(_along_outputs(fit, strengths), fit.own, fit.counted)
+        n, m = len(fit.names), len(strengths)
+        for place, channel in enumerate(fit.misfit.observed.outputs):
+            gain = _gain(fit, info, prior, slice(n + place * m, n + (place + 1) * m))
+            found[channel] = max(found.get(channel, 0.0), gain)
+    return found
+
+
+def _fits(model: FittedModel) -> Iterator[tuple[Fit, list[int], list[Parameter]]]:
+    """(fit, where the strengths stand among its names, prior of its names) of every flight that can be asked."""
     for fit, place in zip(model.fit.flights, model.fit.places, strict=True):
         strengths = [i for i, name in enumerate(fit.names) if name in model.strengths]
         prior = [replace(model.fit.prior[model.fit.names[i]], name=name) for i, name in zip(place, fit.names, strict=True)]
         if strengths and len(fit.counted) > FEWEST:
-            found.append(float(stats.chi2.sf(_gain(fit, strengths, prior), len(strengths))))
-    return min(found)
+            yield fit, strengths, prior
 
 
-def _gain(fit: Fit, strengths: Sequence[int], prior: Sequence[Parameter]) -> float:
-    """Deviance that strengths which grow with time would gain beside those of a fit, to first order."""
-    misfit, n, begins = fit.misfit, len(fit.names), fit.misfit.begins
+def _gain(fit: Fit, info: Information, prior: Sequence[Parameter], asked: slice) -> float:
+    """Deviance that some further strengths would gain beside the parameters of a fit, to first order."""
+    n = len(fit.names)
     precision = np.array([1 / p.prior_std**2 for p in prior])
     pull = precision * np.array([p.value - fit.parameters[p.name].value for p in prior])
-    late = 2 * (begins - begins.min()) / max(float(np.ptp(begins)), 1e-9) - 1
-    info = misfit.eliminated(_grown(fit.gram, strengths, late), fit.own, fit.counted)
-    H, b = info.H.copy(), info.b.copy()
-    H[:n, :n] += np.diag(precision)
-    absorbed = np.linalg.solve(H[:n, :n], H[:n, n:])
-    left = b[n:] - absorbed.T @ (b[:n] + pull)
-    A = firm(H[n:, n:] - H[n:, :n] @ absorbed)
+    absorbed = np.linalg.solve(info.H[:n, :n] + np.diag(precision), info.H[:n, asked])
+    left = info.b[asked] - absorbed.T @ (info.b[:n] + pull)
+    A = firm(info.H[asked, asked] - info.H[asked, :n] @ absorbed)
     return float(left @ np.linalg.solve(A, left))
 
 
@@ -54,3 +77,23 @@ def _grown(gram: Gram, which: Sequence[int], late: np.ndarray) -> Gram:
     times[:, gram.n : -1] = late[:, None]
     y = gram.y[:, order[:, None], order] * times[:, :, None] * times[:, None, :]
     return replace(gram, xy=gram.xy[..., order] * times[:, None, None, :], y=y)
+
+
+def _along_outputs(fit: Fit, which: Sequence[int]) -> Gram:
+    """Gram matrices with the columns of some globals again behind all others, once for every output channel, times that channel as it is
+    predicted there."""
+    links, observed = fit.links, fit.misfit.observed
+    columns = links.ends.shape[3] + np.asarray(which)
+    predicted = np.where(links.weight > 0, np.nan_to_num(observed.measured - links.r * observed.sigma), 0.0)
+    seen = np.maximum((links.weight > 0).sum(axis=(0, 1)), 1)
+    course = np.where(links.weight > 0, predicted - predicted.sum(axis=(0, 1)) / seen, 0.0)
+    course /= np.maximum(np.sqrt((course**2).sum(axis=(0, 1)) / seen), 1e-12)
+    grams = []
+    for first in range(0, len(links), AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        few = links.pick(part)
+        # (K, N, n_out, channels, strengths), the strengths of one channel side by side
+        further = few.J[..., None, columns] * course[part][:, :, None, :, None]
+        J = np.concatenate([few.J, further.reshape(*few.J.shape[:3], -1)], axis=-1)
+        grams.append(replace(few, J=J).gram())
+    return joined(grams)

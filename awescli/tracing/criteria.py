@@ -48,6 +48,10 @@ class Criteria:
     steady: float = 1e-4
     """Probability with which chance would make an effect's size drift so much through a flight: below, no one size is what is there. True
     effects of the development flights come to 0.1 and more, sensors that drift in JSBSim to 2e-7 and less."""
+    constant: float = 100.0
+    """Deviance that an effect's size may gain by going with a channel of the flight: more, and it is another effect that does. True effects
+    in JSBSim come to 15, one of the right name and another form (an error of the pitot linear in sideslip, fitted by its square) to 70, a
+    gyro that feels acceleration, which was called a bias, to 2170."""
 
     at_bound: float = 4.0
     """Cost (chi-square) that a candidate must gain which brings a parameter back from its bound: a bound lies two standard deviations from

@@ -29,7 +29,7 @@ class Evidence:
     rest: what it leaves; rivals: accepted effect -> what the flight cannot tell from it; suspects: effects that a parameter at its bound
     stands for; empirical: the search of empirical terms, None where nothing asked for it; gusts: group -> level [m/s] beside the answer;
     gusts_repeat: how much of them repeats from loop to loop, None where there are none or too few loops; steadiness: of the answer
-    (`constancy.steadiness`).
+    (`constancy.steadiness`); along: channel -> what its size would gain by going with it (`constancy.gains_along`).
 
     null_error, identified_error: mean NRMSE of the declared model and of the one that identify handed on, on validation loops; None
     without one.
@@ -45,6 +45,7 @@ class Evidence:
     gusts: Mapping[str, float] = field(default_factory=dict)
     gusts_repeat: Repetition | None = None
     steadiness: float = 1.0
+    along: Mapping[str, float] = field(default_factory=dict)
     null_error: float | None = None
     identified_error: float | None = None
 

@@ -15,7 +15,7 @@ from awescli.physics.kite import can_act, candidates, make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.candidates import variants
 from awescli.tracing.classes import rivals
-from awescli.tracing.constancy import steadiness
+from awescli.tracing.constancy import gains_along, steadiness
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import Evidence, Suspect
 from awescli.tracing.models import FittedModel, Frame, fit_added, fit_beyond, fit_without_process
@@ -116,7 +116,7 @@ def investigate(
     gusts = {g.name: g.level for g in gusts_of(evidence.model)}
     evidence = replace(evidence, gusts=gusts, gusts_repeat=repetition_of_gusts(frame, evidence.model))
     if evidence.model.keys:
-        evidence = replace(evidence, steadiness=steadiness(evidence.model))
+        evidence = replace(evidence, steadiness=steadiness(evidence.model), along=gains_along(evidence.model))
         evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, library.gains, _beaten(library), progress=progress))
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, suspects=suspects(frame, null, keys, criteria))

@@ -19,8 +19,9 @@ OBJECTIONS = {
     "gusts_do_not_repeat": "what would have to be gusts beside it repeats from loop to loop, as no gust does",
     "effect_leads": "another effect, which is no answer itself, fits better",
     "effect_steady": "its size drifts through the flight: look for what changes with time",
+    "effect_constant": "its size changes with the way the kite flies ({row.says}: {row.value:.0f})",
 }
-"""Criterion -> why an effect that takes most of the residual away is no answer."""
+"""Criterion -> why an effect that takes most of the residual away is no answer; `row`: the criterion's own."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +39,10 @@ class Criterion:
 def verdict(table: Sequence[Criterion]) -> str:
     """The verdict that a table of criteria stands for.
 
-    A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient, steady
-    and alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats, called gusts or not,
-    and so is an effect whose size drifts, or which another one outdoes that cannot be. That nothing is missing is said in calm air, and
-    where all that could be missing was tried.
+    A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient, steady,
+    constant and alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats, called gusts
+    or not, and so is an effect whose size drifts or goes with the way the kite flies, or which another one outdoes that cannot be. That
+    nothing is missing is said in calm air, and where all that could be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
@@ -56,7 +57,7 @@ def verdict(table: Sequence[Criterion]) -> str:
     if not passed["sensors_plausible"]:
         return "unexplained"
     if effect:
-        if not (passed["no_better_empirical_term"] and passed["effect_leads"] and passed["effect_steady"]):
+        if not all(passed[name] for name in ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant")):
             return "unexplained"
         return "found" if passed["no_rival"] else "cannot_tell"
     if not passed["no_parameter_hides_it"]:
@@ -77,7 +78,7 @@ def reason(table: Sequence[Criterion], nearest: str = "") -> str:
     if answer != "unexplained" or not nearest or not (rows["effect_likelier"].passed and rows["effect_on_unseen_loops"].passed):
         return ""
     sufficient = rows["rest_is_noise"].passed or (rows["floor"].passed and rows["floor_by_channel"].passed)
-    objections = [said for name, said in OBJECTIONS.items() if rows[name].passed is False]
+    objections = [said.format(row=rows[name]) for name, said in OBJECTIONS.items() if rows[name].passed is False]
     if not sufficient:
         objections.insert(0, f"more than noise is left beside it (chi-square {_short(rows['floor'].value)} on validation loops)")
     return f"{nearest} comes nearest, but {' and '.join(objections)}."
@@ -138,6 +139,7 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     gain, unseen = before.deviance - after.deviance, before.unseen - after.unseen
     least = c.decisive + c.per_parameter * (len(after.strengths) - len(before.strengths))
     there = bool(after.keys)
+    most = max(e.along, key=lambda channel: e.along[channel], default="")
     return (
         Criterion(
             "effect_likelier",
@@ -170,6 +172,14 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             e.steadiness >= c.steady,
             "probability that chance makes its size drift so much through the flight",
             "score test (Rao 1948)",
+        ),
+        Criterion(
+            "effect_constant",
+            e.along.get(most, 0.0),
+            c.constant,
+            e.along.get(most, 0.0) < c.constant,
+            f"deviance that its size would gain by going with {most or 'a channel of the flight'}",
+            "score test (Rao 1948); set on development flights",
         ),
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tracing.traced import short_flight, traced_flight
 
-from awescli.tracing.constancy import steadiness
+from awescli.tracing.constancy import gains_along, steadiness
 from awescli.tracing.criteria import CRITERIA
 
 DELAY = 0.1
@@ -56,3 +56,36 @@ def test_a_size_that_drifts_is_not(found):
 def test_an_answer_without_effects_is_steady(found):
     _, finding = found
     assert steadiness(finding.null) == 1.0
+
+
+def going_with(model, channel: str, by: float):
+    """The model on loops on which its effect would have grown by `by` for each standard deviation of a channel, to first order."""
+    (fit,) = model.fit.flights
+    links, observed = fit.links, fit.misfit.observed
+    course = observed.measured[..., observed.outputs.index(channel)]
+    column = links.J[..., links.ends.shape[3] + fit.names.index(model.strengths[0])] * links.weight
+    grown = replace(links, r=links.r + by * ((course - course.mean()) / course.std())[..., None] * column)
+    return replace(model, fit=replace(model.fit, flights=(replace(fit, links=grown),)))
+
+
+def test_a_size_that_stays_goes_with_no_channel(found):
+    _, finding = found
+    gains = gains_along(finding.evidence.model)
+    assert set(gains) == set(finding.evidence.model.fit.flights[0].misfit.observed.outputs)
+    assert max(gains.values()) < 0.3 * CRITERIA.constant
+
+
+@pytest.mark.parametrize("channel", ["V_a", "a_y"])
+def test_a_size_that_goes_with_a_channel_is_seen_there(found, channel):
+    """Guards names against what changes with the way the kite flies (a gyro that feels acceleration was called a bias): the gain grows with
+    the square of the change, and is the largest, but for channels that go the same way, with the channel that it goes with."""
+    _, finding = found
+    model = finding.evidence.model
+    little, more = (gains_along(going_with(model, channel, by)) for by in (0.5 * DELAY, DELAY))
+    assert more[channel] > CRITERIA.constant and more[channel] > 0.9 * max(more.values())
+    assert more[channel] == pytest.approx(4 * little[channel], rel=0.2)
+
+
+def test_an_answer_without_effects_goes_with_nothing(found):
+    _, finding = found
+    assert gains_along(finding.null) == {}
