@@ -47,7 +47,7 @@ class Identify(Stage):
     makes = ("params.json", KITE_FILE, "metrics.json")
 
     def needs(self, config):
-        return (Need("fit-controller", required=config.surfaces == "controller"),)
+        return (Need("fit-controller"),) if config.surfaces == "controller" else ()
 
     def flights(self, config):
         return tuple(f.flight for f in config.also)

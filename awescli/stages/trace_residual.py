@@ -4,7 +4,7 @@ from textwrap import shorten
 
 from pydantic import Field
 
-from awescli.stages.ahead import Surfaces, surfaces_of
+from awescli.stages.ahead import Surfaces, surfaces_of, unread_controller
 from awescli.stages.answers import ANSWER, WIDTH, change, fitting, named, number, sized
 from awescli.stages.base import FAILURE, KITE_FILE, Names, Need, Seconds, Stage, StageConfig
 from awescli.stages.further_flights import FurtherFlight, flights_of, refused_flights, unknown_own
@@ -38,6 +38,9 @@ class TraceResidual(Stage):
 
     def needs(self, config):
         return (Need("fit-controller", required=config.surfaces == "controller"), Need("identify"))
+
+    def unread(self, config, upstreams):
+        return unread_controller(config.surfaces, upstreams)
 
     def flights(self, config):
         return tuple(f.flight for f in config.also)

@@ -4,7 +4,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
-from awescli.stages.ahead import HandedOnConfig
+from awescli.stages.ahead import HandedOnConfig, unread_controller
 from awescli.stages.answers import ANSWER, change
 from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage
 
@@ -67,6 +67,9 @@ class TrainHybrid(Stage):
         return (
             Need("fit-controller", required=config.surfaces == "controller"), Need("identify"), Need("trace-residual", required=False),
         )  # fmt: skip
+
+    def unread(self, config, upstreams):
+        return unread_controller(config.surfaces, upstreams)
 
     def check(self, inputs, config):
         from awescli.learning.network_inputs import check_inputs
