@@ -12,6 +12,8 @@ class OwnWind(Checked):
 
     speed: Number | None = Field(description="wind speed at `height` [m/s]; nothing: as recorded")
     direction: Number | None = Field(description="where it comes from, clockwise from north [deg]; nothing: as recorded")
+    height: Number | None = Field(default=None, description="height that `speed` is given at [m]")
+    shear: Number | None = Field(default=None, description="exponent of the power law over height [-]")
 
 
 class Earned(Checked):
@@ -60,6 +62,7 @@ class Flown(Checked):
     wind: OwnWind = Field(description="wind of the plan")
     nrmse: dict[Horizon, Channels] = Field(description="seconds ahead -> channel -> NRMSE against the measured flight, noise-free [-]")
     path_error_m: dict[Horizon, Number] = Field(description="seconds ahead -> root mean square distance from the measured path [m]")
+    seed: int | None = Field(default=None, description="seed of noise and gusts")
     phases: list[FlownPhase] = Field(default=[], description="phases that were flown, of a plan with phases")
     cycles: list[Earned] = Field(default=[], description="whole pumping cycles")
     mean_cycle_W: Number | None = Field(default=None, description="mean mechanical power of whole cycles [W]")
