@@ -51,20 +51,20 @@ def _of_run(run: Path, stages: Sequence[Stage], label: str, surfaces: str, fligh
     flight = flight or Path(str(paths.get("flight")))
     if not flight.exists():
         raise BadInput("the flight of this run is not there any more", str(flight), "Say where it is: --flight LOG.")
-    told = _told(made, label)
+    rows = _rows(made, label)
     controller = made["fit-controller"] if surfaces == "controller" else None
-    return _model(label, files[label], controller, flight, stamp.get("split"), told, recorded)
+    return _model(label, files[label], controller, flight, stamp.get("split"), rows, recorded)
 
 
-def _told(made: Mapping[str, Path], label: str) -> Mapping[str, Any]:
-    """What the fit of a model told of its parameters: rows of params.json."""
+def _rows(made: Mapping[str, Path], label: str) -> Mapping[str, Any]:
+    """What the fit of a model says of its parameters: rows of params.json."""
     fits = {"identified": ["identify"], "with_effects": ["trace-residual"], "hybrid": ["trace-residual", "identify"]}.get(label, [])
     file = next((made[s] / "params.json" for s in fits if s in made and (made[s] / "params.json").is_file()), None)
     return read_json(file)["parameters"] if file else {}
 
 
 def _model(
-    label: str, file: Path, controller: Path | None, flight: Path | None, split: Any, told: Mapping[str, Any], recorded: str | None = None
+    label: str, file: Path, controller: Path | None, flight: Path | None, split: Any, rows: Mapping[str, Any], recorded: str | None = None
 ):
     """The model of one kite file, with the network beside it where it is a hybrid. recorded: hash of the flight, as the run knows it."""
     from awescli.export.model import ExportedModel
@@ -82,7 +82,7 @@ def _model(
     heights = log.wind.height if log is not None and log.wind is not None else STATION
     kite = kite_from_artifact(*network(file.parent), driven, heights) if label == "hybrid" else Kite(driven, heights)
     values = kite.parameters
-    fitted = {n: row for n, row in told.items() if n in values and abs(values[n].value - row["value"]) <= 1e-9 * abs(row["value"])}
+    fitted = {n: row for n, row in rows.items() if n in values and abs(values[n].value - row["value"]) <= 1e-9 * abs(row["value"])}
     start, dt, longest, ranges = _flown(kite, log, split)
     made_from = {"awes": versions()["awes"], "model": label, "kite file": f"{file.name}, sha256 {file_hash(file)}"}
     if law and controller:
@@ -115,8 +115,8 @@ def _flown(kite, log, split: Any):
     z, u, sp = smooth_states(log), inputs_of(log, kite), setpoints_of(log)
     first = _first(log, split)
     named = lambda names, row: dict(zip(names, map(float, row), strict=True))  # noqa: E731
-    told = f"{log.time[first]:.2f} s into the flight '{log.name}'"
-    start = Start(named(STATES, z[first]), named(SURFACES, sp[first]), named(kite.input_names, u[first]), told)
+    origin = f"{log.time[first]:.2f} s into the flight '{log.name}'"
+    start = Start(named(STATES, z[first]), named(SURFACES, sp[first]), named(kite.input_names, u[first]), origin)
     good = np.flatnonzero(log.valid)
     probes = good[:: max(1, len(good) // PROBES)]
     longest = min(LONGEST_STEP, longest_step(kite, z[probes], sp[probes], u[probes]))

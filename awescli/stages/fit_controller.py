@@ -102,11 +102,11 @@ class FitController(Stage):
                 fitted.report["comparison"][name]["gain_margin"] = gain_margin(kite, law, log, direction)
             rows = {name: row_of(line) for name, line in fitted.report["comparison"].items()}
         winch = {phase: law.described() for phase, law in fit_winch(log, parts).items()} if config.winch else {}
-        told = fitted.report | {"outcome": "converged", "closed_loop": proof, "gain": gain} | ({"winch": winch} if config.winch else {})
+        metrics = fitted.report | {"outcome": "converged", "closed_loop": proof, "gain": gain} | ({"winch": winch} if config.winch else {})
         if config.winch and not winch:
-            context.progress.note("no phase of a cycle lasts in train and validation loops: the law of the winch is not told")
+            context.progress.note("no phase of a cycle lasts in train and validation loops: the law of the winch is not fitted")
         write_controller(context.folder, fitted.law)
-        write_json(context.folder / "metrics.json", told)
+        write_json(context.folder / "metrics.json", metrics)
         if config.few_loops == "blocks" and fitted.report["folds_of"] == "blocks":
             context.progress.note("fewer loops than folds: the law was chosen on blocks of time")
         for kind, line in fitted.report["comparison"].items():

@@ -15,7 +15,7 @@ def with_sources(declaration, params: Mapping[str, Any], flights: str):
     for name, fitted in params["parameters"].items():
         if name in rows:
             row = rows[name]
-            # the prior of a value that was itself fitted to an earlier flight is told once, not flight after flight
+            # the prior of a value that was itself fitted to an earlier flight is stated once, not flight after flight
             before = row.source.partition(PRIOR)[2] if row.source.startswith(FITTED) else row.source
             unit = f" {row.unit}" if row.unit not in ("", "-") else ""
             said = f"{FITTED} from {flights} (std {fitted['std']:.3g}{unit}){PRIOR}{before or 'as declared'}"

@@ -61,7 +61,7 @@ def score_models(models: dict, context: Context, log, parts, config, task) -> tu
         if name != "hybrid" and not config.known_starts:
             known = with_record_level(simulator, log, parts, config.horizon, told_by[1]) if name in MADE_BY else told_by[1]
             banded = bands(simulator, log, predictions["test"], known)
-            block["bands"] = banded.told(predictions["test"])
+            block["bands"] = banded.coverage(predictions["test"])
             for which, edge in (("low", 0), ("high", 1)):
                 arrays |= {f"{which}_{name}_{n}": banded.edges(n)[edge] for n in banded.centre}
         enter(name, block, predictions, context, log, metrics, arrays)

@@ -1,4 +1,4 @@
-"""Pumping cycles in a plan: what `simulate` is told of phases, and the flight through them."""
+"""Pumping cycles in a plan: what `simulate` asks of phases, and the flight through them."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -205,18 +205,18 @@ def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping, known=
     pumped = pumping.fly(wind, cycles=config.cycles, **line, **how)
     names = [p.name for p in config.phases]
     rows, whole = energies(pumped, names)
-    told = {"phases": rows, "cycles": whole, "cycles_flown": pumped.done, "mean_cycle_W": mean_power(whole)}
+    summary = {"phases": rows, "cycles": whole, "cycles_flown": pumped.done, "mean_cycle_W": mean_power(whole)}
     if known is not None and config.draws and config.cycles == pumped.done:
         kites = known.draws(kite, config.draws, how["seed"])
         flown = [pumping.fly(wind, cycles=config.cycles, **line, **how, values=values) for values in kites]
         means = [mean_power(energies(f, names)[1]) for f in flown if f.ended]
-        told |= {"mean_cycle_interval_W": band([w for w in means if w is not None]), "draws": config.draws}
-        told["draws_flown"] = sum(f.ended is not None for f in flown)
+        summary |= {"mean_cycle_interval_W": band([w for w in means if w is not None]), "draws": config.draws}
+        summary["draws_flown"] = sum(f.ended is not None for f in flown)
     if known is not None and config.draws and config.cycles == pumped.done:
-        told |= slopes(config, pumping, wind, known, line | {k: how[k] for k in ("start", "duration", "dt", "begins")})
+        summary |= slopes(config, pumping, wind, known, line | {k: how[k] for k in ("start", "duration", "dt", "begins")})
     power = log["tension"] * log["reel_out_speed"] if "tension" in log else None
     measured = [float(power[a:b].mean()) for a, b in cycles(phases(log))] if power is not None else []
-    return pumped.flown, told | ({"measured_cycle_W": measured} if measured else {})
+    return pumped.flown, summary | ({"measured_cycle_W": measured} if measured else {})
 
 
 def slopes(config, pumping, wind, known, how: Mapping) -> dict:

@@ -139,7 +139,7 @@ class TrainHybrid(Stage):
             return score_parts(model, log, parts, horizon, config.known_starts)
 
         after = scored(correction)
-        told = along(log, kite, correction)
+        profile = along(log, kite, correction)
         # times stand in the provenance, so that equal runs leave equal artifacts
         timeless = {k: v for k, v in best.metrics.items() if k != "seconds"}
         columns = [name for name in HISTORY if name != "seconds"]
@@ -147,7 +147,7 @@ class TrainHybrid(Stage):
         metrics = {
             **timeless, "surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states,
             "before": before, **after, "outside_box_test": outside_share(log, kite, correction, parts.test),
-            "share_of_acceleration": told.shares(log.valid), "history": {"columns": columns, "rows": rows},
+            "share_of_acceleration": profile.shares(log.valid), "history": {"columns": columns, "rows": rows},
             "distilled": [str(f) for f in distil(log, kite, correction, parts.train, parts.validation)],
         }  # fmt: skip
         for name, other in (best.compared or {}).items():
@@ -160,7 +160,7 @@ class TrainHybrid(Stage):
         write_tensors(context.folder / "network.safetensors", correction.to_arrays())
         write_json(context.folder / "network.json", description)
         write_json(context.folder / "metrics.json", metrics)
-        arrays = {"time": log.time, "correction": told.values, "physics": told.physics, "fade": np.asarray(told.fade)}
+        arrays = {"time": log.time, "correction": profile.values, "physics": profile.physics, "fade": np.asarray(profile.fade)}
         write_arrays(context.folder / "correction.npz", arrays)
         write_text(context.folder / KITE_FILE, kite_text(declaration))
         for name, reason in best.dropped.items():
