@@ -3,12 +3,16 @@ the same model has one score per (surfaces, initial states, horizon, part)."""
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
 from awescli.notation.errors import BadInput
 from awescli.stages.base import Context, StageConfig
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.split import Split
 
 Surfaces = Literal["recorded", "controller"]
 """recorded: the log's set-points are replayed; controller: the fitted law computes them from the simulated state (Rositani eq. 11d)."""
@@ -64,7 +68,7 @@ def unread_controller(asked: Surfaces | None, upstreams: Mapping[str, Path]) -> 
     return () if closed else ("fit-controller",)
 
 
-def longest_ahead(log, parts, before: float) -> float:
+def longest_ahead(log: "FlightLog", parts: "Split", before: float) -> float:
     """Seconds that can be predicted in every part of a flight, after a warm-up of `before` [s] that may lie in the part before it."""
     from awescli.flightlog.log import runs_of
 

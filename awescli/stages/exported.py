@@ -2,12 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from awescli.artifacts import PROVENANCE, file_hash, read_json, versions
 from awescli.notation.errors import BadInput, did_you_mean
+from awescli.notation.present import present
 from awescli.stages.base import KITE_FILE, Split, Stage
 from awescli.stages.nested_models import MADE_BY, network
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
 
 MODELS = ("newest", "initial", *MADE_BY)
 SURFACES_BY = ("inputs", "controller")
@@ -92,11 +96,11 @@ def _model(
         made_from["network"] = f"sha256 {file_hash(file.parent / 'network.safetensors')}" if learned else "none: training kept none"
     if log is not None:
         made_from["flight"] = log.name + (f", sha256 {recorded}" if recorded else "")
-    bound = loop(law, kite, wind_direction(log)) if law else None
+    bound = loop(law, kite, wind_direction(present(log, "the flight"))) if law else None
     return ExportedModel(label, kite, start, dt, longest, bound, law, fitted, ranges, made_from)
 
 
-def _flown(kite, log, split: Any):
+def _flown(kite, log: "FlightLog | None", split: Any):
     """(start, sample interval [s], longest step [s], flown ranges) of a flight, or what stands for them where there is none."""
     import numpy as np
 
@@ -123,7 +127,7 @@ def _flown(kite, log, split: Any):
     return start, log.dt, longest, _ranges(kite, z[good], sp[good], u[good])
 
 
-def _first(log, split: Any) -> int:
+def _first(log: "FlightLog", split: Any) -> int:
     """The sample of the start: where the run's test part begins, as `awes simulate` sets out; without a split the first good one."""
     import numpy as np
 

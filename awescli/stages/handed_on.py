@@ -1,14 +1,17 @@
 """What a stage says of the parameters that it hands on: params.json of a traced model, and where fitted values come from."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from awescli.physics.declaration import KiteDeclaration
 
 FITTED = "identified by awes"
 """How the source of a fitted value begins."""
 PRIOR = ", prior: "
 
 
-def with_sources(declaration, params: Mapping[str, Any], flights: str):
+def with_sources(declaration: "KiteDeclaration", params: Mapping[str, Any], flights: str):
     """The declaration with the source of every fitted value: the flights it was fitted to, its standard deviation, and what was known
     before. params: params.json; values that were not fitted keep their sources."""
     rows = dict(declaration.parameters)
