@@ -1,6 +1,6 @@
 """The form of what trace-residual finds: effects.json."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -95,7 +95,7 @@ class Errors(Checked):
     noise_floor: Channels = Field(description="likewise, what sensor noise alone causes [-]")
 
     @model_validator(mode="after")
-    def _alike(self):
+    def _alike(self) -> Self:
         before = self.after if self.before is None else self.before
         if not before.keys() == self.after.keys() == self.noise_floor.keys():
             raise ValueError("before, after and noise_floor are of different channels")
@@ -241,7 +241,7 @@ class Effects(Checked):
     kinematics: list[SeenAlone] = Field(default=[], description="errors of sensors that show without any model of forces")
 
     @model_validator(mode="after")
-    def _fitted(self):
+    def _fitted(self) -> Self:
         if self.error.before is None and self.verdict != "not_testable":
             raise ValueError("error.before is missing")
         return self

@@ -1,6 +1,6 @@
 """The form of what evaluate says of every model."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -203,7 +203,7 @@ class Scores(Checked):
     baseline: Annotated[Baseline | None, OrAbsent] = Field(default=None, description="how the linear model came about")
 
     @model_validator(mode="after")
-    def _alike(self):
+    def _alike(self) -> Self:
         every = (self.initial, self.identified, self.with_effects, self.hybrid, self.linear)
         models = [model for model in every if model is not None]
         for of in (lambda m: m.nrmse.test.keys(), lambda m: m.by_horizon.keys()):

@@ -1,6 +1,6 @@
 """The forms of what identify leaves, and of params.json of any stage."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -141,7 +141,7 @@ class Params(Checked):
     unseen_directions: list[Direction] = Field(default=[], description="combinations that the prior knows better than the flight")
 
     @model_validator(mode="after")
-    def _correlated(self):
+    def _correlated(self) -> Self:
         fitted = {*self.parameters, *self.wind_record_error}
         if self.correlation is not None and (other := sorted(fitted.symmetric_difference(self.correlation.names))):
             raise ValueError(f"'{other[0]}' is only in one of parameters and correlation.names")
