@@ -82,9 +82,10 @@ class Criteria:
 
     # does the rest repeat?
     repeats: float = 0.01
-    """Probability with which chance would make the smoothed model error repeat as much from loop to loop (permutation of the phase)."""
+    """Probability with which chance would make the smoothed model error repeat as much from loop to loop (permutation of the phase), or
+    go on as much from one loop to the next (permutation of the loops)."""
     repeated_share: float = 0.2
-    """Least share of its variance that repeats, for a part that is called repeating."""
+    """Least share of its variance that repeats or goes on, for a part that is said to."""
 
     # which air is gusty?
     gusty: float = 0.2

@@ -1,7 +1,7 @@
 """What a model leaves beside noise and the processes that are known to be there: is it worth anything, where does it stand, does it repeat
-from loop to loop?"""
+from loop to loop, or go on from one to the next?"""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +23,8 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class Repetition:
-    """share: of the variance of a smoothed process that repeats from loop to loop, p: with which chance would make it as large, by
-    axis; loops: that were compared."""
+    """share: of the variance of a smoothed process that repeats from loop to loop (or goes on from one to the next), p: with which chance
+    would make it as large, by axis; loops: that were compared."""
 
     share: dict[str, float]
     p: dict[str, float]
@@ -43,8 +43,8 @@ class Repetition:
 @dataclass(frozen=True)
 class Rest:
     """worth: deviance that model error is worth to a model (negative: nothing); chi2: of the model without it, on validation loops, per
-    degree of freedom; channels: the same per channel, over the noise that was found; levels: of the model error; repetition: of it, None
-    where there is none or too few loops; samples: of all channels on validation."""
+    degree of freedom; channels: the same per channel, over the noise that was found; levels: of the model error; repetition: of it, and
+    lasting: what of it goes on from loop to loop, None where there is none or too few loops; samples: of all channels on validation."""
 
     worth: float
     chi2: float
@@ -52,6 +52,7 @@ class Rest:
     levels: dict[str, float]
     repetition: Repetition | None
     samples: int
+    lasting: Repetition | None = None
 
     def floors(self, criteria: Criteria = CRITERIA) -> tuple[float, float]:
         """(chi-square of all channels, of one) up to which nothing but noise is left."""
@@ -68,8 +69,10 @@ def rest_of(frame: Frame, model: FittedModel) -> tuple[FittedModel, Rest]:
     """(the model without model error, what is left)."""
     bare = fit_bare(frame, model) if model.rest else model
     samples = int(sum(f.information.dof.sum() for f in bare.judged))
-    repetition = repetition_of(frame, model, [(axis, axis) for axis in model.rest]) if model.rest else None
-    return bare, Rest(bare.deviance - model.deviance if model.rest else 0.0, bare.chi2, channels_of(bare), model.rest, repetition, samples)
+    worth = bare.deviance - model.deviance if model.rest else 0.0
+    axes = [(axis, axis) for axis in model.rest]
+    again, on = (repetition_of(frame, model, axes, of) if axes else None for of in (repeated, lasting))
+    return bare, Rest(worth, bare.chi2, channels_of(bare), model.rest, again, samples, on)
 
 
 def channels_of(model: FittedModel) -> dict[str, float]:
@@ -96,11 +99,14 @@ def gusts_of(model: FittedModel) -> list[Group]:
 def repetition_of_gusts(frame: Frame, model: FittedModel) -> Repetition | None:
     """How much of the smoothed gusts repeats from loop to loop: air does not know where in its loop a kite is; what repeats is no gust."""
     axes = [(g.name, axis) for g in gusts_of(model) for axis in g.axes]
-    return repetition_of(frame, model, axes) if axes else None
+    return repetition_of(frame, model, axes, repeated) if axes else None
 
 
-def repetition_of(frame: Frame, model: FittedModel, axes: Sequence[tuple[str, str]]) -> Repetition | None:
-    """How much of the first flight's smoothed processes repeats over the phase of a loop. axes: (group, axis). None with too few loops."""
+def repetition_of(
+    frame: Frame, model: FittedModel, axes: Sequence[tuple[str, str]], of: Callable[[np.ndarray], tuple[float, float]]
+) -> Repetition | None:
+    """How much of the first flight's smoothed processes repeats over the phase of a loop (`repeated`), or goes on from loop to loop
+    (`lasting`). axes: (group, axis). None with too few loops."""
     loops = find_loops(frame.flights[0].log)
     if loops.kind != "loops":
         return None
@@ -111,7 +117,7 @@ def repetition_of(frame: Frame, model: FittedModel, axes: Sequence[tuple[str, st
         used = len(table)
         if used < FEWEST:
             return None
-        share[axis], p[axis] = repeated(table)
+        share[axis], p[axis] = of(table)
     return Repetition(share, p, used)
 
 
@@ -131,6 +137,17 @@ def repeated(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
     by_chance = float(turned.mean())
     share = (seen - by_chance) / max(1 - by_chance, 1e-9)
     return float(np.clip(share, 0.0, 1.0)), float((1 + np.count_nonzero(turned >= seen)) / (1 + DRAWS))
+
+
+def lasting(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
+    """(share of the variance that a loop hands on to the next one, beyond chance; probability that loops in any other order reach it).
+    table: as in `repeated`. The share is the covariance of the means of successive loops: it shows what grows, wears or breaks."""
+    random, means = np.random.default_rng(seed), np.nanmean(table, axis=1)
+    means = means - means.mean()
+    orders = random.permuted(np.tile(means, (DRAWS, 1)), axis=1)
+    seen, by_chance = float(np.mean(means[1:] * means[:-1])), np.mean(orders[:, 1:] * orders[:, :-1], axis=1)
+    share = (seen - by_chance.mean()) / (float(np.nanvar(table)) or 1.0)
+    return float(np.clip(share, 0.0, 1.0)), float((1 + np.count_nonzero(by_chance >= seen)) / (1 + DRAWS))
 
 
 def _path(model: FittedModel, label: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:

@@ -40,9 +40,9 @@ def verdict(table: Sequence[Criterion]) -> str:
     """The verdict that a table of criteria stands for.
 
     A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient, steady,
-    constant and alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats, called gusts
-    or not, and so is an effect whose size drifts or goes with the way the kite flies, or which another one outdoes that cannot be. That
-    nothing is missing is said in calm air, and where all that could be missing was tried.
+    constant and alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats (called gusts
+    or not) or goes on from loop to loop, and so is an effect whose size drifts or goes with the way the kite flies, or which another one
+    outdoes that cannot be. That nothing is missing is said in calm air, and where all that could be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
@@ -52,7 +52,8 @@ def verdict(table: Sequence[Criterion]) -> str:
     effect = passed["effect_likelier"] and passed["effect_on_unseen_loops"]
     sufficient = passed["rest_is_noise"] or (passed["floor"] and passed["floor_by_channel"])
     if not sufficient:
-        random = passed["rest_repeats"] is False and passed["no_better_empirical_term"] and not effect
+        structured = passed["rest_repeats"] is not False or passed["rest_lasts"]
+        random = not structured and passed["no_better_empirical_term"] and not effect
         return "not_deterministic" if random else "unexplained"
     if not passed["sensors_plausible"]:
         return "unexplained"
@@ -215,6 +216,14 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             None if again is None else again.repeats(c),
             "probability that chance makes what is left repeat so much from loop to loop",
             "permutation of the loops' phases",
+        ),
+        Criterion(
+            "rest_lasts",
+            1.0 if rest.lasting is None else rest.lasting.least,
+            c.repeats,
+            None if rest.lasting is None else rest.lasting.repeats(c),
+            "probability that chance makes what is left go on so much from one loop to the next",
+            "permutation of the loops",
         ),
     )
 

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from tracing.traced import null_model
 
-from awescli.tracing.rest import BINS, Repetition, repeated, rest_of
+from awescli.tracing.rest import BINS, Repetition, lasting, repeated, rest_of
 
 LOOPS = 10
 
@@ -52,6 +52,26 @@ def test_loops_that_were_flown_in_part_count():
     chance = np.array([repeated(with_gaps(smooth(300 + seed), seed), seed) for seed in range(80)])
     assert stats.kstest(chance[:, 1], "uniform").pvalue > 0.01
     assert chance[:, 0].mean() < 0.1 and (chance[:, 1] < 0.01).sum() <= 3
+
+
+def test_what_grows_or_breaks_is_seen_to_go_on():
+    """Guards random for what is not: ice that grows through a flight and a tip that breaks at a third of it are the same in no two loops,
+    repeat at no phase, and were called chance (JSBSim)."""
+    loops = np.arange(15)
+    for course in (np.sqrt(3) * np.linspace(-1, 1, len(loops)), np.where(loops < 5, -1.4, 0.7)):
+        tables = [2 * course[:, None] + smooth(seed, len(loops)) for seed in range(10)]
+        found = [lasting(table) for table in tables]
+        assert all(p < 0.01 for _, p in found)
+        assert all(Repetition({"moment_y": share}, {"moment_y": p}, len(loops)).repeats() for share, p in found)
+        assert np.mean([repeated(table)[0] for table in tables]) < 0.15
+
+
+def test_chance_is_not_said_to_go_on():
+    """Guards the false alarm: of loops in no order p is uniform, gaps or not."""
+    for table in (smooth, lambda seed: with_gaps(smooth(seed), seed)):
+        found = np.array([lasting(table(500 + seed), seed) for seed in range(80)])
+        assert stats.kstest(found[:, 1], "uniform").pvalue > 0.01
+        assert found[:, 0].mean() < 0.05 and (found[:, 1] < 0.01).sum() <= 3
 
 
 def test_many_axes_must_not_repeat_by_their_number():

@@ -20,7 +20,7 @@ ANSWER = ("effect_likelier", "effect_on_unseen_loops")
 REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
 ALONE = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant")
 OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "calm_air", *ALONE)
-REPEATS = ("rest_repeats", "gusts_do_not_repeat")
+REPEATS = ("rest_repeats", "rest_lasts", "gusts_do_not_repeat")
 ROWS = {
     (name, passed): Criterion(name, 0.0, 0.0, passed, "", "")
     for name in (*NULL, *ANSWER, *REST, *REPEATS, *OTHERS)
@@ -60,6 +60,8 @@ LEFT = dict.fromkeys(REST, False)
         ("unexplained", {**LEFT, "rest_repeats": True}),
         ("unexplained", {"rest_is_noise": False, "floor_by_channel": False}),
         ("not_deterministic", {**LEFT, "rest_repeats": False}),
+        ("not_deterministic", {**LEFT, "rest_repeats": False, "rest_lasts": False}),
+        ("unexplained", {**LEFT, "rest_repeats": False, "rest_lasts": True}),
         ("unexplained", {**FOUND, **LEFT, "rest_repeats": False}),
         ("unexplained", {**LEFT, "rest_repeats": False, "no_better_empirical_term": False}),
         ("not_deterministic", {"calm_air": False}),
@@ -176,7 +178,7 @@ GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 20
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 21
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
@@ -199,6 +201,10 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         (
             "rest_repeats", {"rest": Rest(50.0, 2.0, {}, {}, Repetition({"force_z": 0.5}, {"force_z": 0.001}, 8), MANY)},
             {"rest": Rest(50.0, 2.0, {}, {}, Repetition({"force_z": 0.5}, {"force_z": 0.02}, 8), MANY)},
+        ),
+        (
+            "rest_lasts", {"rest": Rest(50.0, 2.0, {}, {}, None, MANY, Repetition({"force_z": 0.5}, {"force_z": 0.001}, 8))},
+            {"rest": Rest(50.0, 2.0, {}, {}, None, MANY, Repetition({"force_z": 0.19}, {"force_z": 0.001}, 8))},
         ),
         ("no_rival", {"answer": GOOD}, {"answer": GOOD, "rivals": {"sideslip_drag": (Rival("parasitic_drag", model(903.0), 3.0),)}}),
         ("all_candidates_fitted", {}, {"failed": ("pitch_curvature",)}),
