@@ -166,8 +166,8 @@ class OfFlight(Checked):
 class Repeats(Checked):
     """What of the rest repeats from loop to loop, by permutation of the loops' phases."""
 
-    share: Number | None = Field(default=None, description="share of the rest's variance that repeats [-]")
-    p: Number | None = Field(default=None, description="probability of such a share by chance [-]")
+    share: Numbers = Field(default={}, description="force or moment -> share of the variance of its model error that repeats [-]")
+    p: Numbers = Field(default={}, description="force or moment -> probability of such a share by chance [-]")
     loops: int = Field(default=0, description="loops that show it")
 
 
@@ -177,7 +177,7 @@ class Left(Checked):
     chi2: Number | None = Field(default=None, description="squared errors over noise per degree of freedom [-]; 1: noise")
     share: Number | None = Field(default=None, description="share of the declared model's misfit that is left beyond noise [-]")
     channels: dict[str, Number | None] = Field(default={}, description="channel -> the same as chi2 [-]")
-    worth: Number | None = Field(default=None, description="fall of the deviance by model error, if it were let in [-]")
+    worth: Number | None = Field(default=None, description="fall of the deviance by model error, were it let in [-]")
     levels: dict[str, Any] = Field(default={}, description="force or moment -> level of that model error")
     repeats: Repeats | None = Field(default=None, description="what of it repeats from loop to loop; nothing where too few loops show it")
 
