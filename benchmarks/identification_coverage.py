@@ -74,7 +74,7 @@ def run_fit(name: str, case: tuple[str, int]) -> dict:
         "air": case[0], "seed": case[1], "code": commit(), "outcome": fit.solution.outcome, "chi2": fit.chi2,
         "processes": {group: p["level"] for group, p in levels_found(fitted).items()},
         "parameters": {n: [(r["value"] - true[n].value) / r["std"], r["excited"], r["at_bound"]] for n, r in rows.items()},
-        "bands": bands(simulator, log, prediction, known).told(prediction),
+        "bands": bands(simulator, log, prediction, known).coverage(prediction),
     }  # fmt: skip
 
 

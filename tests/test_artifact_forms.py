@@ -4,9 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from believed import Believed
 from fuzz_kinds import run_subject
 
 from awescli.artifacts import read_arrays, read_json, write_arrays, write_json
+from awescli.artifacts.form_check import undescribed
 from awescli.artifacts.forms import ARRAYS, FORMS
 from awescli.notation.errors import BadInput
 
@@ -138,6 +140,68 @@ def test_every_field_says_what_it_means_and_every_number_its_unit(file):
     assert [place for place, field in fields.items() if len(field.get("description", "")) < 8] == []
     assert [place for place, field in fields.items() if holds_numbers(field) and "[" not in field["description"]] == []
     assert [name for name, inner in schema.get("$defs", {}).items() if not inner.get("description")] == []
+
+
+@pytest.mark.slow
+def test_a_run_leaves_no_key_that_no_form_describes(tmp_path):
+    """125 keys stood in no form, so that the reference did not know them."""
+    out = Believed(tmp_path).out
+    described, unknown = set(), []
+    for file in sorted(out.glob("*/*.json")):
+        form = FORMS.get(f"{file.parent.name}/{file.name}") or FORMS[file.name]
+        unknown += [f"{file.parent.name}/{file.name}: {key}" for key in undescribed(form.model.model_validate(read_json(file)))]
+        described.add(file.parent.name)
+    for file in sorted(out.glob("*/*.npz")):
+        known = ARRAYS[file.name]
+        unknown += [
+            f"{file.name}: {name}" for name in read_arrays(file)
+            if name not in known and not any(key.endswith("*") and name.startswith(key[:-1]) for key in known)
+        ]  # fmt: skip
+    assert unknown == [] and len(described) == 6
+
+
+def test_a_key_of_no_form_is_seen():
+    """Guards the test above: a key in a list of mappings of a mapping counts."""
+    row = {"constraint": "a <= b", "active": True, "cost_per_unit": 0.0, "colour": 1}
+    form = FORMS["params.json"].model.model_validate({"parameters": {}, "constraints": [row], "mood": 2})
+    assert [*undescribed(form)] == ["mood", "constraints.0.colour"]
+
+
+FIT = {
+    "outcome": "converged", "chi2": 1.0, "method": "filter error", "surfaces": "recorded", "horizon_s": 5.0, "outputs": ["p_n"],
+    "nrmse": {part: {"p_n": 0.1, "mean": 0.1} for part in ("train", "validation", "test")}, "processes": {}, "noise_factors": {},
+    "kkt_residual": 0.1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name, content, key, says", [
+    ("metrics.json", FIT, "outcome", "outcome is missing"),
+    ("metrics.json", FIT, "chi2", "chi2 is missing"),
+    ("metrics.json", FIT, "kkt_residual", "kkt_residual_ is no key of it (did you mean 'kkt_residual'?)"),
+    ("params.json", PARAMS["parameters"]["m"], "advice", "parameters.m.advice_ is no key of it (did you mean 'advice'?)"),
+    ("params.json", {"m": PARAMS["parameters"]["m"]}, "m", "'m' is only in one of parameters and correlation.names"),
+])  # fmt: skip
+def test_a_misspelt_key_is_refused_by_name(tmp_path, name, content, key, says):
+    """Defaults took the place of what stood under the misspelt key, and the report went on without it."""
+    file = tmp_path / "identify" / name
+    correlation = {"correlation": {"names": ["m"], "matrix": [[1.0]]}}
+
+    def whole(inside):
+        if content is FIT:
+            return inside
+        return {"parameters": inside if "m" in content else {"m": inside}, **correlation}
+
+    def renamed(inside):
+        return {f"{k}_" if k == key else k: v for k, v in inside.items()}
+
+    write_json(file, whole(content))
+    assert read_json(file) == whole(content)
+    write_json(file, whole(renamed(content)))
+    with pytest.raises(BadInput, match="awes identify --force") as caught:
+        read_json(file)
+    if key == "m":
+        says = "is only in one of parameters and correlation.names"
+    assert says in caught.value.what
 
 
 def test_every_array_says_what_it_is():

@@ -1,6 +1,6 @@
 """What a flight teaches: a controller, parameters, missing effects, a network."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +40,7 @@ class Controller(Result):
             for part, found in self.metrics["nrmse"].items() for s, e in found.items()
         )  # fmt: skip
 
-    def _tell(self):
+    def _tell(self) -> Callable[[Any], Any]:
         from awescli.reporting.controller import controller
 
         return controller
@@ -80,11 +80,11 @@ class Identification(HandsOn):
             for n, e in self.parameters.items()
         )  # fmt: skip
 
-    def _scores(self):
+    def _scores(self) -> dict[str, Any]:
         m = self.metrics
         return {"horizon_s": m["horizon_s"], "noise_floor": m["noise_floor"], "initial": m["initial"], "identified": m}
 
-    def _tell(self):
+    def _tell(self) -> Callable[[Any], Any]:
         from awescli.reporting.identification import identification
 
         return identification
@@ -142,12 +142,12 @@ class Tracing(HandsOn):
         keys = ("name", "acts_on", "score", "p_value", "explained_share", "test_gain", "plausible_size", "outcome")
         return frame({k: c.get(k) for k in keys} for c in self._effects["ranking"])
 
-    def _scores(self):
+    def _scores(self) -> dict[str, Any]:
         m = self.metrics
         before = {"identified": m["before"]} if m.get("before") else {}
         return {"horizon_s": m["horizon_s"], "noise_floor": m["noise_floor"], **before, "with_effects": m}
 
-    def _tell(self):
+    def _tell(self) -> Callable[[Any], Any]:
         from awescli.reporting.residual import residual
 
         return residual
@@ -173,12 +173,12 @@ class Hybrid(HandsOn):
         """One row a channel: errors without and with the network, and of noise alone."""
         return self.errors.to_frame()
 
-    def _scores(self):
+    def _scores(self) -> dict[str, Any]:
         m = self.metrics
         before = "with_effects" if "trace-residual" in self.origin.made else "identified"
         return {"horizon_s": m["horizons"][-1], "noise_floor": m["noise_floor"], before: m["before"], "hybrid": m}
 
-    def _tell(self):
+    def _tell(self) -> Callable[[Any], Any]:
         from awescli.reporting.hybrid import hybrid
 
         return hybrid

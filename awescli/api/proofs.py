@@ -1,6 +1,6 @@
 """What models do: fly by themselves, predict, and all that on one page."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -51,14 +51,14 @@ class Simulation(Result):
     def _repr_html_(self) -> str:
         return as_html(self.title, self.answer)
 
-    def _scores(self):
+    def _scores(self) -> dict[str, Any]:
         from awescli.stages.nested_models import MADE_BY
 
         # a network that stayed at zero is called by the model before it
         known = [label for label, stage in MADE_BY.items() if stage in self.origin.made]
         return {"horizon_s": 0.0, "noise_floor": {}, "initial": {}, **{label: {} for label in known}}
 
-    def _tell(self):
+    def _tell(self) -> Callable[[Any], Any]:
         from awescli.reporting.free_flight import free_flight
 
         return free_flight

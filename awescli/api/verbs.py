@@ -1,8 +1,8 @@
 """The functions: each runs one stage of the command line, with the stage's settings as keyword arguments.
 
 Common arguments. out: folder for the results; None: a temporary one, which goes with the last result that needs it. progress: an object
-with `task` and `note` (`awescli.stages.base.Progress`) that is told how it goes. settings: what `awes STAGE --help` lists, under the same
-names.
+with `task` and `note` (`awescli.stages.base.Progress`) that is notified of its progress. settings: what `awes STAGE --help` lists, under
+the same names.
 
 All raise BadInput (`awescli.notation.errors`) for what the caller can mend, before anything long is computed, and NumericalFailure for a
 computation without a usable answer.
@@ -34,7 +34,7 @@ def fit_controller(
     (`awes fit-controller`).
 
     flight, kite: as read, or their paths; out: folder of the results, None: a temporary one; seed: of everything random; split: shares and
-    order of train, validation and test, as in stages.yaml; progress: is told how it goes; settings: those of `awes fit-controller`.
+    order of train, validation and test, as in stages.yaml; progress: is notified of it; settings: those of `awes fit-controller`.
     Raises BadInput for a flight, kite or setting that cannot be used, NumericalFailure where no law can be fitted.
     """
     return result(Controller, run("fit_controller", "fit-controller", _origin(flight, kite, seed, split), settings, out, progress))
@@ -48,7 +48,7 @@ def identify(
 
     flight, kite: as read, or their paths; controller: for surfaces="controller", and for whatever later follows from this result and flies
     by it; out: folder of the results, None: a temporary one; seed: of everything random; split: shares and order of train, validation and
-    test, as in stages.yaml; progress: is told how it goes; settings: those of `awes identify`. Raises BadInput for what cannot be
+    test, as in stages.yaml; progress: is notified of it; settings: those of `awes identify`. Raises BadInput for what cannot be
     used, NumericalFailure where the model cannot be simulated or fitted.
     """
     origin = _with(_origin(flight, kite, seed, split), controller)
@@ -59,7 +59,7 @@ def trace(identified: Identification, *, out: Folder = None, progress: "Progress
     """Find what still repeats in the residual, trace it to the effect that the model lacks, add it, prove it on unseen loops,
     docs/equations.md (23) to (27) (`awes trace-residual`). A flight that is not testable is a result too: its `verdict` says so.
 
-    identified: what `identify` gave; out: folder of the results, None: a temporary one; progress: is told how it goes; settings: those of
+    identified: what `identify` gave; out: folder of the results, None: a temporary one; progress: is notified of it; settings: those of
     `awes trace-residual`. Raises BadInput for what cannot be used, NumericalFailure for a computation without a usable answer.
     """
     _expect(identified, Identification, "trace")
@@ -69,7 +69,7 @@ def trace(identified: Identification, *, out: Folder = None, progress: "Progress
 def train(model: Identification | Tracing, *, out: Folder = None, progress: "Progress | None" = None, **settings: Any) -> Hybrid:
     """Train a small network on what the physics of `model` leaves, docs/equations.md (28) and (29) (`awes train-hybrid`).
 
-    model: what `identify` or `trace` gave; out: folder of the results, None: a temporary one; progress: is told how it goes;
+    model: what `identify` or `trace` gave; out: folder of the results, None: a temporary one; progress: is notified of it;
     settings: those of `awes train-hybrid`. Raises BadInput for what cannot be used, NumericalFailure for training
     without a usable answer.
     """
@@ -86,7 +86,7 @@ def simulate(
     model: a kite or a result; flight: gives start, wind and winch; needed with a kite, a result has its own. controller: flies it, where
     the result does not stand on one; without any, set surfaces="recorded" (the log's set-points) or "path_following" (a built-in law on the
     circle that was flown). phases: of pumping cycles, as in a plan; each says itself who steers. out: folder of the results, None: a
-    temporary one; progress: is told how it goes; settings: those of `awes simulate`. Raises BadInput for what cannot be used,
+    temporary one; progress: is notified of it; settings: those of `awes simulate`. Raises BadInput for what cannot be used,
     NumericalFailure where the model cannot be simulated.
     """
     origin, label = _of_model(model, flight, "simulate")
@@ -142,7 +142,7 @@ def report(*results: Result, out: Folder = None, progress: "Progress | None" = N
     """Score every model on unseen loops, and write the page that shows it all (`awes evaluate --report`).
 
     results: of one flight; all that they stand on comes in too. out: with a folder the page is FOLDER/evaluate/report.html, None: in a
-    temporary one; progress: is told how it goes; settings: those of `awes evaluate`. Raises BadInput for results of different flights.
+    temporary one; progress: is notified of it; settings: those of `awes evaluate`. Raises BadInput for results of different flights.
     """
     if not results:
         raise BadInput("there is nothing to report", "report()", "Give results: report(traced).")

@@ -1,15 +1,18 @@
 """The version of a file's form, written and checked: a file of an older awes, or one that somebody edited, is named as such instead of
 failing somewhere inside a reader."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from awescli.artifacts.forms import ARRAYS, FORMS
 
 VERSION = "version"
 """Key of the form's version in the file; readers never see it."""
+MISSPELT = 0.8
+"""Likeness (difflib) from which an unknown key is taken for one that is missing."""
 MOST_TOLD = 3
 """Mistakes of one file that are named."""
 
@@ -33,12 +36,44 @@ def wrong_with(stage: str, name: str, content: Any) -> str:
         age = "an older" if isinstance(version, int) and version < form.version else "a newer or another"
         return f"written by {age} awes (version {str(version)[:20]} of this file; this one reads version {form.version})"
     try:
-        form.model.model_validate(content)
+        found = form.model.model_validate(content)
     except ValidationError as e:
-        told = [_say(error) for error in e.errors(include_url=False, include_context=False)]
-        more = f"; and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
-        return f"not as awes writes it: {'; '.join(told[:MOST_TOLD])}{more}"
-    return ""
+        mistakes = [_say(error) for error in e.errors(include_url=False, include_context=False)]
+        more = f"; and {len(mistakes) - MOST_TOLD} more" if len(mistakes) > MOST_TOLD else ""
+        return f"not as awes writes it: {'; '.join(mistakes[:MOST_TOLD])}{more}"
+    return f"not as awes writes it: {'; '.join(misspelt[:MOST_TOLD])}" if (misspelt := [*_misspelt(found)]) else ""
+
+
+def _misspelt(value: Any, at: str = "") -> Iterator[str]:
+    """Keys of no form, each where one that is very like it is missing: the default would take the place of what stands there."""
+    if isinstance(value, BaseModel):
+        fields = type(value).model_fields
+        missing = [field.alias or name for name, field in fields.items() if name not in value.model_fields_set]
+        for key in value.model_extra or ():
+            if meant := get_close_matches(key, missing, 1, MISSPELT):
+                yield f"{at}{key} is no key of it (did you mean '{meant[0]}'?)"
+        for name, field in fields.items():
+            yield from _misspelt(getattr(value, name), f"{at}{field.alias or name}.")
+    elif isinstance(value, Mapping):
+        for key, inside in value.items():
+            yield from _misspelt(inside, f"{at}{key}.")
+    elif isinstance(value, list):
+        for i, inside in enumerate(value):
+            yield from _misspelt(inside, f"{at}{i}.")
+
+
+def undescribed(value: Any, at: str = "") -> Iterator[str]:
+    """Place of every key of an artifact, read by its form (a model of `forms`), that the form does not describe."""
+    if isinstance(value, BaseModel):
+        yield from (f"{at}{key}" for key in value.model_extra or ())
+        for name, field in type(value).model_fields.items():
+            yield from undescribed(getattr(value, name), f"{at}{field.alias or name}.")
+    elif isinstance(value, Mapping):
+        for key, inside in value.items():
+            yield from undescribed(inside, f"{at}{key}.")
+    elif isinstance(value, list):
+        for i, inside in enumerate(value):
+            yield from undescribed(inside, f"{at}{i}.")
 
 
 def wrong_arrays(name: str, arrays: Mapping[str, Any]) -> str:

@@ -2,6 +2,13 @@
 
 import signal
 import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import typer
+
+    from awescli.stages.base import Stage
 
 
 def main() -> None:
@@ -18,11 +25,11 @@ def _leave(number: int, frame: object) -> None:
     sys.exit(130)
 
 
-def build_app(stages):
+def build_app(stages: "Sequence[Stage]") -> "typer.Typer":
     """The `awes` application with one command for every stage (a `typer.Typer`)."""
     from awescli.cli.app import build_app as build
 
-    return build(stages)
+    return build(tuple(stages))
 
 
 __all__ = ["build_app", "main"]

@@ -176,7 +176,7 @@ def check_many(screen: Screen, stages: tuple[Stage, ...], plans: Any) -> None:
     from awescli.stages.checking import raise_all, refused
 
     errors: list[BadInput] = []
-    told = {}
+    answers = {}
     for name, plan in plans.by_flight.items():
         inputs = Inputs(plan.flight, plan.kite, plan.split)
         mistakes = list({str(e): e for s in stages if s.name in plan.planned for e in refused(s, inputs, plan)}.values())
@@ -185,12 +185,12 @@ def check_many(screen: Screen, stages: tuple[Stage, ...], plans: Any) -> None:
             log, failed = inputs.log, [c.name for c in inputs.quality.checks if not c.ok]
         except BadInput:
             screen.line(f"{name}: cannot be read")
-            told[name] = {"refused": [str(e) for e in mistakes]}
+            answers[name] = {"refused": [str(e) for e in mistakes]}
             continue
         seen = "refused" if mistakes else f"look at {', '.join(failed)}" if failed else "good"
         screen.line(f"{name}: {len(log)} samples in {len(log) * log.dt:.1f} s at {1 / log.dt:.4g} Hz: {seen}")
-        told[name] = {"quality": inputs.quality.as_dict(), "refused": [str(e) for e in mistakes]}
-    screen.answer(json_safe({"plan": str(plans.file), "flights": told}))
+        answers[name] = {"quality": inputs.quality.as_dict(), "refused": [str(e) for e in mistakes]}
+    screen.answer(json_safe({"plan": str(plans.file), "flights": answers}))
     raise_all(errors)
     at = "" if str(plans.file) == "stages.yaml" else f" --stages {plans.file}"
     first = next(iter(plans.by_flight))
@@ -325,7 +325,7 @@ def init(screen: Screen, stages: tuple[Stage, ...], folder: Path, flight: Path, 
     made = begin(folder, flight, kite, stages)
     if made.found:
         screen.section("columns found", made.found)
-    for title, sentences in made.told.items():
+    for title, sentences in made.findings.items():
         screen.section(title, sentences)
     for name, text in made.files.items():
         write_text(folder / name, text)
@@ -372,11 +372,11 @@ def export(screen: Screen, stages: tuple[Stage, ...], source: Path, to: str, out
         for path, content in own.items():
             write_content(out / name / path, content.encode() if isinstance(content, str) else content)
     surfaces = "by the fitted controller" if model.law else "are inputs"
-    screen.line(f"{model.declaration.name}: the {model.label} model, set-points {surfaces}; starts {model.start.told}")
+    screen.line(f"{model.declaration.name}: the {model.label} model, set-points {surfaces}; starts {model.start.origin}")
     for name in files:
         screen.line(f"{out / name}: {EXPORTERS[name].doc}")
     for name, e in refused.items():
         screen.line(f"{out / name}: not written: {e.what}")
     written = {name: [str(out / name / path) for path in own] for name, own in files.items()}
-    told = {"model": model.label, "surfaces": "controller" if model.law else "inputs", "out": str(out), "files": written}
-    screen.answer({**told, "refused": {name: str(e) for name, e in refused.items()}})
+    answers = {"model": model.label, "surfaces": "controller" if model.law else "inputs", "out": str(out), "files": written}
+    screen.answer({**answers, "refused": {name: str(e) for name, e in refused.items()}})

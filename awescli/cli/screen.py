@@ -124,8 +124,8 @@ class Screen:
         columns += [TextColumn("left"), TimeRemainingColumn(compact=True)] if total else []
         self.bars = Progress(*columns, TextColumn("{task.fields[text]}", markup=False), console=self.console, transient=True)
         self.bars.start()
-        told = _PlainTask(self.log, description, total)
-        return _Bar(self.bars, self.bars.add_task(printable(description), total=total, text=""), told)
+        logged = _PlainTask(self.log, description, total)
+        return _Bar(self.bars, self.bars.add_task(printable(description), total=total, text=""), logged)
 
     def note(self, text: str) -> None:
         self.line(f"  {text}")
@@ -167,18 +167,18 @@ class Screen:
 
 
 class _Bar:
-    """A task with a bar, on a terminal; told: what the log file has of it."""
+    """A task with a bar, on a terminal; logged: what the log file has of it."""
 
-    def __init__(self, bars: Any, task: Any, told: "_PlainTask"):
-        self.bars, self.id, self.told = bars, task, told
+    def __init__(self, bars: Any, task: Any, logged: "_PlainTask"):
+        self.bars, self.id, self.logged = bars, task, logged
 
     def advance(self, n: int = 1) -> None:
         self.bars.advance(self.id, n)
-        self.told.advance(n)
+        self.logged.advance(n)
 
     def update(self, text: str) -> None:
         self.bars.update(self.id, text=printable(text))
-        self.told.update(text)
+        self.logged.update(text)
 
 
 class _PlainTask:

@@ -1,7 +1,7 @@
 """What a controller steers for: the circle that it commands, and how hard it pulls the kite towards it.
 
 Along an undisturbed flight every feature is nearly a function of the phase, so laws of the same misfit differ in all that holds the kite
-on its circle; the smoothest explanation is even the plant turned round (the rudder that makes this rate of turn). Two things are told by
+on its circle; the smoothest explanation is even the plant turned round (the rudder that makes this rate of turn). Two things are found by
 a law of few terms and by no rich one:
 
     u = k_0 + k_course course_error + k_radius radius_error + k_curvature curvature
@@ -104,7 +104,7 @@ def _misfit(samples: Samples, pattern: Pattern, known: np.ndarray, unseen: np.nd
 def _commanded(samples: Samples, rows: np.ndarray) -> Pattern:
     """The circle that explains the set-points best: direction free, radius the mean arc about it.
 
-    The radius itself is not told apart from k_0, and needs not be: it only shifts the radius error by a constant."""
+    The radius itself is not distinguished from k_0, and needs not be: it only shifts the radius error by a constant."""
     flown, U = samples.pattern, samples.set_points[rows]
     unit = np.maximum(U.std(axis=0), 1e-12)
 

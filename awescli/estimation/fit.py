@@ -11,17 +11,17 @@ from awescli.estimation.information_filter import Information
 from awescli.estimation.laplace import log_det_gradient
 from awescli.estimation.limits import limits_of
 from awescli.estimation.links import Gram, Links
-from awescli.estimation.misfit import DIVERGED_COST, Misfit, Own
+from awescli.estimation.misfit import DIVERGED_COST, Misfit, NuisanceValues
 from awescli.estimation.quadratic_program import Limits
 from awescli.notation.constraints import LinearConstraint
 from awescli.notation.parameters import ParameterTable
 
-SWINGS, SWING = 5, 25.0
+UPDATES, UPDATE_DISTANCE = 5, 25.0
 """How often the log determinant is differentiated anew after a small step (its square, in standard deviations), at most: in a direction
-that is hardly seen it may change as fast as the cost, and the fit would swing for ever."""
+that is hardly seen it may change as fast as the cost, and the fit would oscillate for ever."""
 RISEN = 2.0
 """Cost (chi-square) by which a step may miss what it was to gain: more, and the log determinant was not what its slope promised."""
-MISLED = 4
+MOST_REJECTED = 4
 """How often that may be before it is left out."""
 UNFINISHED = 1e-3
 """Share of the cost (chi-square) that a fit may leave to another step and yet count as ended: a kink, as a dead band has one, stops it."""
@@ -47,7 +47,7 @@ class Share:
     parameters: ParameterTable
     prior: ParameterTable
     unknowns: tuple[str, ...]
-    own: Own | None = None
+    own: NuisanceValues | None = None
     slope: np.ndarray | None = None
 
     @property
@@ -76,7 +76,7 @@ class Fit:
 
     parameters: ParameterTable
     misfit: Misfit
-    own: Own
+    own: NuisanceValues
     solution: Solution
     links: Links
     gram: Gram
@@ -154,13 +154,13 @@ def _lifted(a: np.ndarray, place: np.ndarray, n: int) -> np.ndarray:
 @dataclass(frozen=True)
 class _Inner:
     """Of one flight: its nuisances; what integrating them out adds to J'r (n,), and the unknowns at which that was found; how often;
-    misled: it has led uphill, and is left out."""
+    rejected: how often it led uphill; after MOST_REJECTED times it is left out."""
 
-    own: Own
+    own: NuisanceValues
     slope: np.ndarray
     slope_at: np.ndarray | None
-    swings: int = 0
-    misled: int = 0
+    updates: int = 0
+    rejected: int = 0
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ class _Problem:
             own = share.own or share.misfit.own()
             if share.own is not None:
                 own = relaxed(share.misfit, x[place], own)
-            inner.append(_Inner(own, np.zeros(len(place)), None) if share.slope is None else _Inner(own, share.slope, x, SWINGS))
+            inner.append(_Inner(own, np.zeros(len(place)), None) if share.slope is None else _Inner(own, share.slope, x, UPDATES))
         return tuple(inner)
 
     def linearise(self, x: np.ndarray, inner: tuple[_Inner, ...], before: Linearised | None) -> Linearised:
@@ -223,7 +223,7 @@ class _Problem:
             # what the nuisances alone can still gain counts as progress too
             gain += squares - float(info.cost.sum()) if fly.any() else 0.0
         if before is not None and cost > before.cost + RISEN:
-            new = [self._led_uphill(*each, x, b) for each in zip(self.shares, self.places, new, known, strict=True)]
+            new = [self._slope_rejected(*each, x, b) for each in zip(self.shares, self.places, new, known, strict=True)]
         return Linearised(cost, b, H, tuple(new), gain, (x, tuple(known)))
 
     def trial(self, at: Linearised, x: np.ndarray, step: np.ndarray, share: float) -> tuple[float, tuple[_Inner, ...]]:
@@ -242,7 +242,7 @@ class _Problem:
             cost = self._cost(at, x, moved) if any(self.integrates) else cost
         return cost, tuple(replace(i, own=own) for i, own in zip(at.inner, moved, strict=True))
 
-    def _cost(self, at: Linearised, x: np.ndarray, moved: Sequence[Own]) -> float:
+    def _cost(self, at: Linearised, x: np.ndarray, moved: Sequence[NuisanceValues]) -> float:
         """The cost at x and nuisances `moved`, the log determinant to first order."""
         x0, known = at.known
         total = self._prior(x)
@@ -263,20 +263,20 @@ class _Problem:
         """The price of segments that have no say."""
         return DIVERGED_COST * share.misfit.observed.measured[0].size * (len(flies) - len(counted))
 
-    def _led_uphill(self, share: Share, place: np.ndarray, i: _Inner, known: _Known, x: np.ndarray, b: np.ndarray) -> _Inner:
+    def _slope_rejected(self, share: Share, place: np.ndarray, i: _Inner, known: _Known, x: np.ndarray, b: np.ndarray) -> _Inner:
         """The slope, found anew where its promise was not kept, and left out (of b too) where it changes too fast to be followed."""
         b[place] -= i.slope
-        misled = i.misled + 1
-        again = misled < MISLED and len(known.counted) and len(place)
+        rejected = i.rejected + 1
+        again = rejected < MOST_REJECTED and len(known.counted) and len(place)
         found = self._slope(share, x, place, i, known.links, known.gram, known.information, known.counted) if again else None
         new = 0.0 * i.slope if found is None else found
         b[place] += new
-        return replace(i, slope=new, slope_at=x, misled=misled)
+        return replace(i, slope=new, slope_at=x, rejected=rejected)
 
     def _integrated(self, share, x, place, i: _Inner, before: Linearised | None, links, gram, info, counted) -> _Inner:
         """The slope, found anew where it is due: it never was, or the parameters have moved by a standard deviation since."""
-        swings = i.swings
-        if i.misled >= MISLED or not len(place):
+        updates = i.updates
+        if i.rejected >= MOST_REJECTED or not len(place):
             return i
         if i.slope_at is None and before is not None and float((step := x - before.known[0]) @ before.H @ step) > FAR:
             return i
@@ -286,17 +286,17 @@ class _Problem:
             step, moved = x - before.known[0], x - i.slope_at
             distance = float(moved @ before.H @ moved)
             small = float(step @ before.H @ step) <= FAR
-            swings += small and 1.0 < distance < SWING
-            if not (small and (distance > SWING or (distance > 1.0 and swings < SWINGS))):
-                return replace(i, swings=swings)
+            updates += small and 1.0 < distance < UPDATE_DISTANCE
+            if not (small and (distance > UPDATE_DISTANCE or (distance > 1.0 and updates < UPDATES))):
+                return replace(i, updates=updates)
         found = self._slope(share, x, place, i, links, gram, info, counted)
-        return replace(i, slope=i.slope if found is None else found, slope_at=x, swings=swings)
+        return replace(i, slope=i.slope if found is None else found, slope_at=x, updates=updates)
 
     def _slope(self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, links: Links, gram: Gram, info: Information, counted):
         return log_det_gradient(share.misfit, x[place], i.own, links, gram, info, counted, self.precision[place], self.probes)
 
 
-def relaxed(misfit: Misfit, x: np.ndarray, own: Own) -> Own:
+def relaxed(misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> NuisanceValues:
     """Nuisances moved to their best at parameters x; never worse than `own`."""
     cost, whole = misfit.costs(x, own)
     total = float(cost.sum()) + misfit.prior_cost(own, np.flatnonzero(whole))
@@ -368,6 +368,8 @@ def _fit_of(share: Share, place: np.ndarray, inner: _Inner, known: _Known, solut
     )  # fmt: skip
 
 
-def fit(misfit: Misfit, parameters: ParameterTable, *, prior_table: ParameterTable | None = None, own: Own | None = None, **how) -> Fit:
+def fit(
+    misfit: Misfit, parameters: ParameterTable, *, prior_table: ParameterTable | None = None, own: NuisanceValues | None = None, **how
+) -> Fit:
     """`fit_together` of one flight, weighed against `prior_table` (default: `parameters`)."""
     return fit_together([Share(misfit, parameters, prior_table or parameters, misfit.names, own)], **how).flights[0]

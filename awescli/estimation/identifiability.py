@@ -138,7 +138,7 @@ def _directions(fit: JointFit, record: Collection[str]) -> dict:
         "weakest_direction": {**found[0], "condition": condition},
         "unseen_directions": [d for d in found if d["singular_value"] < UNSEEN],
         "common_factors": [
-            {"parameters": names, "says": f"a common factor of {', '.join(names)} cannot be told: only their ratios are known"}
+            {"parameters": names, "says": f"a common factor of {', '.join(names)} cannot be determined: only their ratios are known"}
             for names in common_factors(fit, kept)
         ],
     }

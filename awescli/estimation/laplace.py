@@ -10,7 +10,7 @@ import numpy as np
 
 from awescli.estimation.information_filter import Information, Nuisances
 from awescli.estimation.links import Gram, Links
-from awescli.estimation.misfit import Misfit, Own
+from awescli.estimation.misfit import Misfit, NuisanceValues
 
 PROBE = 0.5
 """Size of the probes, in standard deviations: small enough not to lose a segment."""
@@ -22,8 +22,8 @@ correction."""
 
 
 def log_det_gradient(
-    misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, info: Information, which: np.ndarray, precision: np.ndarray,
-    probes: int,
+    misfit: Misfit, x: np.ndarray, own: NuisanceValues, links: Links, gram: Gram, info: Information, which: np.ndarray,
+    precision: np.ndarray, probes: int,
 ) -> np.ndarray | None:  # fmt: skip
     """(n,) -1/2 of the gradient of the log determinant with respect to the globals, at parameter values x and nuisances at their best:
     what is to be added to J'r. None where a probe loses a segment. links, gram, info: of `misfit` there, info of the segments `which`;
@@ -44,7 +44,9 @@ def log_det_gradient(
     return mean if mean @ np.linalg.solve(H, mean) < LARGEST * float(info.cost[which].sum()) else nothing
 
 
-def estimates(misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:
+def estimates(
+    misfit: Misfit, x: np.ndarray, own: NuisanceValues, links: Links, gram: Gram, which: np.ndarray, draws: Nuisances
+) -> np.ndarray | None:
     """(m, n) the gradient as each of m draws of the nuisances sees it; None where one loses a segment."""
     mask, (rest_x, rest) = np.isin(np.arange(len(links)), which), links.gradients()
     every_x, every = [], []
@@ -59,7 +61,8 @@ def estimates(misfit: Misfit, x: np.ndarray, own: Own, links: Links, gram: Gram,
         every_x.append(bent_x / (2 * PROBE**2))
         every.append(bent / (2 * PROBE**2))
     # the prior's pull is linear, and gone from second differences: processes at rest
-    info = misfit.eliminated(gram.asked(np.stack(every_x, axis=-1), np.stack(every, axis=-1)), Own(own.starts, 0.0 * own.path), which)
+    at_rest = NuisanceValues(own.starts, 0.0 * own.path)
+    info = misfit.eliminated(gram.asked(np.stack(every_x, axis=-1), np.stack(every, axis=-1)), at_rest, which)
     return np.vstack([info.H[gram.n :, : gram.n], info.b[: gram.n]])
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from awescli.estimation.information_filter import Information
 from awescli.estimation.links import Gram, Links
-from awescli.estimation.misfit import Misfit, Own
+from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.processes.base import Process, labels_of
 
 FACTOR = 5.0
@@ -34,7 +34,9 @@ SETTLED = 0.5
 ROUNDS = 8
 
 
-def relevelled(misfit: Misfit, gram: Gram, own: Own, which: np.ndarray, rounds: int = ROUNDS) -> tuple[tuple[Process, ...], float]:
+def relevelled(
+    misfit: Misfit, gram: Gram, own: NuisanceValues, which: np.ndarray, rounds: int = ROUNDS
+) -> tuple[tuple[Process, ...], float]:
     """(processes at their likeliest levels, deviance that this gains) at a fixed linearisation, without the groups that are worth nothing.
 
     gram: of `misfit` about `own`; which: segments that count. The globals are held, so their columns are left out.

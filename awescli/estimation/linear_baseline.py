@@ -83,7 +83,7 @@ class LinearBaseline:
 
 
 def linear_baseline(log: FlightLog, parts: Split, kite: FlightModel, horizon: float, closed: bool = False) -> LinearBaseline | None:
-    """Fitted to train, chosen by errors `horizon` seconds ahead on validation; closed: it predicts the surfaces too, instead of being told
+    """Fitted to train, chosen by errors `horizon` seconds ahead on validation; closed: it predicts the surfaces too, instead of being given
     them. None where the parts are too short for any order, or for a prediction on validation ("too_short")."""
     signals = signals_of(log, kite, closed)
     usable = np.zeros(len(log), bool)

@@ -19,20 +19,20 @@ DIVERGED_COST = 25.0
 
 
 @dataclass(frozen=True)
-class Own:
+class NuisanceValues:
     """Nuisances of K segments: starts (K, 12 + n_e) states there and offsets of the effects' own ones (`Segments.starts`), path (K, L + 1,
     W) values of the processes' axes at the nodes."""
 
     starts: np.ndarray
     path: np.ndarray
 
-    def moved(self, change: Nuisances, share: float = 1.0, which: np.ndarray | None = None, case: int = 0) -> "Own":
+    def moved(self, change: Nuisances, share: float = 1.0, which: np.ndarray | None = None, case: int = 0) -> "NuisanceValues":
         """The nuisances after a share of a change, in the segments of a mask (default: all)."""
         which = np.ones(len(self.starts), bool) if which is None else which
         starts, path = self.starts.copy(), self.path.copy()
         starts[which] += share * change.starts(starts.shape[1])[which, :, case]
         path[which] += share * change.path[which, ..., case]
-        return Own(starts, path)
+        return NuisanceValues(starts, path)
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class Misfit:
         object.__setattr__(self, "axes", axes_of(self.processes, self.disturbances, self.drifts))
         object.__setattr__(self, "nodes", nodes_of(self.observed.segments, spacing(self.processes)))
 
-    def own(self) -> Own:
+    def own(self) -> NuisanceValues:
         """Where a fit begins: the starts that the observations hold, processes at rest."""
         K = len(self.observed.segments)
         starts = self.observed.segments.starts[:, : len(STATES)]
-        return Own(np.hstack([starts, np.zeros((K, len(self.spread)))]), np.zeros((K, len(self.nodes), len(self.axes))))
+        return NuisanceValues(np.hstack([starts, np.zeros((K, len(self.spread)))]), np.zeros((K, len(self.nodes), len(self.axes))))
 
     @property
     def spread(self) -> np.ndarray:
@@ -84,7 +84,7 @@ class Misfit:
     def values(self, x) -> dict[str, float]:
         return dict(zip(self.names, x, strict=True))
 
-    def segments(self, own: Own):
+    def segments(self, own: NuisanceValues):
         """The segments from their own starts, in their own disturbances."""
         segments = self.observed.segments.starting_at(own.starts)
         if not self.disturbances:
@@ -95,7 +95,7 @@ class Misfit:
         columns = [self.simulator.kite.input_names.index(n) for n in (*self.disturbances, PHASE)]
         return segments.with_inputs(columns, np.concatenate([signals, phase], axis=2))
 
-    def residual(self, trajectories: Trajectories, own: Own) -> np.ndarray:
+    def residual(self, trajectories: Trajectories, own: NuisanceValues) -> np.ndarray:
         """(K, N+1, n_out) whitened residual, drifts taken off."""
         r = self.observed.residual(trajectories)
         if self.drifts:
@@ -109,7 +109,7 @@ class Misfit:
         return np.arange(self.observed.measured.shape[1])[None] < trajectories.alive[:, None]
 
     def links(
-        self, x, own: Own, parameters: Sequence[str] | None = None, extra: Callable[[Own], np.ndarray] | None = None,
+        self, x, own: NuisanceValues, parameters: Sequence[str] | None = None, extra: Callable[[NuisanceValues], np.ndarray] | None = None,
         values: dict[str, float] | None = None,
     ) -> tuple[Links, Trajectories]:  # fmt: skip
         """What the segments say about nuisances and `parameters` (default: the globals), linearised at parameter values x and nuisances.
@@ -128,7 +128,9 @@ class Misfit:
         links = Links(J, ends, r, weight, self.nodes[:-1], drifts, offsets, self.spread)
         return (links.from_known_starts() if self.known_starts else links), trajectories
 
-    def eliminated(self, gram: Gram, own: Own, which: np.ndarray | None = None, processes: Sequence[Process] | None = None) -> Information:
+    def eliminated(
+        self, gram: Gram, own: NuisanceValues, which: np.ndarray | None = None, processes: Sequence[Process] | None = None
+    ) -> Information:
         """What the segments `which` say of the globals, their nuisances integrated out; processes: with which levels (default: own), of
         which some may have gone."""
         axes, path = self.axes, own.path
@@ -145,7 +147,7 @@ class Misfit:
         of_globals = np.zeros((links.n, change.path.shape[-1])) if of_globals is None else of_globals
         return links.changed(change.states, acting, drifting, of_globals)
 
-    def costs(self, x, own: Own) -> tuple[np.ndarray, np.ndarray]:
+    def costs(self, x, own: NuisanceValues) -> tuple[np.ndarray, np.ndarray]:
         """(cost, whole), each (K,): squared residual of every segment; whole: it did not diverge. One that did is charged DIVERGED_COST per
         sample that it missed, and at most that for the others."""
         trajectories = self.simulator.rollout(self.segments(own), self.values(x))
@@ -156,7 +158,7 @@ class Misfit:
         squares[~whole] = np.where(reached[~whole], np.minimum(squares[~whole], limit), limit)
         return squares.sum(axis=1), whole
 
-    def prior_cost(self, own: Own, which: np.ndarray) -> float:
+    def prior_cost(self, own: NuisanceValues, which: np.ndarray) -> float:
         """Squared innovations of the processes along the segments `which`, and offsets of the effects' states at their starts, in their
         units."""
         starts = float(((own.starts[which, len(STATES) :] / self.spread) ** 2).sum())
@@ -185,7 +187,7 @@ class Misfit:
         """The same with other processes."""
         return Misfit(self.simulator, self.observed, self.names, tuple(processes), self.known_starts)
 
-    def carried(self, own: Own, before: "Misfit") -> Own:
+    def carried(self, own: NuisanceValues, before: "Misfit") -> NuisanceValues:
         """Nuisances of the same segments under other processes, with other effects: paths of axes that both have, read off at these
         nodes."""
         started = dict(zip(before.simulator.kite.state_names, own.starts.T, strict=True))

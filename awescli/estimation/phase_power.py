@@ -36,7 +36,7 @@ def phase_power(
         used[first:last] = True
     at, working = rows[:, :-1], np.isin(labels, WORKING)
 
-    def told(which: np.ndarray, place: dict) -> list[dict]:
+    def rows_of(which: np.ndarray, place: dict) -> list[dict]:
         """The row of the samples (N,) of the log; none where predictions reach none of them."""
         inside = which[at]
         if not inside.any():
@@ -55,5 +55,5 @@ def phase_power(
     for number, (first, last) in enumerate(cycles(labels)):
         which = (np.arange(len(labels)) >= first) & (np.arange(len(labels)) < last)
         place = {"cycle": number + 1, "from_s": first * dt, "to_s": last * dt, "unseen_share": float(np.mean(~used[first:last]))}
-        by_cycle += told(which, place)
-    return {"by_phase": [row for name in WORKING for row in told((labels == name) & ~used, {"phase": name})], "by_cycle": by_cycle}
+        by_cycle += rows_of(which, place)
+    return {"by_phase": [row for name in WORKING for row in rows_of((labels == name) & ~used, {"phase": name})], "by_cycle": by_cycle}

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from awescli.estimation.links import Links
-from awescli.estimation.misfit import Misfit, Own
+from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.power_interval import LEVEL, Known
 from awescli.estimation.prediction import WARM_UP, Prediction, warmed_up
 from awescli.estimation.processes.base import active
@@ -74,7 +74,7 @@ class Bands:
         within = np.abs(wrap(error) if name in ANGLES else error) <= self.half(name)
         return int((within & counted).sum()), int(counted.sum())
 
-    def told(self, prediction: Prediction) -> dict:
+    def coverage(self, prediction: Prediction) -> dict:
         """metrics.json's `bands`: `inside`, channel -> share of samples, `all` of them together; `half_width`, its mean, and `std`, what
         makes it, SI. Where no prediction has a band, an outcome alone."""
         lost, count = int((~self.whole).sum()), len(self.whole)
@@ -115,7 +115,7 @@ def bands(simulator: Simulator, log, prediction: Prediction, known: Known) -> Ba
     for part in np.split(every, range(at_once, len(every), at_once)) if len(every) else ():
         some = replace(misfit, observed=observed.pick(part))
         starts = observed.segments.starts[part]
-        own = Own(starts, np.zeros((len(part), len(misfit.nodes), len(misfit.axes))))
+        own = NuisanceValues(starts, np.zeros((len(part), len(misfit.nodes), len(misfit.axes))))
         links, trajectories = some.links(kite.parameters.vector(names), own)
         shifts, variances = spread(some, links, before, factor, found, noise[part], node_covariances(some))
         of = {n: trajectories[n][:, before:] for n in ATTITUDE} | {n: prediction.simulated[n][part] for n in BODY_VELOCITY}

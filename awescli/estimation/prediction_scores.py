@@ -78,14 +78,14 @@ def _power_known(
     inside = np.any([(rows >= first) & (rows < last) for first, last in loops], axis=0)
     J = energy_sensitivities(physical, log, test, known.names)[inside].sum(axis=0) / power["seconds"]
     reeled = sum(row["reeled_m"] for row in power["by_loop"])
-    told = power_interval(power["mean_W"], power["seconds"], reeled, J, known, seen)
+    summed = power_interval(power["mean_W"], power["seconds"], reeled, J, known, seen)
     labels = phases(log)
     ranges = flown_ranges(labels, log.valid)
     if not len(prediction_starts(log, ranges, horizon)):
-        return told
+        return summed
     flown = predict(simulator, log, ranges, horizon, known_starts=known_starts)
     fitted, sensitivities = (*parts.train, *parts.validation), energy_sensitivities(physical, log, flown, known.names)
-    return told | phase_power(flown, log["reel_out_speed"], labels, fitted, sensitivities, known, seen)
+    return summed | phase_power(flown, log["reel_out_speed"], labels, fitted, sensitivities, known, seen)
 
 
 def power_of(kite, prediction: Prediction, log: FlightLog, loops: np.ndarray) -> dict | None:

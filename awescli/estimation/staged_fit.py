@@ -10,7 +10,7 @@ import numpy as np
 from awescli.estimation.coloured import coloured_information
 from awescli.estimation.fit import Fit, JointFit, Share, fit_together
 from awescli.estimation.levels import noise_factors, opened, prior_deviance, relevelled
-from awescli.estimation.misfit import Misfit, Own
+from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.problem import EstimationProblem
 from awescli.estimation.processes.base import Group, Process
 from awescli.notation.parameters import ParameterTable
@@ -92,7 +92,7 @@ def fit_flights(
         problems = [replace(p, names=tuple(n for n in p.names if n not in p.kite.record)) for p in problems]
     labels = [f.label for f in flights]
     tables = [p.simulator.kite.parameters.with_values(start or {}) for p in problems]
-    owns: list[Own | None] = [None] * len(problems)
+    owns: list[NuisanceValues | None] = [None] * len(problems)
     for horizon in horizons:
         short = [
             p.shorter(horizon, p.simulator.holding(t)).with_processes(opened(p.processes, (MODEL_ERROR,), WIDE))
@@ -144,7 +144,7 @@ def fit_output_error(
     return widened(result), tuple(problems)
 
 
-def levels_first(problems, labels, tables, per_flight, on_iteration: OnIteration) -> tuple[list[EstimationProblem], list[Own]]:
+def levels_first(problems, labels, tables, per_flight, on_iteration: OnIteration) -> tuple[list[EstimationProblem], list[NuisanceValues]]:
     """(The problems, nuisances) with levels of processes and noise as the flights show them while the parameters stay as declared: a
     flight that the model follows badly would otherwise drive the parameters far away before its model error is as open as it must be."""
     held = [replace(p, names=()) for p in problems]
@@ -152,7 +152,7 @@ def levels_first(problems, labels, tables, per_flight, on_iteration: OnIteration
     return [replace(h, names=p.names) for h, p in zip(held, problems, strict=True)], [f.own for f in found.flights]
 
 
-def recut(fit: Fit, misfit: Misfit) -> Own:
+def recut(fit: Fit, misfit: Misfit) -> NuisanceValues:
     """The nuisances of a fit in other segments of the same flight, those of `misfit`: starts where segments begin together, else those
     that the observations hold; paths as they ran."""
     dt, own, found = fit.misfit.observed.segments.dt, misfit.own(), fit.misfit.labels
@@ -208,7 +208,7 @@ def _closed(processes: Sequence[Process], kind: str, share: float) -> tuple[Proc
     return tuple(p.at({g.name: min(g.level, share * g.of_level.median) for g in p.groups}) if p.name == kind else p for p in processes)
 
 
-def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> tuple[EstimationProblem, Own]:
+def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> tuple[EstimationProblem, NuisanceValues]:
     """The problem with what of some kinds of processes the flight shows at a fit, at nodes as far apart as they are, and the nuisances to
     go on from. Roll gusts are there where gusts are: in calm air, what rolls a kite against its model is no gust."""
     if not problem.processes or not len(fit.counted):
@@ -232,7 +232,7 @@ def fit_levels(
     rounds: int,
     tolerance: float,
     on_iteration: OnIteration = lambda h, i, c: None,
-    owns: Sequence[Own | None] | None = None,
+    owns: Sequence[NuisanceValues | None] | None = None,
     noise: bool = True,
     slopes: Sequence[np.ndarray | None] | None = None,
 ) -> tuple[JointFit, list[EstimationProblem]]:
@@ -285,7 +285,7 @@ def _fitted(
     return fit_together(shares, **how, on_iteration=lambda i, c: on_iteration(length, i, c))
 
 
-def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool, risen: set[str]) -> tuple[EstimationProblem, Own, float]:
+def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool, risen: set[str]) -> tuple[EstimationProblem, NuisanceValues, float]:
     """The problem with the likeliest levels and noise at a fit, the nuisances to go on from, and the deviance that the levels gain (that
     of a noise that is off is not counted, and enough). risen: groups whose level has risen in a round; those that rise now are added."""
     if not len(fit.counted) or not problem.processes:
@@ -318,7 +318,7 @@ def _hurried(before: Sequence[Process], after: Sequence[Process], risen: set[str
     return tuple(p.at({g.name: level(g) for g in p.groups if g.level > 0}) for p in after)
 
 
-def _share(problem: EstimationProblem, label: str, table: ParameterTable, own: Own | None, per_flight) -> Share:
+def _share(problem: EstimationProblem, label: str, table: ParameterTable, own: NuisanceValues | None, per_flight) -> Share:
     """A flight's part of a fit."""
     mine = own_names(problem, per_flight) if label else ()
     unknowns = tuple(f"{n}@{label}" if n in mine else n for n in problem.names)

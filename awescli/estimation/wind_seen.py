@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from awescli.estimation.fit import fit
-from awescli.estimation.misfit import Misfit, Own
+from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.power_interval import Known
 from awescli.estimation.processes import PROCESSES
 from awescli.estimation.processes.base import Process
@@ -28,7 +28,7 @@ from awescli.simulation.segments import observe
 
 DRAWS = 24
 BINS, FEWEST = 12, 2.0
-"""Heights at most, and seconds [s] that are flown at one for it to be told."""
+"""Heights at most, and seconds [s] that are flown at one for it to be shown."""
 MOST = 100
 """Segments that are smoothed of a long flight, evenly spread."""
 
@@ -81,7 +81,7 @@ def _station(log: FlightLog, kite: FlightModel, rows: np.ndarray) -> np.ndarray:
     return np.stack([wind.n, wind.e])
 
 
-def _wind(misfit: Misfit, own: Own, values: Mapping[str, float], flies: np.ndarray) -> np.ndarray:
+def _wind(misfit: Misfit, own: NuisanceValues, values: Mapping[str, float], flies: np.ndarray) -> np.ndarray:
     """(2, K, N+1) wind north, east [m/s] at the samples of the segments that fly."""
     kite = misfit.simulator.kite
     segments = misfit.segments(own)
@@ -103,7 +103,7 @@ def _by_height(log: FlightLog, rows: np.ndarray, best: np.ndarray, drawn: np.nda
     along = mean / max(float(np.hypot(*mean)), 1e-9)
     heights = np.array([height[of == b].mean() for b in flown])
     pitot = wind_of_airspeed(log, heights, along) if flown else None
-    told = []
+    by_height = []
     for i, b in enumerate(flown):
         here = of == b
         kite, record = best[:, here].mean(axis=1), station[:, here].mean(axis=1)
@@ -123,8 +123,8 @@ def _by_height(log: FlightLog, rows: np.ndarray, best: np.ndarray, drawn: np.nda
             v, d = _polar(recorded[:, here].mean(axis=1) + change[0] * along + change[1] * across)
             row |= {"pitot_speed_m_s": v, "pitot_direction_deg": float(np.degrees(d)), "pitot_speed_std": float(np.sqrt(covariance[0, 0]))}
             row["pitot_direction_std"] = float(np.degrees(np.sqrt(covariance[1, 1]) / max(v, 0.1)))
-        told.append({key: float(value) for key, value in row.items()})
-    return told
+        by_height.append({key: float(value) for key, value in row.items()})
+    return by_height
 
 
 def _polar(wind: np.ndarray) -> tuple[float, float]:

@@ -71,12 +71,12 @@ def _text(model: ExportedModel) -> str:
     declaration = model.declaration
     values = model.values
     found, left = derivatives(declaration, values, model.start.set_points.get("flaps", 0.0))
-    told = [f"{key}: {value}" for key, value in model.provenance.items() if not isinstance(value, Mapping)]
+    says = [f"{key}: {value}" for key, value in model.provenance.items() if not isinstance(value, Mapping)]
     lines = [
         f'"""{_plain(declaration.name)}, {model.label} model, as parameters of awebox (github.com/awebox/awebox).', "",
         "    import awebox, NAME_awebox as kite".replace("NAME", model.identifier),
         "    options = awebox.Options()", "    kite.set_options(options)", "",
-        "Made by awes " + str(model.provenance.get("awes", "")) + ".", *map(_plain, told), '"""', "", "import numpy as np", "", "",
+        "Made by awes " + str(model.provenance.get("awes", "")) + ".", *map(_plain, says), '"""', "", "import numpy as np", "", "",
         "NOT_CARRIED = {", *_not_carried(model, left), "}",
         '"""What awebox has no counterpart for: aerodynamic terms per rad, then parameters of effects and of the line, in SI."""', "", "",
         *_data_dict(model), "", "", *_geometry(model, values), "", "", *_aero(model, found), "", "", *_options(model, values), "",
@@ -114,12 +114,12 @@ def _geometry(model: ExportedModel, values: Mapping[str, float]) -> Iterator[str
     rates = [values.get(f"actuator_lag:{n}.rate", 2.0) for n in ("aileron", "elevator", "rudder")]
     yield "def geometry():"
     yield "    geometry = {}"
-    for name, value, told in (
+    for name, value, says in (
         ("b_ref", v["b"], "[m]"), ("s_ref", v["S"], "[m2]"), ("c_ref", v["c"], "[m]"), ("m_k", v["m"], "[kg]"),
         ("ar", v["b"] ** 2 / v["S"], "[-]"), ("length", v["b"], "[m] for drawings only"), ("height", v["b"] / 5, "[m] for drawings only"),
         ("c_root", v["c"], "[m] not declared: the mean chord"), ("c_tip", v["c"], "[m] not declared: the mean chord"),
     ):  # fmt: skip
-        yield f"    geometry['{name}'] = {value!r}  # {told}"
+        yield f"    geometry['{name}'] = {value!r}  # {says}"
     yield f"    geometry['j'] = np.array({inertia!r})  # [kg m2] -Jxz off the diagonal, in FRD and in (aft, right, up)"
     yield f"    geometry['delta_max'] = np.array({most!r})  # [rad] aileron, elevator, rudder; from `surfaces` of the kite file"
     yield f"    geometry['ddelta_max'] = np.array({rates!r})  # [rad/s] of actuator_lag where it is declared, else 2 rad/s (MegAWES)"
@@ -146,11 +146,11 @@ def _aero(model: ExportedModel, found: Derivatives) -> Iterator[str]:
     for name, fallback in (("alpha", (-10.0, 15.0)), ("beta", (-20.0, 20.0))):
         known = name in model.ranges
         low, high = (math.degrees(a) for a in model.ranges[name]) if known else fallback
-        told = "as flown" if known else "not known without a flight"
-        yield f"    aero_validity['{name}_max_deg'], aero_validity['{name}_min_deg'] = {round(high, 2)!r}, {round(low, 2)!r}  # {told}"
+        says = "as flown" if known else "not known without a flight"
+        yield f"    aero_validity['{name}_max_deg'], aero_validity['{name}_min_deg'] = {round(high, 2)!r}, {round(low, 2)!r}  # {says}"
     low, high = model.ranges.get("V_a", (10.0, 60.0))
-    told = "as flown" if "V_a" in model.ranges else "not known without a flight"
-    yield f"    aero_validity['airspeed_max'], aero_validity['airspeed_min'] = {round(high, 2)!r}, {round(low, 2)!r}  # [m/s] {told}"
+    says = "as flown" if "V_a" in model.ranges else "not known without a flight"
+    yield f"    aero_validity['airspeed_max'], aero_validity['airspeed_min'] = {round(high, 2)!r}, {round(low, 2)!r}  # [m/s] {says}"
     yield "    return stab_derivs, aero_validity"
 
 

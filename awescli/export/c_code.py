@@ -43,8 +43,8 @@ def _header(model: ExportedModel) -> str:
 /* The flight controller: set-points sp (SET_POINTS) at the state x. */
 void {name}_law(const double *x, const double *u, const double *c, double *sp);
 """ if programs.law else ""  # fmt: skip
-    told = "the fitted flight controller moves its surfaces" if programs.law else "set-points are inputs"
-    return f"""/* {comment(model.declaration.name)}: the {model.label} model, {told}.
+    how = "the fitted flight controller moves its surfaces" if programs.law else "set-points are inputs"
+    return f"""/* {comment(model.declaration.name)}: the {model.label} model, {how}.
 
    {comment(model.declaration.description) or "-"}
    Made by awes {model.provenance.get("awes", "")}. SI units and radians; NED axes from the winch, FRD body axes.
@@ -83,7 +83,7 @@ void {name}_step(double *x, const double *u, const double *u_next, const double 
 {" " * len(f"void {name}_step(")}const double *c, double dt);
 
 /* Names and units; values of the parameters; an instant at which the model is alive
-   ({comment(model.start.told)}). */
+   ({comment(model.start.origin)}). */
 {"".join(_declared(name, kind) for kind in ("state", "set_point", "input", "parameter", "output"))}extern const double {name}_parameters[];
 extern const double {name}_start_states[], {name}_start_set_points[], {name}_start_inputs[];
 
@@ -142,14 +142,14 @@ def _tables(model: ExportedModel) -> str:
         "state": model.states, "set_point": model.set_points, "input": model.inputs, "parameter": model.parameters, "output": model.outputs,
     }  # fmt: skip
     parts = [_names(name, kind, signals) for kind, signals in kinds.items()]
-    parts.append(_values(f"{name}_parameters", model.parameters, _told))
+    parts.append(_values(f"{name}_parameters", model.parameters, _origin))
     parts.append(_values(f"{name}_start_states", model.states[:12], lambda s: s.words))
     parts.append(_values(f"{name}_start_set_points", model.set_points, lambda s: s.words))
     parts.append(_values(f"{name}_start_inputs", model.inputs, lambda s: s.words))
     return "\n".join(parts)
 
 
-def _told(s: Signal) -> str:
+def _origin(s: Signal) -> str:
     """Where a parameter's value comes from."""
     interval = f"; 95 % in [{s.interval[0]:.6g}, {s.interval[1]:.6g}]" if s.interval else ""
     return f"{s.source or 'no source given'}{interval}"
@@ -166,7 +166,7 @@ def _literal(text: str) -> str:
     return comment(text).replace('"', "'")
 
 
-def _values(name: str, signals: Sequence[Signal], told) -> str:
-    said = [comment(f"{i}: {s.name} [{s.unit}] {told(s)}") for i, s in enumerate(signals)]
+def _values(name: str, signals: Sequence[Signal], describe) -> str:
+    said = [comment(f"{i}: {s.name} [{s.unit}] {describe(s)}") for i, s in enumerate(signals)]
     rows = "".join(f"    {constant(s.value or 0.0)}, /* {text} */\n" for s, text in zip(signals, said, strict=True))
     return f"const double {name}[] = {{\n{rows or '    0.0' + chr(10)}}};\n"

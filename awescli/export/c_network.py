@@ -13,8 +13,8 @@ def network(correction: Correction) -> str:
     }  # fmt: skip
     text = "".join(_table(f"network_{name}", values.tolist()) for name, values in tables.items())
     lines = "\n".join(f"    {line}" for line in [*_faded(correction), *_layers(correction)])
-    told = f"what the network adds to d/dt of (u, v, w, p, q, r); s ({len(correction.inputs)}): {', '.join(correction.inputs)}"
-    return f"{text}\n{_comment(f'n (6): {told}')}static void network(const double *s, double *n)\n{{\n{lines}\n}}\n"
+    says = f"what the network adds to d/dt of (u, v, w, p, q, r); s ({len(correction.inputs)}): {', '.join(correction.inputs)}"
+    return f"{text}\n{_comment(f'n (6): {says}')}static void network(const double *s, double *n)\n{{\n{lines}\n}}\n"
 
 
 def _comment(text: str) -> str:

@@ -61,10 +61,10 @@ def description(model: ExportedModel) -> str:
     unknown = [*range(first["outputs"], first["outputs"] + n_y), *range(first["derivatives"], first["derivatives"] + n_s),
                *range(first["states"] + 12, first["states"] + n_s)]  # fmt: skip
     surfaces = "the fitted flight controller moves its surfaces" if model.programs.law else "set-points are inputs"
-    told = f"{model.label} model of {model.declaration.name}; {surfaces}; SI units and radians, NED axes from the winch, FRD body axes"
+    what = f"{model.label} model of {model.declaration.name}; {surfaces}; SI units and radians, NED axes from the winch, FRD body axes"
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName={_attribute(model.declaration.name)} instantiationToken="{token(model)}"
-    description={_attribute(told)} generationTool="awes {model.provenance.get("awes", "")}" variableNamingConvention="structured">
+    description={_attribute(what)} generationTool="awes {model.provenance.get("awes", "")}" variableNamingConvention="structured">
   <ModelExchange modelIdentifier="{model.identifier}" canGetAndSetFMUState="true" canSerializeFMUState="true"
       needsCompletedIntegratorStep="false"/>
   <CoSimulation modelIdentifier="{model.identifier}" canGetAndSetFMUState="true" canSerializeFMUState="true"

@@ -153,7 +153,7 @@ def _aircraft(model: ExportedModel, body: Body) -> str:
     surfaces = "by the fitted controller" if model.programs.law else "are awes/set_point/"
     parts = [
         f"<!-- {_plain(model.declaration.name)}, {model.label}; made by awes {model.provenance.get('awes', '')}. Set-points {surfaces}.",
-        *(f"     {_plain(f'{key}: {told}')}" for key, told in model.provenance.items() if not isinstance(told, Mapping)), "-->",
+        *(f"     {_plain(f'{key}: {text}')}" for key, text in model.provenance.items() if not isinstance(text, Mapping)), "-->",
         f'<fdm_config name="{model.identifier}" version="2.0" release="ALPHA"><fileheader/>',
         _metrics(model), _mass_balance(body), "<ground_reactions/><propulsion/>",
         f'<flight_control name="{model.identifier}">', *declared,
@@ -273,4 +273,4 @@ def _start(model: ExportedModel) -> str:
     lines = "\n".join(
         f"  <{head}>{''.join(f'<{axis}>{number!r}</{axis}>' for axis, number in own)}</{head.split()[0]}>" for head, own in rows.items()
     )
-    return f'<!-- {_plain(model.start.told)} -->\n<initialize name="start" version="2.0">\n{lines}\n</initialize>\n'
+    return f'<!-- {_plain(model.start.origin)} -->\n<initialize name="start" version="2.0">\n{lines}\n</initialize>\n'

@@ -35,7 +35,7 @@ def tables(model: ExportedModel) -> dict[str, Any]:
         "inputs": [_signal(s) for s in model.inputs],
         "outputs": [_signal(s) for s in model.outputs],
         "parameters": [_parameter(model, s) for s in model.parameters],
-        "start": model.start.told,
+        "start": model.start.origin,
         "flown_range": {name: list(ends) for name, ends in model.ranges.items()},
         "effects": [
             {"key": e.key, "doc": e.doc, "place": e.place, "parameters": [p.name for p in e.rows()], "states": e.state_names()}
@@ -53,11 +53,11 @@ def _signal(s: Signal) -> dict[str, Any]:
 
 
 def _parameter(model: ExportedModel, s: Signal) -> dict[str, Any]:
-    """A value with its unit, its source, what a flight told of it, and what was declared of it."""
+    """A value with its unit, its source, what a flight says of it, and what was declared of it."""
     row = model.kite.parameters[s.name]
     bounds = [None if abs(end) == float("inf") else end for end in (row.lower, row.upper)]
-    told = {"std": s.std, "interval_95": None if s.interval is None else list(s.interval)}
-    return {"name": s.name, "value": s.value, "unit": s.unit, "source": s.source, **told, "bounds": bounds, "free": row.free}
+    spread = {"std": s.std, "interval_95": None if s.interval is None else list(s.interval)}
+    return {"name": s.name, "value": s.value, "unit": s.unit, "source": s.source, **spread, "bounds": bounds, "free": row.free}
 
 
 def _controller(model: ExportedModel) -> Mapping[str, Any] | None:

@@ -1,7 +1,7 @@
 """A model as settings of KiteModels.jl (github.com/ufechner7/KiteModels.jl): a settings.yaml, in its keys and units.
 
 KiteModels.jl knows a kite as a point or four points with lift and drag over the angle of attack; so mass, area, these two curves, the
-tether, the wind and the start are told, and every other key is left to the user, by name. Keys as in KiteUtils.jl's src/settings.jl
+tether, the wind and the start are given, and every other key is left to the user, by name. Keys as in KiteUtils.jl's src/settings.jl
 @020212e. The curves are the model's own coefficients, without sideslip and rates, surfaces as at the start.
 """
 
@@ -17,7 +17,7 @@ from awescli.notation.quantities import STATES, SURFACES
 AIRSPEED = 25.0
 """[m/s] at which the coefficients are read: they depend on it only where an effect makes them."""
 ALONE = (-10.0, 15.0)
-"""[deg] angles of attack of the curves where no flight told others."""
+"""[deg] angles of attack of the curves where no flight gives others."""
 _MISSING = {
     "system": "log_file, time_lapse, sim_time, segments, sample_freq, zoom, kite_scale, fixed_font: of the simulation, not of the kite",
     "initial": "depower: a rigid wing has none",
@@ -83,8 +83,8 @@ def _lines(model: ExportedModel) -> Iterator[str]:
     for section, own in _sections(model, v).items():
         yield ""
         yield f"{section}:" if own else f"# {section}:"
-        for key, (value, told) in own.items():
-            yield f"    {key}: {value}  # {told}"
+        for key, (value, comment) in own.items():
+            yield f"    {key}: {value}  # {comment}"
         if section in _MISSING:
             yield f"    # no counterpart: {_MISSING[section]}"
     table = {p for terms in model.declaration.aerodynamics.terms.values() for p in terms.values()}

@@ -14,12 +14,12 @@ from awescli.physics.kite import Kite
 
 @dataclass(frozen=True)
 class Start:
-    """An instant at which the model is alive: state -> value, set-point -> value, exogenous input -> value; told: where it comes from."""
+    """An instant at which the model is alive: state -> value, set-point -> value, exogenous input -> value; origin: where it comes from."""
 
     states: Mapping[str, float]
     set_points: Mapping[str, float]
     inputs: Mapping[str, float]
-    told: str
+    origin: str
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class ExportedModel:
 
     label: which of the nested models it is (`identified`); kite: what flies, delay and limiter of the law included; law: function
     (x, u, c) -> set-points, made for this kite, of the `controller`, or both None: set-points are inputs; dt: [s] between samples;
-    longest: [s] longest step of RK4; fitted: parameter -> {"std", "interval"} where a flight told them; ranges: flown range of alpha, beta
+    longest: [s] longest step of RK4; fitted: parameter -> {"std", "interval"} where a flight gives them; ranges: flown range of alpha, beta
     [rad], V_a [m/s]; provenance: what it was made from.
     """
 
@@ -99,7 +99,7 @@ class ExportedModel:
 
     @cached_property
     def parameters(self) -> tuple[Signal, ...]:
-        """Every parameter of the model with its value, where it comes from, and the interval where a flight told one."""
+        """Every parameter of the model with its value, where it comes from, and the interval where a flight gives one."""
         rows = self.kite.parameters
         fitted = {name: self.fitted.get(name, {}) for name in self.programs.parameters}
         return tuple(

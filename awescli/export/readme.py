@@ -38,7 +38,7 @@ def _head(model: ExportedModel) -> str:
         *([model.declaration.description] if model.declaration.description else []),
         f"{counts}. SI units and radians, NED axes from the winch, FRD body axes.",
         f"The state vector holds the states, then the {len(SURFACES)} set-points ({', '.join(SURFACES)}) that are held now.",
-        f"The start that is given: {model.start.told}.",
+        f"The start that is given: {model.start.origin}.",
         *([f"Rates of commands, with which lags begin: {rates}; null is what `awes simulate` flies."] if rates else []),
         "\n".join(f"- {key}: {value}" for key, value in model.provenance.items() if not isinstance(value, Mapping)),
     ]

@@ -9,7 +9,7 @@ from awescli.notation.quantities import IN_WORDS, STATES, SURFACES, UNITS
 
 @dataclass(frozen=True)
 class Signal:
-    """A state, input, output or parameter. value: at the start, or of the parameter; interval: 95 %, where a flight told one."""
+    """A state, input, output or parameter. value: at the start, or of the parameter; interval: 95 %, where a flight gives one."""
 
     name: str
     unit: str

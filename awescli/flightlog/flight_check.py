@@ -123,18 +123,18 @@ def contradictions(file: FlightFile, where: Where) -> list[BadInput]:
 
 def _wrong_units(file: FlightFile, where: Where) -> Iterator[BadInput]:
     """Units of something else, each once."""
-    told = set()
+    seen_at = set()
     for use in uses(file):
-        # of several columns in one entry its unit is told once
+        # of several columns in one entry its unit is named once
         loc = use.loc[:1] if "columns" in use.loc else use.loc[:2] if use.loc[0] == "mix" else use.loc
         if use.unit == ISO:
             continue
         try:
             factor_to_si(use.unit, use.si_unit)
         except BadInput as e:
-            if loc not in told:
+            if loc not in seen_at:
                 yield BadInput(e.what, where(*loc, "unit"), e.do)
-            told.add(loc)
+            seen_at.add(loc)
 
 
 def _wrong_formats(file: FlightFile, where: Where) -> Iterator[BadInput]:

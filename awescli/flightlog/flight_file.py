@@ -110,7 +110,7 @@ class Wind(_Strict):
 
 
 def _kind_of_position(value: Any) -> str:
-    """Which of the three forms of a position is meant, so that only its own mistakes are told."""
+    """Which of the three forms of a position is meant, so that only its own mistakes are reported."""
     keys = set(value) if isinstance(value, dict) else set(type(value).model_fields) if isinstance(value, BaseModel) else set()
     if keys & {"latitude", "longitude", "altitude", "origin"}:
         return "geodetic"

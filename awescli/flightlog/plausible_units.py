@@ -237,7 +237,7 @@ def _airspeed(s) -> list[Finding]:
     if fast.sum() < 50:
         return []
     ratio = float(np.median(s["V_a"][fast] / speed[fast]))
-    # a strong wind may double the ratio, so knots (1.9) cannot be told from weather
+    # a strong wind may double the ratio, so knots (1.9) cannot be distinguished from weather
     unit = _confused(ratio, {"km/h": 3.6, "ft/s": 1 / 0.3048})
     return [("V_a", unit, f"the airspeed is {ratio:.2g} times the speed over ground")] if unit else []
 

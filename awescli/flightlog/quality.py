@@ -25,7 +25,7 @@ NOISE_ORDER = 4
 """Differences of this order remove what a kite does in a few samples and leave white noise."""
 
 MOST_STRETCHES = 500
-"""Stretches told one by one; the sums in `left_out` count all."""
+"""Stretches listed one by one; the sums in `left_out` count all."""
 
 MAX_INVALID, NO_LOG = 10.0, 60.0
 """Percent of the samples that may be invalid before the log is called poor, and before what is left is no flight."""
@@ -33,7 +33,7 @@ MAX_INVALID, NO_LOG = 10.0, 60.0
 
 @dataclass(frozen=True)
 class Channel:
-    """One signal in display units: smallest, largest, white noise standard deviation (None where it cannot be told), group."""
+    """One signal in display units: smallest, largest, white noise standard deviation (None where it cannot be determined), group."""
 
     name: str
     unit: str

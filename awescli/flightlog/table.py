@@ -142,7 +142,7 @@ def _read_columns(
             f"not a readable CSV file ({str(e).splitlines()[0][:120]})", str(path), "Open it in an editor; export it again."
         ) from None
     if frame.height != rows.whole.size - rows.first:
-        raise BadInput("the rows cannot be told apart (quotes that do not close)", str(path), "Export it without quotes.")
+        raise BadInput("the rows cannot be distinguished (quotes that do not close)", str(path), "Export it without quotes.")
     return frame.select(picked)
 
 

@@ -138,8 +138,8 @@ def _motor(struct: dict, channels: dict[str, Channel], notes: list[str]) -> Chan
     if seen is None or not seen.clear:
         notes.append("motor_RPM runs on a clock of its own that its throttle does not place; it was left out.")
         return None
-    told = f"its throttle against the aircraft's, correlation {seen.correlation:.2f}"
-    notes.append(f"The motor's recorder runs {seen.late:+.1f} s late ({told}); it was moved.")
+    agreement = f"its throttle against the aircraft's, correlation {seen.correlation:.2f}"
+    notes.append(f"The motor's recorder runs {seen.late:+.1f} s late ({agreement}); it was moved.")
     return Channel(time - seen.late, rpm / 60)
 
 

@@ -1,1 +1,1 @@
-"""Floor 5: what physics leaves, learned by a small network through the rollout; what was learned, told in physical words."""
+"""Floor 5: what physics leaves, learned by a small network through the rollout; what was learned, in physical words."""

@@ -1,4 +1,4 @@
-"""Is a trained correction kept? Judged on validation, and told in words that name the evidence."""
+"""Is a trained correction kept? Judged on validation, in words that name the evidence."""
 
 from collections.abc import Mapping, Sequence
 

@@ -11,7 +11,7 @@ from awescli.flightlog.log import FlightLog
 from awescli.learning.correction import ROWS, Correction, HybridKite, of_physics
 from awescli.learning.network_inputs import inputs_of_instant, network_inputs
 from awescli.learning.orthogonality import Parametric
-from awescli.learning.starts import Own, estimated_starts, fitted_nuisances
+from awescli.learning.starts import FittedNuisances, estimated_starts, fitted_nuisances
 from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.present import present
@@ -107,7 +107,7 @@ class Problem:
                 sigma = np.asarray(spans) * max(float(np.sqrt(((rms / np.maximum(spans, 1e-12)) ** 2).mean())), 1e-6)
         return Data(observed, target, self.warmup, sigma, counts / sigma, prepared)
 
-    def smoothed(self, observed: Observed, weights: np.ndarray, sigma: np.ndarray) -> Own:
+    def smoothed(self, observed: Observed, weights: np.ndarray, sigma: np.ndarray) -> FittedNuisances:
         """The segments with starts and the error of the recorded wind fitted to all of their samples: what wind explains is no effect.
 
         sigma: (12,) unit of error of `data`. Where it exceeds the sensors' noise, residuals are model error that repeats from sample to

@@ -15,7 +15,7 @@ ITERATIONS = 3
 
 
 @dataclass(frozen=True)
-class Own:
+class FittedNuisances:
     """observed: the segments with their nuisances at their best; cost: (K,) squared residual there in units of sigma, prior
     included; dof: (K,) samples less unknowns."""
 
@@ -36,7 +36,7 @@ def head(observed: Observed, steps: int) -> Observed:
     return Observed(cut, observed.outputs, observed.measured[:, : steps + 1], observed.sigma[:, : steps + 1])
 
 
-def fitted_nuisances(simulator: Simulator, observed: Observed, values=None, wind_std: float = 0.0) -> Own:
+def fitted_nuisances(simulator: Simulator, observed: Observed, values=None, wind_std: float = 0.0) -> FittedNuisances:
     """Fit the 12 initial states, and with wind_std > 0 [m/s] a constant error of the wind, of each segment to all of its samples.
 
     Always begun from the starts that `observed` holds and null wind, so that the answer depends on the model alone. Segments that
@@ -68,7 +68,7 @@ def fitted_nuisances(simulator: Simulator, observed: Observed, values=None, wind
     missing = (np.arange(steps + 1)[None, :, None] >= trajectories.alive[:, None, None]) & (weight > 0)
     cost = (observed.residual(trajectories) ** 2).sum((1, 2)) + DIVERGED_COST * missing.sum((1, 2)) + (prior[12:] * wind**2).sum(1)
     dof = np.maximum((weight > 0).sum((1, 2)) - 12, 1)
-    return Own(Observed(now, observed.outputs, observed.measured, observed.sigma), cost, dof)
+    return FittedNuisances(Observed(now, observed.outputs, observed.measured, observed.sigma), cost, dof)
 
 
 def estimated_starts(simulator: Simulator, observed: Observed, steps: int, values=None) -> np.ndarray:

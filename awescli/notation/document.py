@@ -96,17 +96,17 @@ class Document:
 
     def check_part(self, model: type[Model]) -> tuple[Model | None, list[BadInput]]:
         """(a `model` of what is right, or None where nothing is left; all that is wrong): wrong entries are left out, so that whoever
-        knows more can go on checking the others, and all mistakes of a file are told in one go."""
+        knows more can go on checking the others, and all mistakes of a file are reported in one go."""
         data, found = _copy(self.data), {}
         for _ in range(MAX_DEPTH):
             rest = Document(self.source, data, self.places, self.omit)
             try:
                 return rest.check(model), list(found.values())
             except BadInput as e:
-                told = e.errors if isinstance(e, BadInputs) else [e]
+                mistakes = e.errors if isinstance(e, BadInputs) else [e]
             wrong = rest._wrong(model)
             # a key that is missing because its value was left out above is no news
-            found.update({str(e): e for e in told if not found or not e.what.startswith("missing key")})
+            found.update({str(e): e for e in mistakes if not found or not e.what.startswith("missing key")})
             if not wrong or not all(wrong):
                 break
             for loc in wrong:
@@ -128,7 +128,7 @@ class Document:
         found: dict[str, BadInput] = {}
         raw = error.errors(include_url=False)
         for e in raw:
-            # a list with a wrong entry is told to be too short as well
+            # a list with a wrong entry is reported as too short as well
             if e["type"] == "too_short" and any(o["loc"][: len(e["loc"])] == e["loc"] != o["loc"] for o in raw):
                 continue
             loc = self._real(e["loc"], e["type"] == "missing")

@@ -1,7 +1,7 @@
 """What a kite file may declare: numbers of this world, a rigid body's inertia, constraints that can hold, no effect twice.
 
 Everything here looks at plain data, whole or with mistakes that the schema names, and only at what is declared; so that all mistakes of a
-file are told at once.
+file are reported at once.
 """
 
 import math
@@ -268,7 +268,7 @@ def _ranges(rows: Mapping[str, Mapping]) -> dict[str, tuple[float, float]]:
     return ranges
 
 
-def all_told(errors: Sequence[BadInput]) -> list[BadInput]:
+def without_repeats(errors: Sequence[BadInput]) -> list[BadInput]:
     """The same errors, each place and sentence once, in the order of the file."""
     once = {(e.where, e.what): e for e in errors}
     return sorted(once.values(), key=_line)

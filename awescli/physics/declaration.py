@@ -157,7 +157,7 @@ def read_kite(path: Path) -> KiteDeclaration:
     """Read and check a kite file. Raises BadInput (BadInputs: all mistakes at once) with file:line, also for numbers that are still to be
     filled in, for unknown effects, for parameters that effects need, and for what is not of this world (admissible.py); a file that is no
     kite file is one mistake."""
-    from awescli.physics.admissible import all_told, mistakes
+    from awescli.physics.admissible import mistakes, without_repeats
     from awescli.physics.kite import check_declaration
     from awescli.physics.unfilled import unfilled
 
@@ -176,8 +176,8 @@ def read_kite(path: Path) -> KiteDeclaration:
     except BadInput as e:
         errors += e.errors if isinstance(e, BadInputs) else [e]
     if errors or declaration is None:
-        told = all_told(errors)
-        raise told[0] if len(told) == 1 else BadInputs(told)
+        errors = without_repeats(errors)
+        raise errors[0] if len(errors) == 1 else BadInputs(errors)
     return declaration
 
 

@@ -6,16 +6,16 @@ from typing import Any
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.notation.phases import OWN, input_of, parted
 
-Own = tuple[str, str, str]
+PhaseValue = tuple[str, str, str]
 """Name of a value of its own, of the parameter, and of the phase."""
 
 
-def own_values(names: Sequence[str]) -> tuple[Own, ...]:
+def own_values(names: Sequence[str]) -> tuple[PhaseValue, ...]:
     """Those among the names of a parameter table."""
     return tuple((name, *parted(name)) for name in names if parted(name)[1])
 
 
-def with_those_of_now(values: Mapping[str, Any], own: Sequence[Own], inputs: Mapping[str, Any]) -> dict[str, Any]:
+def with_those_of_now(values: Mapping[str, Any], own: Sequence[PhaseValue], inputs: Mapping[str, Any]) -> dict[str, Any]:
     """The values that count at an instant (docs/equations.md (33)): theta + sum of w (theta_phase - theta), w the phase's input."""
     now = dict(values)
     for name, base, phase in own:

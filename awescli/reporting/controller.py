@@ -142,5 +142,5 @@ def features(evidence: Evidence) -> Body:
     ]
     if not rows:
         return ""
-    told = Paragraph(str(found.get("how", ""))), table(("quantity", "error grows without it by"), rows)
-    return Folded(f"The {len(rows)} quantities the law sees", told)
+    content = Paragraph(str(found.get("how", ""))), table(("quantity", "error grows without it by"), rows)
+    return Folded(f"The {len(rows)} quantities the law sees", content)

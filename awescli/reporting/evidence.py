@@ -144,7 +144,7 @@ class Evidence:
 
     @property
     def tracing_added(self) -> bool:
-        """Whether tracing put anything into the model; a suspect that it only names changes no cost."""
+        """Whether tracing put anything into the model; an effect that it only names changes no cost."""
         chi2 = (self.effects or {}).get("chi2", {})
         return bool(self.effects) and chi2.get("train_before") != chi2.get("train_after")
 

@@ -134,12 +134,12 @@ def ranges(evidence: Evidence) -> Body:
     ]  # fmt: skip
     if not rows:
         return ""
-    told = (
+    content = (
         "Smallest and largest of each part; then how far validation and test go in times of what train flew: magnitudes of rates and "
         "deflections, and for the others the range of both together."
     )
     head = ("quantity", "unit", *PARTS, "validation goes", "test goes")
-    return Group("tab-ranges", "Ranges of the parts", (Paragraph(told), table(head, rows)))
+    return Group("tab-ranges", "Ranges of the parts", (Paragraph(content), table(head, rows)))
 
 
 def signals(evidence: Evidence) -> Folded:
@@ -151,6 +151,6 @@ def signals(evidence: Evidence) -> Folded:
     ]  # fmt: skip
     head = ("signal", "name", "unit", "smallest", "largest", "white noise (1 std)", "clock")
     notes = bullets(evidence.quality.notes)
-    told = (Heading("What the reader did"), notes) if notes else ()
+    content = (Heading("What the reader did"), notes) if notes else ()
     valid = Paragraph(f"{percent(float(evidence.log.valid.mean()))} of the samples are valid.")
-    return Folded(f"All {len(rows)} signals, ranges and noise", (valid, table(head, rows), told))
+    return Folded(f"All {len(rows)} signals, ranges and noise", (valid, table(head, rows), content))

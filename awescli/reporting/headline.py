@@ -146,7 +146,7 @@ def _effect(evidence: Evidence, effect: dict) -> Words:
     doc = f" ({effect['doc']})" if effect.get("doc") else ""
     if not evidence.tracing_added:
         hint = Link("fig-shifts", "the parameters")
-        return Strong(name), f"{doc} is suspected, {sizes} (± 2 std); ", hint, " hint at it.", against
+        return Strong(name), f"{doc} may be missing, {sizes} (± 2 std); ", hint, " hint at it.", against
     shown = "fig-phase" if shows_phase(evidence) else "fig-residual"
     sized = Link("tab-effects", sizes)
     return Strong(Link(shown, name)), f"{doc}: ", sized, " (± 2 std)", _share(evidence, effect), ".", against

@@ -111,8 +111,8 @@ def along_flight(evidence: Evidence) -> Body:
             Figure(f"fig-correction-{name}", f"d{name}/dt", data, layout, split="whole flight", height=210, linked="flight", part=True)
         )
     text = "Added to the accelerations at the measured states. It fades to nothing where the flight leaves what it was trained on."
-    told = Paragraph(text, "soft"), Shared("correction_time", c["time"][::step]), grid(panels)
-    return Group("fig-correction", "What the network adds", told)
+    content = Paragraph(text, "soft"), Shared("correction_time", c["time"][::step]), grid(panels)
+    return Group("fig-correction", "What the network adds", content)
 
 
 def history(evidence: Evidence) -> Body:

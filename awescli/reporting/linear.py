@@ -25,8 +25,8 @@ def beside_linear(scores: Mapping[str, Any], models: Collection[str], label: Cal
         pair = f"{listed([number(scores[m]['nrmse']['test']['mean']) for m in alike])} against {its}"
         does = f"{'does' if one else 'do'} not beat" if at else "beats" if one else "beat"
         yet = at and horizon not in at
-        told = f"; at {horizon} s {'it does' if one else 'they do'}, {pair}" if yet else f": {pair} at {horizon} s"
-        said.append(f"{who} {does} {'it' if said else called}{_ahead(at)}{told}")
+        against = f"; at {horizon} s {'it does' if one else 'they do'}, {pair}" if yet else f": {pair} at {horizon} s"
+        said.append(f"{who} {does} {'it' if said else called}{_ahead(at)}{against}")
     return "; ".join(said)
 
 

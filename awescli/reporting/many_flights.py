@@ -52,15 +52,15 @@ def flights_page(flights: Flights) -> str:
 
 def title(rows: Sequence[Row]) -> str:
     """What the flights say together, in one line."""
-    told = [row for row in rows if row["verdict"]]
-    if not told:
+    answered = [row for row in rows if row["verdict"]]
+    if not answered:
         return "No flight has a verdict"
-    found = Counter(effect_words(e["name"], e["acts_on"]) for row in told if row["verdict"] == "found" for e in row["effects"])
+    found = Counter(effect_words(e["name"], e["acts_on"]) for row in answered if row["verdict"] == "found" for e in row["effects"])
     if found:
         said = [f"{words} in {count}" for words, count in found.most_common()]
         return f"Found: {listed(said)} of {len(rows)} flights"
-    if all(row["verdict"] == "none" for row in told):
-        return f"Nothing is missing that {len(told)} of {len(rows)} flights could show"
+    if all(row["verdict"] == "none" for row in answered):
+        return f"Nothing is missing that {len(answered)} of {len(rows)} flights could show"
     return f"No effect is found in {len(rows)} flights"
 
 

@@ -24,11 +24,11 @@ def _rivals(evidence: Evidence) -> list[Words]:
         kept = Code("trace-residual/kite.yaml")
         items.append((Strong("Use the model."), " ", kept, " holds the kite with the effect and its new values."))
     if effects.get("verdict") == "unexplained":
-        told = " The empirical terms say in which channel it acts and with what it grows; the physics is open."
-        items.append((Strong("Name what is left."), told))
+        text = " The empirical terms say in which channel it acts and with what it grows; the physics is open."
+        items.append((Strong("Name what is left."), text))
     if effects.get("verdict") == "not_deterministic":
-        told = " or log the wind at the kite's height: what is left differs from loop to loop."
-        items.append((Strong("Fly in calmer air,"), told))
+        text = " or log the wind at the kite's height: what is left differs from loop to loop."
+        items.append((Strong("Fly in calmer air,"), text))
     return items
 
 
@@ -49,8 +49,8 @@ def _controller(evidence: Evidence) -> list[Words]:
     if proof.get("outcome") != "departs":
         return []
     shown = Link("fig-survival", "how long it flies")
-    told = " does not hold the declared model (", shown, "): try ", Code("awes simulate"), " with the newest model."
-    return [(Strong("The controller"), told)]
+    text = " does not hold the declared model (", shown, "): try ", Code("awes simulate"), " with the newest model."
+    return [(Strong("The controller"), text)]
 
 
 def _data(evidence: Evidence) -> list[Words]:
@@ -60,8 +60,8 @@ def _data(evidence: Evidence) -> list[Words]:
 
 def _untestable(evidence: Evidence) -> list[Words]:
     names = [effect_words(*_split(k)) for k in (evidence.effects or {}).get("not_testable", [])]
-    told = f" because this flight could not show them apart from the parameters: {listed(names)}."
-    return [(Strong("Not tested,"), told)] if names else []
+    text = f" because this flight could not show them apart from the parameters: {listed(names)}."
+    return [(Strong("Not tested,"), text)] if names else []
 
 
 def _split(key: str) -> tuple[str, str]:

@@ -20,7 +20,7 @@ def power_claim(evidence: Evidence) -> Words:
     if not found:
         return ""
     block = found[list(found)[-1]]
-    told = [f"{evidence.label(m)} {signed(b['error_share'])}" for m, b in found.items()]
+    by_model = [f"{evidence.label(m)} {signed(b['error_share'])}" for m, b in found.items()]
     interval = block["interval_share"]
     between = f" ({signed(interval[0])} to {signed(interval[1])} over loops, 95 %)" if interval else ""
     known = block.get("interval_W")
@@ -33,7 +33,7 @@ def power_claim(evidence: Evidence) -> Words:
     )
     over = f"{block['seconds']:.0f} of {block['loop_seconds']:.0f} s of {block['loops']} test {evidence.parts.of}"
     measured = Link(FIGURE, f"{number(block['measured_mean_W'] * KILO)} kW")
-    errors = f" measured; predicted power is off by: {', '.join(told)}{between}.{says}"
+    errors = f" measured; predicted power is off by: {', '.join(by_model)}{between}.{says}"
     return f"Mean mechanical power over {over}: ", measured, errors
 
 

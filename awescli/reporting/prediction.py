@@ -27,9 +27,9 @@ def prediction(evidence: Evidence) -> Section:
         f"{listed(list(known))}. "
         "Where a line breaks, the next prediction begins."
     )
-    told = over_horizon(evidence), horizons(evidence), over_loops(evidence)
+    by_horizon_and_loop = over_horizon(evidence), horizons(evidence), over_loops(evidence)
     text = f"{text} {bands_said(evidence)}".strip()
-    body = Paragraph(text), paths(evidence), told, channels(evidence), scores(evidence), published(evidence)
+    body = Paragraph(text), paths(evidence), by_horizon_and_loop, channels(evidence), scores(evidence), published(evidence)
     return Section("prediction", "Measured against simulated", body)
 
 

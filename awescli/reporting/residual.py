@@ -33,7 +33,7 @@ def verdict_chip(evidence: Evidence) -> Chip:
 
 
 def sizes(evidence: Evidence) -> Body:
-    """The accepted (or suspected) effects with intervals and rivals."""
+    """The effects that were accepted, or that a parameter at its bound absorbs, with intervals and rivals."""
     rows = [
         (effect_words(e["name"], e.get("acts_on", "")), e.get("doc", ""), name,
          Cell(with_std(p["value"], p["std"], p["unit"]), p["value"]),
@@ -57,10 +57,10 @@ def before_after(evidence: Evidence) -> Figure:
     error = evidence.traced["error"]
     names = [n for n in error["after"] if n != "mean"] + ["mean"]
     x = ["mean" if n == "mean" else short(n) for n in names]
-    told = [channel(n) for n in names]
+    content = [channel(n) for n in names]
     shown = [w for w in ("before", "after") if w in error and (w == "before" or evidence.tracing_added)]
     data = [
-        bars(x, [100 * error[which][n] for n in names], label, COLOURS[model], text=told, textposition="none",
+        bars(x, [100 * error[which][n] for n in names], label, COLOURS[model], text=content, textposition="none",
              hovertemplate=hover("%{text}: %{y:.3g} %"))
         for which, label, model in zip(shown, labels(evidence), ("identified", "with_effects"), strict=False)
     ]  # fmt: skip
@@ -101,8 +101,8 @@ def over_loop(evidence: Evidence) -> Body:
     entries = [("before", COLOURS["identified"], "dotted")]
     if evidence.tracing_added:
         entries += [("what the effect explains", COLOURS["measured"], "dashed"), ("after", COLOURS["with_effects"], "solid")]
-    told = Paragraph(note, "soft"), Keys(tuple(entries)), Shared("phase", middle), grid(panels)
-    return Group("fig-phase", "What repeats in every loop", told)
+    content = Paragraph(note, "soft"), Keys(tuple(entries)), Shared("phase", middle), grid(panels)
+    return Group("fig-phase", "What repeats in every loop", content)
 
 
 def loop_phase(evidence: Evidence, samples: np.ndarray) -> np.ndarray:
@@ -159,8 +159,8 @@ def unexplained(evidence: Evidence) -> Body:
         return ""
     where, what = Strong(channel(found.get("channel", ""))), Code(found["expression"]) if found.get("expression") else "nothing simple"
     share = f", {percent(found.get('share'))} of the gap on validation is described by "
-    told = Paragraph(("In ", where, share, what, ". These terms are empirical: they describe, they do not explain."))
-    return Group("unexplained", "Without a name in the library", told)
+    content = Paragraph(("In ", where, share, what, ". These terms are empirical: they describe, they do not explain."))
+    return Group("unexplained", "Without a name in the library", content)
 
 
 def shifts(evidence: Evidence) -> Body:

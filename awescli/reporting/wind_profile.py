@@ -10,7 +10,7 @@ HALF = 1.645
 
 
 def wind_profile(evidence: Evidence) -> Body:
-    """Two panels; nothing where no fitted model told a wind."""
+    """Two panels; nothing where no fitted model shows a wind."""
     found = evidence.scores.get("wind_profile")
     if not found:
         return ""

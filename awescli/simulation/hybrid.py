@@ -1,6 +1,6 @@
 """Rollouts of a kite with a small network added to some of its derivatives, and the exact gradient of a cost on them.
 
-It knows the network as numbers (`engine.dense`); what goes into it and what it means is told by `learning`.
+It knows the network as numbers (`engine.dense`); what goes into it and what it means is said by `learning`.
 """
 
 from collections.abc import Callable, Sequence

@@ -20,8 +20,8 @@ from awescli.simulation.switching import Guard, Phase, Switch, Switched, fly_swi
 from awescli.simulation.synthetic import Commanded, Flown, ReelOut, gusts_for, refuse_measured, with_effects
 
 CONTROL, DRUM = "winch_control", "winch_tracking"
-TOLD = (f"{CONTROL}.load", f"{CONTROL}.ahead", f"{DRUM}.speed", f"{DRUM}.ahead")
-"""States of the winch, with which a flight begins as it is told."""
+GIVEN = (f"{CONTROL}.load", f"{CONTROL}.ahead", f"{DRUM}.speed", f"{DRUM}.ahead")
+"""States of the winch, with which a flight begins as it is given."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,11 @@ class PumpingPhase:
 
 
 GUARDED: Mapping[str, Callable[[np.ndarray, Mapping[str, np.ndarray]], np.ndarray]] = {
-    "tether_length": lambda X, told: told["tether_length"],
-    "height": lambda X, told: -X[:, 2],
-    "elevation": lambda X, told: np.arctan(-X[:, 2] / np.sqrt(X[:, 0] ** 2 + X[:, 1] ** 2)),
-    "tension": lambda X, told: told["tension"],
-    "V_a": lambda X, told: told["V_a"],
+    "tether_length": lambda X, outputs: outputs["tether_length"],
+    "height": lambda X, outputs: -X[:, 2],
+    "elevation": lambda X, outputs: np.arctan(-X[:, 2] / np.sqrt(X[:, 0] ** 2 + X[:, 1] ** 2)),
+    "tension": lambda X, outputs: outputs["tension"],
+    "V_a": lambda X, outputs: outputs["V_a"],
 }
 """Quantity that may end a phase -> function of (states (n, n_x), {"tether_length", outputs}), of complex numbers too (sensitivities step
 into them); `time_in_phase` [s] is another. SI."""
@@ -60,14 +60,14 @@ class Pumped:
 
 
 def with_winch(declaration: KiteDeclaration, drum: Mapping[str, float]) -> KiteDeclaration:
-    """The kite on a winch that can be told what to do. drum: short name -> value of `winch_tracking`; what it does not name stays as the
+    """The kite on a winch that takes commands. drum: short name -> value of `winch_tracking`; what it does not name stays as the
     kite file has it. The line's other effects, a counter that is wrong among them, stand behind."""
     tracked = with_effects(declaration, {} if DRUM in declaration.effects else {DRUM: {}})
     values = {f"{DRUM}.{name}": value for name, value in drum.items()}
-    told = with_effects(tracked, {CONTROL: {}})
-    told = told.with_parameters(told.table().with_values(values))
-    others = tuple(key for key in told.effects if key not in (CONTROL, DRUM))
-    return told.model_copy(update={"effects": (CONTROL, DRUM, *others)})
+    winched = with_effects(tracked, {CONTROL: {}})
+    winched = winched.with_parameters(winched.table().with_values(values))
+    others = tuple(key for key in winched.effects if key not in (CONTROL, DRUM))
+    return winched.model_copy(update={"effects": (CONTROL, DRUM, *others)})
 
 
 @dataclass(frozen=True)
@@ -83,11 +83,11 @@ class Pumping:
         """step: longest of RK4 [s]; wrt: parameters that sensitivities may be asked for."""
         refuse_measured(kite.declaration)
         simulator = Simulator(kite, wrt=wrt, step=step)
-        told = [name in TOLD for name in kite.state_names[12:]]
+        given = [name in GIVEN for name in kite.state_names[12:]]
 
         def initial(x, u, c) -> list:
-            """Of the winch nothing: how it begins is told."""
-            return [0.0 if known else value for known, value in zip(told, kite.initial(x, u, c), strict=True)]
+            """Of the winch nothing: how it begins is given."""
+            return [0.0 if known else value for known, value in zip(given, kite.initial(x, u, c), strict=True)]
 
         simulator = simulator.begun_by(initial)
         return cls(kite, tuple(phases), tuple(simulator.flown_by(p.law) for p in phases))
@@ -119,8 +119,8 @@ class Pumping:
         last = max(_samples(flown), 1)
         switched = tuple(s for s in flown.switches if s.sample < last)
         ended = flown.ended if last == flown.alive else None
-        told = _told(kite, flown, inputs, last, time, dt, departed=last < samples and ended is None)
-        return Pumped(told, flown.phase[:last], switched, ended, sum(s.into == 0 for s in switched) + (ended is not None))
+        log = _flown(kite, flown, inputs, last, time, dt, departed=last < samples and ended is None)
+        return Pumped(log, flown.phase[:last], switched, ended, sum(s.into == 0 for s in switched) + (ended is not None))
 
     def _through(self, kite: FlightModel, inputs: np.ndarray, start, own: Mapping[str, float], dt: float, switches: int | None) -> Switched:
         """Through all phases; own: states of the winch at the start."""
@@ -170,8 +170,8 @@ def line_of(kite: FlightModel, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray
 
 
 def _quantities(kite: FlightModel, X: np.ndarray, Y: np.ndarray, U: np.ndarray) -> dict[str, np.ndarray]:
-    told = {name: Y[:, i] for i, name in enumerate(OUTPUTS)} | {"tether_length": line_of(kite, X, U)[0]}
-    return {name: of(X, told) for name, of in GUARDED.items()}
+    outputs = {name: Y[:, i] for i, name in enumerate(OUTPUTS)} | {"tether_length": line_of(kite, X, U)[0]}
+    return {name: of(X, outputs) for name, of in GUARDED.items()}
 
 
 def _samples(flown: Switched) -> int:
@@ -181,7 +181,7 @@ def _samples(flown: Switched) -> int:
     return int(bad.argmax()) if bad.any() else flown.alive
 
 
-def _told(kite: FlightModel, flown: Switched, inputs: np.ndarray, last: int, time: np.ndarray, dt: float, departed: bool) -> Flown:
+def _flown(kite: FlightModel, flown: Switched, inputs: np.ndarray, last: int, time: np.ndarray, dt: float, departed: bool) -> Flown:
     """The flight as `simulate_flight` gives it."""
     X, Y = flown.states[:last], flown.outputs[:last]
     length, speed = line_of(kite, X, inputs[:last])

@@ -42,7 +42,7 @@ class Segments:
     values: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self):
-        # the compiled loops believe the sizes that they are told
+        # the compiled loops believe the sizes that they are given
         if self.setpoints.shape[-1] != len(SURFACES):
             raise ValueError(f"{self.setpoints.shape[-1]} set-points at a sample, there are {len(SURFACES)}: {', '.join(SURFACES)}")
 

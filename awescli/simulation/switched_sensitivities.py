@@ -218,8 +218,8 @@ class _Across:
         if guard.quantity == "time_in_phase":
             moved = -begun
         else:
-            told = dict(self.read(x + 1j * TINY * S.T, y + 1j * TINY * dY.T, np.repeat(u[None], n, axis=0)))
-            moved = np.imag(guard.beyond(told)) / TINY
+            watched = dict(self.read(x + 1j * TINY * S.T, y + 1j * TINY * dY.T, np.repeat(u[None], n, axis=0)))
+            moved = np.imag(guard.beyond(watched)) / TINY
         place = (switch.out_of, list(self.phases[switch.out_of].guards).index(guard))
         if place in self.columns.limit:
             moved = moved - (1.0 if guard.rising else -1.0) * (np.arange(n) == self.columns.limit[place])

@@ -3,7 +3,7 @@
 The compiled loop over time is that of every rollout (`kernels`), stopped at samples and gone on with from what it left: a flight whose
 phases are alike is the unswitched one to the last bit. A phase ends at the first sample at which one of its guards has been passed: that
 is when a flight computer, which sets surfaces and winch once per sample, can act. Where between two samples the guard itself was passed
-is told by the cubic through values and slopes at both.
+is given by the cubic through values and slopes at both.
 
 Or it ends where the guard is passed (`at_guards`), so that the flight is a smooth function of its start and its parameters, with
 sensitivities (`switched_sensitivities`): from there to the next sample it flies once as the old phase and once as the new one, and the

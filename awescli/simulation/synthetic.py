@@ -34,7 +34,7 @@ SLACK = 1.0
 
 @dataclass(frozen=True)
 class ReelOut:
-    """What the winch is told. length: paid out at t = 0 [m]; speed: mean [m/s]; swing [m/s], period [s]: a sine on top of it, as of a
+    """What the winch is commanded. length: paid out at t = 0 [m]; speed: mean [m/s]; swing [m/s], period [s]: a sine on top of it, as of a
     winch that follows the load; every flight then moves the line at a rhythm of its own, which tells l_t effects from loop effects."""
 
     length: float

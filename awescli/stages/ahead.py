@@ -1,11 +1,18 @@
 """What all stages that predict have in common: how far ahead, from which states, and who moves the surfaces. One meaning for all of them:
 the same model has one score per (surfaces, initial states, horizon, part)."""
 
-from typing import Literal
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
+from awescli.notation.errors import BadInput
 from awescli.stages.base import Context, StageConfig
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.split import Split
 
 Surfaces = Literal["recorded", "controller"]
 """recorded: the log's set-points are replayed; controller: the fitted law computes them from the simulated state (Rositani eq. 11d)."""
@@ -41,14 +48,27 @@ class HandedOnConfig(AheadConfig):
 
 def surfaces_of(context: Context, asked: Surfaces | None) -> Surfaces:
     """Who moves the surfaces: as asked, else as identify did, else the log."""
+    return asked or surfaces_of_identify(context.upstreams)
+
+
+def surfaces_of_identify(upstreams: Mapping[str, Path]) -> Surfaces:
+    """Who moved the surfaces when the parameters were fitted; the log where they were not."""
     from awescli.artifacts import read_json
 
-    folder = context.upstream("identify")
-    file = folder / "metrics.json" if folder else None
-    return asked or (read_json(file).get("surfaces", "recorded") if file and file.is_file() else "recorded")
+    file = upstreams["identify"] / "metrics.json" if "identify" in upstreams else None
+    return read_json(file).get("surfaces", "recorded") if file and file.is_file() else "recorded"
 
 
-def longest_ahead(log, parts, before: float) -> float:
+def unread_controller(asked: Surfaces | None, upstreams: Mapping[str, Path]) -> tuple[str, ...]:
+    """fit-controller where the recorded set-points are replayed: what is fitted to it then does not depend on it."""
+    try:
+        closed = (asked or surfaces_of_identify(upstreams)) == "controller"
+    except BadInput:  # a dry run looks at what is to be made again, too; the stage itself refuses what it cannot read
+        return ()
+    return () if closed else ("fit-controller",)
+
+
+def longest_ahead(log: "FlightLog", parts: "Split", before: float) -> float:
     """Seconds that can be predicted in every part of a flight, after a warm-up of `before` [s] that may lie in the part before it."""
     from awescli.flightlog.log import runs_of
 

@@ -22,7 +22,7 @@ def lines_of(stage: str, sentences: Sequence[str], width: int = WIDTH) -> list[s
 
 
 def fitting(stage: str, versions: Iterable[Sequence[str]]) -> list[str]:
-    """The first of several versions of an answer, from the most to the least that could be told, that is short enough; else the last."""
+    """The first of several versions of an answer, from the most to the least that could be said, that is short enough; else the last."""
     chosen: Sequence[str] = ()
     for chosen in versions:
         if len(lines_of(stage, chosen)) <= MOST:

@@ -257,6 +257,11 @@ class Stage(ABC):
         """The upstream stages it takes something from; they stand before it in the stages table."""
         return ()
 
+    def unread(self, config: Any, upstreams: Mapping[str, Path]) -> tuple[str, ...]:
+        """Those of `needs` that it leaves alone, by what the others (`upstreams`: stage -> its folder) say: they take no part in what it
+        is made from, so that it stands when they are made again."""
+        return ()
+
     def flights(self, config: Any) -> tuple[Path, ...]:
         """Folders of further flights that it takes something from, beside the plan's."""
         return ()

@@ -1,9 +1,15 @@
 """The linear baseline beside the nested models, fitted anew for every evaluation: it takes seconds and belongs to no stage before it."""
 
+from typing import TYPE_CHECKING
+
 from awescli.stages.base import Context
 
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.split import Split
 
-def score_baseline(metrics: dict, arrays: dict, context: Context, log, parts, config, closed: bool, task) -> None:
+
+def score_baseline(metrics: dict, arrays: dict, context: Context, log: "FlightLog", parts: "Split", config, closed: bool, task) -> None:
     """Put the block `linear`, its predictions, and `baseline` (how it was chosen, and who does not beat it) beside the models that stand in
     `metrics` already."""
     from awescli.estimation.linear_baseline import linear_baseline
@@ -15,7 +21,7 @@ def score_baseline(metrics: dict, arrays: dict, context: Context, log, parts, co
     from awescli.stages.nested_models import MADE_BY, enter
 
     task.update("linear")
-    kite = Kite(read_kite(context.kite), log.wind.height)
+    kite = Kite(read_kite(context.kite), log.recorded_wind.height)
     found = linear_baseline(log, parts, kite, config.horizon, closed)
     task.advance()
     if found is None:

@@ -16,11 +16,11 @@ PLAN, FLIGHT, KITE = "stages.yaml", "flight.yaml", "kite.yaml"
 
 @dataclass(frozen=True)
 class Beginning:
-    """files: name -> text, to be written into the folder; found: quantity -> how the log's column is read; told: title -> sentences."""
+    """files: name -> text, to be written into the folder; found: quantity -> how the log's column is read; findings: title -> sentences."""
 
     files: Mapping[str, str]
     found: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    told: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    findings: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def begin(folder: Path, flight: Path, kite: Path | None, stages: Sequence[Stage]) -> Beginning:
@@ -33,9 +33,9 @@ def begin(folder: Path, flight: Path, kite: Path | None, stages: Sequence[Stage]
     if (folder / PLAN).exists():
         raise _there_already(folder / PLAN)
     log, surfaces, on_line = _log_to_draft(flight), SURFACES, True
-    files, found, told = {}, {}, {}
+    files, found, findings = {}, {}, {}
     if log is not None:
-        files[FLIGHT], found, told = _drafted(log, folder)
+        files[FLIGHT], found, findings = _drafted(log, folder)
         surfaces = tuple(s for s in SURFACES if s in found) or SURFACES
         on_line = not found or any(name in found for name in OF_LINE)
     of_flight = FLIGHT if FLIGHT in files else _from(folder, _readable(flight))
@@ -43,14 +43,14 @@ def begin(folder: Path, flight: Path, kite: Path | None, stages: Sequence[Stage]
         from awescli.physics.kite_template import kite_template
 
         files[KITE] = kite_template(surfaces, on_line)
-        told["kite.yaml"] = [f"{files[KITE].count('value: fill_in')} numbers to fill in; awes check names them"]
+        findings["kite.yaml"] = [f"{files[KITE].count('value: fill_in')} numbers to fill in; awes check names them"]
     else:
-        told |= _still_open(kite)
+        findings |= _still_open(kite)
     files[PLAN] = starter_text(stages, of_flight, KITE if kite is None else _from(folder, kite))
     for name in files:
         if (folder / name).exists():
             raise _there_already(folder / name)
-    return Beginning(files, found, told)
+    return Beginning(files, found, findings)
 
 
 def _there_already(file: Path) -> BadInput:
@@ -97,7 +97,7 @@ def _kitemill_folder(log: Path) -> bool:
 
 
 def _drafted(log: Path, folder: Path):
-    """(text of flight.yaml, found, told)"""
+    """(text of flight.yaml, found, findings)"""
     from awescli.flightlog.drafting.draft import draft
     from awescli.flightlog.drafting.text import draft_text
     from awescli.flightlog.drafting.weather import weather_files
@@ -116,12 +116,12 @@ def _drafted(log: Path, folder: Path):
         for name, e in {"time": drafted.time, **entries}.items()
     }
     needs_words = {**IN_WORDS, "wind": "direction and speed, of the log or a file beside it"}
-    told = {
+    findings = {
         "to be checked": [n.removeprefix("CHECK: ") for n in drafted.doubtful],
         "not mapped": [f"{name}, column {column}: {why}" for name, column, why in (*drafted.rest.left, *(wind.left if wind else ()))],
         "a model still needs": [f"{name}: {needs_words[name]}" for name in drafted.needed],
     }
-    return draft_text(drafted, folder), found, {k: v for k, v in told.items() if v}
+    return draft_text(drafted, folder), found, {k: v for k, v in findings.items() if v}
 
 
 def _still_open(kite: Path) -> dict[str, list[str]]:

@@ -1,6 +1,10 @@
 """controller.json and controller.safetensors: how a control law lies on disk."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
 
 
 def write_controller(folder: Path, law) -> None:
@@ -29,7 +33,7 @@ def read_controller(folder: Path):
         raise BadInput(f"not a controller that awes wrote ({e.what})", str(file), again) from None
 
 
-def wind_direction(log) -> float:
+def wind_direction(log: "FlightLog") -> float:
     """Mean direction the wind comes from over a flight [rad]."""
     from awescli.notation.angles import mean_direction
 

@@ -1,10 +1,14 @@
 """evaluate: what every step was worth, on loops that no stage was fitted to; with a page that shows it, and figures for papers."""
 
+from collections.abc import Iterator
+from typing import Any
+
 from pydantic import Field
 
+from awescli.notation.errors import BadInput
 from awescli.stages.ahead import HandedOnConfig
 from awescli.stages.answers import ANSWER, number
-from awescli.stages.base import Need, Seconds, Stage
+from awescli.stages.base import Context, Inputs, Need, Seconds, Stage
 
 SHOWN = ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
 """Channels in the terminal's table; `mean` is that of the 12 states."""
@@ -29,19 +33,19 @@ class Evaluate(Stage):
     Config = EvaluateConfig
     makes = ("metrics.json", "predictions.npz")
 
-    def needs(self, config):
+    def needs(self, config: EvaluateConfig) -> tuple[Need, ...]:
         return (
             Need("fit-controller", required=config.surfaces == "controller"), Need("identify", required=False),
             Need("trace-residual", required=False), Need("train-hybrid", required=False), Need("simulate", required=False),
         )  # fmt: skip
 
-    def check(self, inputs, config):
+    def check(self, inputs: Inputs, config: EvaluateConfig) -> Iterator[tuple[str, BadInput]]:
         from awescli.stages.flight_parts import too_long
 
         if config.too_long == "refuse":
             yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
 
-    def figures(self, context, config):
+    def figures(self, context: Context, config: EvaluateConfig):
         from awescli.artifacts import read_arrays, read_json
         from awescli.reporting.paper import figure_files
         from awescli.stages.flight_parts import flight_parts
@@ -50,7 +54,7 @@ class Evaluate(Stage):
         metrics, arrays = read_json(context.folder / "metrics.json"), read_arrays(context.folder / "predictions.npz")
         return figure_files(gather(context, *flight_parts(context), metrics, arrays))
 
-    def run(self, context, config):
+    def run(self, context: Context, config: EvaluateConfig) -> dict[str, Any]:
         from awescli.artifacts import write_arrays, write_json
         from awescli.reporting.linear import briefly
         from awescli.reporting.published import beside_thesis
@@ -113,7 +117,7 @@ class Evaluate(Stage):
         return summary
 
 
-def left_by(context, stage: str) -> dict | None:
+def left_by(context: Context, stage: str) -> dict | None:
     """metrics.json of an upstream stage, where it has run."""
     from awescli.artifacts import read_json
 

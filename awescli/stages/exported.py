@@ -2,12 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from awescli.artifacts import PROVENANCE, file_hash, read_json, versions
 from awescli.notation.errors import BadInput, did_you_mean
+from awescli.notation.present import present
 from awescli.stages.base import KITE_FILE, Split, Stage
 from awescli.stages.nested_models import MADE_BY, network
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
 
 MODELS = ("newest", "initial", *MADE_BY)
 SURFACES_BY = ("inputs", "controller")
@@ -51,20 +55,20 @@ def _of_run(run: Path, stages: Sequence[Stage], label: str, surfaces: str, fligh
     flight = flight or Path(str(paths.get("flight")))
     if not flight.exists():
         raise BadInput("the flight of this run is not there any more", str(flight), "Say where it is: --flight LOG.")
-    told = _told(made, label)
+    rows = _rows(made, label)
     controller = made["fit-controller"] if surfaces == "controller" else None
-    return _model(label, files[label], controller, flight, stamp.get("split"), told, recorded)
+    return _model(label, files[label], controller, flight, stamp.get("split"), rows, recorded)
 
 
-def _told(made: Mapping[str, Path], label: str) -> Mapping[str, Any]:
-    """What the fit of a model told of its parameters: rows of params.json."""
+def _rows(made: Mapping[str, Path], label: str) -> Mapping[str, Any]:
+    """What the fit of a model says of its parameters: rows of params.json."""
     fits = {"identified": ["identify"], "with_effects": ["trace-residual"], "hybrid": ["trace-residual", "identify"]}.get(label, [])
     file = next((made[s] / "params.json" for s in fits if s in made and (made[s] / "params.json").is_file()), None)
     return read_json(file)["parameters"] if file else {}
 
 
 def _model(
-    label: str, file: Path, controller: Path | None, flight: Path | None, split: Any, told: Mapping[str, Any], recorded: str | None = None
+    label: str, file: Path, controller: Path | None, flight: Path | None, split: Any, rows: Mapping[str, Any], recorded: str | None = None
 ):
     """The model of one kite file, with the network beside it where it is a hybrid. recorded: hash of the flight, as the run knows it."""
     from awescli.export.model import ExportedModel
@@ -82,7 +86,7 @@ def _model(
     heights = log.wind.height if log is not None and log.wind is not None else STATION
     kite = kite_from_artifact(*network(file.parent), driven, heights) if label == "hybrid" else Kite(driven, heights)
     values = kite.parameters
-    fitted = {n: row for n, row in told.items() if n in values and abs(values[n].value - row["value"]) <= 1e-9 * abs(row["value"])}
+    fitted = {n: row for n, row in rows.items() if n in values and abs(values[n].value - row["value"]) <= 1e-9 * abs(row["value"])}
     start, dt, longest, ranges = _flown(kite, log, split)
     made_from = {"awes": versions()["awes"], "model": label, "kite file": f"{file.name}, sha256 {file_hash(file)}"}
     if law and controller:
@@ -92,11 +96,11 @@ def _model(
         made_from["network"] = f"sha256 {file_hash(file.parent / 'network.safetensors')}" if learned else "none: training kept none"
     if log is not None:
         made_from["flight"] = log.name + (f", sha256 {recorded}" if recorded else "")
-    bound = loop(law, kite, wind_direction(log)) if law else None
+    bound = loop(law, kite, wind_direction(present(log, "the flight"))) if law else None
     return ExportedModel(label, kite, start, dt, longest, bound, law, fitted, ranges, made_from)
 
 
-def _flown(kite, log, split: Any):
+def _flown(kite, log: "FlightLog | None", split: Any):
     """(start, sample interval [s], longest step [s], flown ranges) of a flight, or what stands for them where there is none."""
     import numpy as np
 
@@ -115,15 +119,15 @@ def _flown(kite, log, split: Any):
     z, u, sp = smooth_states(log), inputs_of(log, kite), setpoints_of(log)
     first = _first(log, split)
     named = lambda names, row: dict(zip(names, map(float, row), strict=True))  # noqa: E731
-    told = f"{log.time[first]:.2f} s into the flight '{log.name}'"
-    start = Start(named(STATES, z[first]), named(SURFACES, sp[first]), named(kite.input_names, u[first]), told)
+    origin = f"{log.time[first]:.2f} s into the flight '{log.name}'"
+    start = Start(named(STATES, z[first]), named(SURFACES, sp[first]), named(kite.input_names, u[first]), origin)
     good = np.flatnonzero(log.valid)
     probes = good[:: max(1, len(good) // PROBES)]
     longest = min(LONGEST_STEP, longest_step(kite, z[probes], sp[probes], u[probes]))
     return start, log.dt, longest, _ranges(kite, z[good], sp[good], u[good])
 
 
-def _first(log, split: Any) -> int:
+def _first(log: "FlightLog", split: Any) -> int:
     """The sample of the start: where the run's test part begins, as `awes simulate` sets out; without a split the first good one."""
     import numpy as np
 

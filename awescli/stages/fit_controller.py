@@ -1,11 +1,13 @@
 """fit-controller: identify the flight controller from the log."""
 
-from typing import Literal
+from collections.abc import Iterator
+from typing import Any, Literal
 
 from pydantic import Field
 
+from awescli.notation.errors import BadInput
 from awescli.stages.answers import ANSWER, number, plural
-from awescli.stages.base import Names, Stage, StageConfig
+from awescli.stages.base import Context, Inputs, Names, Stage, StageConfig
 
 
 class FitControllerConfig(StageConfig):
@@ -40,7 +42,7 @@ class FitController(Stage):
     makes = ("controller.json", "controller.safetensors", "metrics.json")
     reads = ("flight", "kite")
 
-    def check(self, inputs, config):
+    def check(self, inputs: Inputs, config: FitControllerConfig) -> Iterator[tuple[str, BadInput]]:
         from awescli.control.features import check_features
         from awescli.estimation.controller_features import FEATURE_SETS
         from awescli.estimation.controller_samples import gather
@@ -48,7 +50,7 @@ class FitController(Stage):
 
         named = isinstance(config.features, str)
         if named and config.features not in (known := [*FEATURE_SETS, "auto"]):
-            yield "features", BadInput(f"unknown feature set '{config.features}'", do=did_you_mean(config.features, known))
+            yield "features", BadInput(f"unknown feature set '{config.features}'", do=did_you_mean(str(config.features), known))
         for name in () if named else config.features:
             try:
                 check_features([name])
@@ -67,7 +69,7 @@ class FitController(Stage):
             few = f"{loops} loops in the training part, fewer than {config.folds} folds"
             yield "folds", BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
 
-    def run(self, context, config):
+    def run(self, context: Context, config: FitControllerConfig) -> dict[str, Any]:
         from awescli.artifacts import write_json
         from awescli.estimation.controller_fit import ControllerConfig, fit_controller
         from awescli.estimation.winch_law import fit_winch
@@ -86,7 +88,7 @@ class FitController(Stage):
             task.update(f"flying a {law.kind} law of {len(law.features)} features")
             return flies(kite, law, log, direction, config.closed_loop_time, known)["share"]
 
-        settings = config.model_dump(exclude={"closed_loop_time", "winch"}) | {"seed": context.seed}
+        settings: dict[str, Any] = config.model_dump(exclude={"closed_loop_time", "winch"}) | {"seed": context.seed}
         fitted = fit_controller(log, parts.train, parts.validation, ControllerConfig(**settings), fly)
         task.advance()
         task.update("flying it in closed loop")
@@ -102,11 +104,11 @@ class FitController(Stage):
                 fitted.report["comparison"][name]["gain_margin"] = gain_margin(kite, law, log, direction)
             rows = {name: row_of(line) for name, line in fitted.report["comparison"].items()}
         winch = {phase: law.described() for phase, law in fit_winch(log, parts).items()} if config.winch else {}
-        told = fitted.report | {"outcome": "converged", "closed_loop": proof, "gain": gain} | ({"winch": winch} if config.winch else {})
+        metrics = fitted.report | {"outcome": "converged", "closed_loop": proof, "gain": gain} | ({"winch": winch} if config.winch else {})
         if config.winch and not winch:
-            context.progress.note("no phase of a cycle lasts in train and validation loops: the law of the winch is not told")
+            context.progress.note("no phase of a cycle lasts in train and validation loops: the law of the winch is not fitted")
         write_controller(context.folder, fitted.law)
-        write_json(context.folder / "metrics.json", told)
+        write_json(context.folder / "metrics.json", metrics)
         if config.few_loops == "blocks" and fitted.report["folds_of"] == "blocks":
             context.progress.note("fewer loops than folds: the law was chosen on blocks of time")
         for kind, line in fitted.report["comparison"].items():

@@ -1,11 +1,17 @@
 """What every stage asks of a flight first: the log, and its loops dealt to train, validation and test."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from awescli.notation.errors import BadInput
 from awescli.notation.names import nearest_quantity
 from awescli.notation.quantities import SURFACES
 from awescli.stages.base import Context, Inputs
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.split import Split
+    from awescli.physics.declaration import KiteDeclaration
 
 
 def flight_parts(context: Context, flight: Path | None = None):
@@ -19,7 +25,7 @@ def flight_parts(context: Context, flight: Path | None = None):
     return log, inputs.parts_of(log, flight)
 
 
-def unknown_channels(log, wanted, key: str = "outputs", closed: bool = False):
+def unknown_channels(log: "FlightLog", wanted, key: str = "outputs", closed: bool = False):
     """(key, mistake) of every wanted channel that the flight does not measure; closed: set-points count, a law predicts them."""
     for name in wanted or ():
         if name in SURFACES and name in log.inputs:
@@ -41,12 +47,12 @@ def too_long(inputs: Inputs, horizon: float, parts: tuple[str, ...], key: str = 
             yield key, BadInput(what, do="Use a shorter one, or a longer flight; `awes check` lists what was left out and why.")
 
 
-def closed_loop(context: Context, declaration, log, closed: bool = True):
+def closed_loop(context: Context, declaration: "KiteDeclaration", log: "FlightLog", closed: bool = True):
     """(kite, law) to simulate with: as `driven_upstream` where the loop is closed, else the kite as it is and no law."""
     return driven_upstream(context, declaration, log) if closed else (declaration, None)
 
 
-def driven_upstream(context: Context, declaration, log):
+def driven_upstream(context: Context, declaration: "KiteDeclaration", log: "FlightLog"):
     """(the kite as the fitted controller drives it, delay and rate limit of its set-points included; the controller as the law of a
     simulator of that kite). Raises BadInput where there is no controller."""
     from awescli.physics.kite import Kite
@@ -55,7 +61,7 @@ def driven_upstream(context: Context, declaration, log):
     return driven, closes(Kite(driven, log.recorded_wind.height))
 
 
-def closing_upstream(context: Context, declaration, log):
+def closing_upstream(context: Context, declaration: "KiteDeclaration", log: "FlightLog"):
     """`driven_upstream` for whoever adds effects to the kite: (kite, function of a Kite that makes the law of its simulator)."""
     folder = context.upstream("fit-controller")
     if folder is None:
@@ -69,7 +75,7 @@ def closing_upstream(context: Context, declaration, log):
     return with_setpoint_dynamics(declaration, fitted), lambda kite: loop(fitted, kite, direction)
 
 
-def predicted(simulator, log, parts, horizon: float, known_starts: bool = False) -> dict:
+def predicted(simulator, log: "FlightLog", parts: "Split", horizon: float, known_starts: bool = False) -> dict:
     """Part -> the one prediction of a model on it, from which all its numbers and pictures are made."""
     from awescli.estimation.prediction import predict
 
@@ -85,6 +91,6 @@ def scores_of(predictions, horizon: float) -> dict:
     }  # fmt: skip
 
 
-def score_parts(simulator, log, parts, horizon: float, known_starts: bool = False) -> dict:
+def score_parts(simulator, log: "FlightLog", parts: "Split", horizon: float, known_starts: bool = False) -> dict:
     """`scores_of` a model's predictions."""
     return scores_of(predicted(simulator, log, parts, horizon, known_starts), horizon)

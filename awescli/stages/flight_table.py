@@ -22,8 +22,8 @@ STATUS = {0: "done", 1: "fault", 2: "refused", 3: "no answer"}
 def row(
     plan: Plan, results: Mapping[str, Result], error: AwesError | None = None, seconds: float = 0.0, status: str = "", reason: str = ""
 ) -> dict[str, Any]:
-    """The row of one flight. results: of the stages whose artifacts stand, so that nothing of an earlier plan is told; error: what ended
-    the run; status: where no error says it.
+    """The row of one flight. results: of the stages whose artifacts stand, so that nothing of an earlier plan is reported; error: what
+    ended the run; status: where no error says it.
 
     Sizes have 95 % intervals (`low`, `high`), in their unit. `error`: mean NRMSE on test loops, of the declared kite's fit and of the
     traced model, and of noise alone; without a trace of the first and of the last model. `power`: share of the measured mean power by which

@@ -1,7 +1,14 @@
 """The built-in law that follows the circle of a log."""
 
+from typing import TYPE_CHECKING
 
-def follower_of(log, declaration):
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.physics.declaration import KiteDeclaration
+
+
+
+def follower_of(log: "FlightLog", declaration: "KiteDeclaration"):
     """The path-following law on the circle that the log flies, other surfaces at their medians there."""
     import numpy as np
 

@@ -2,11 +2,15 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import Field
 
 from awescli.notation.errors import BadInput
-from awescli.stages.base import StageConfig
+from awescli.stages.base import Context, Inputs, StageConfig
+
+if TYPE_CHECKING:
+    from awescli.physics.declaration import KiteDeclaration
 
 
 class FurtherFlight(StageConfig):
@@ -18,7 +22,7 @@ class FurtherFlight(StageConfig):
     )
 
 
-def refused_flights(inputs, also: Sequence[FurtherFlight], outputs, closed: bool = False) -> Iterator[tuple[str, BadInput]]:
+def refused_flights(inputs: Inputs, also: Sequence[FurtherFlight], outputs, closed: bool = False) -> Iterator[tuple[str, BadInput]]:
     """(key, mistake) of `also`; closed: surfaces that the fitted controller moves are channels too."""
     from awescli.flightlog.read import read_flight
     from awescli.stages.flight_parts import unknown_channels
@@ -38,7 +42,7 @@ def refused_flights(inputs, also: Sequence[FurtherFlight], outputs, closed: bool
                 yield f"also.{i}.kite", BadInput(str(e))
 
 
-def flights_of(context, also: Sequence[FurtherFlight], declared) -> list[tuple]:
+def flights_of(context: Context, also: Sequence[FurtherFlight], declared: "KiteDeclaration") -> list[tuple]:
     """(log, parts, kite, label) of the plan's flight and of those of `also`; labels tell flights of one name apart, the plan's is ""."""
     from awescli.stages.flight_parts import flight_parts
 
@@ -51,7 +55,7 @@ def flights_of(context, also: Sequence[FurtherFlight], declared) -> list[tuple]:
     return flights
 
 
-def unknown_own(declared, config) -> Iterator[tuple[str, BadInput]]:
+def unknown_own(declared: "KiteDeclaration", config) -> Iterator[tuple[str, BadInput]]:
     """(key, mistake) of `per_flight`: patterns of no free parameter, or nothing to tell apart."""
     from fnmatch import fnmatchcase
 
@@ -65,7 +69,7 @@ def unknown_own(declared, config) -> Iterator[tuple[str, BadInput]]:
         yield "per_flight", BadInput("there is only one flight", do="Name further flights under `also`, or drop this key.")
 
 
-def same_kite(declared, file: Path):
+def same_kite(declared: "KiteDeclaration", file: Path):
     """The kite of `file` with the free parameters of `declared`. Raises BadInput where it is another kite."""
     from awescli.physics.declaration import read_kite
 

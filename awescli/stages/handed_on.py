@@ -1,21 +1,24 @@
 """What a stage says of the parameters that it hands on: params.json of a traced model, and where fitted values come from."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from awescli.physics.declaration import KiteDeclaration
 
 FITTED = "identified by awes"
 """How the source of a fitted value begins."""
 PRIOR = ", prior: "
 
 
-def with_sources(declaration, params: Mapping[str, Any], flights: str):
+def with_sources(declaration: "KiteDeclaration", params: Mapping[str, Any], flights: str):
     """The declaration with the source of every fitted value: the flights it was fitted to, its standard deviation, and what was known
     before. params: params.json; values that were not fitted keep their sources."""
     rows = dict(declaration.parameters)
     for name, fitted in params["parameters"].items():
         if name in rows:
             row = rows[name]
-            # the prior of a value that was itself fitted to an earlier flight is told once, not flight after flight
+            # the prior of a value that was itself fitted to an earlier flight is stated once, not flight after flight
             before = row.source.partition(PRIOR)[2] if row.source.startswith(FITTED) else row.source
             unit = f" {row.unit}" if row.unit not in ("", "-") else ""
             said = f"{FITTED} from {flights} (std {fitted['std']:.3g}{unit}){PRIOR}{before or 'as declared'}"

@@ -1,15 +1,22 @@
 """identify: estimate the free parameters of the kite from the flight (Rositani eq. 11)."""
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
+from awescli.notation.errors import BadInput
 from awescli.notation.former_names import formerly
 from awescli.stages.ahead import AheadConfig, Surfaces
 from awescli.stages.answers import ANSWER, change, number, plural, sized
-from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage
+from awescli.stages.base import KITE_FILE, Context, Inputs, Names, Need, Progress, Seconds, Stage
 from awescli.stages.further_flights import FurtherFlight, flights_of, refused_flights, unknown_own
 from awescli.stages.per_phase import by_phase, phases_fitted, phases_of, refused_phases
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.physics.declaration import KiteDeclaration
 
 
 class IdentifyConfig(AheadConfig):
@@ -46,13 +53,13 @@ class Identify(Stage):
     Config = IdentifyConfig
     makes = ("params.json", KITE_FILE, "metrics.json")
 
-    def needs(self, config):
-        return (Need("fit-controller", required=config.surfaces == "controller"),)
+    def needs(self, config: IdentifyConfig) -> tuple[Need, ...]:
+        return (Need("fit-controller"),) if config.surfaces == "controller" else ()
 
-    def flights(self, config):
+    def flights(self, config: IdentifyConfig) -> tuple[Path, ...]:
         return tuple(f.flight for f in config.also)
 
-    def check(self, inputs, config):
+    def check(self, inputs: Inputs, config: IdentifyConfig) -> Iterator[tuple[str, BadInput]]:
         from awescli.stages.flight_parts import too_long, unknown_channels
 
         closed = config.surfaces == "controller"
@@ -63,7 +70,7 @@ class Identify(Stage):
         yield from refused_phases(inputs.declared, config.per_phase, inputs.log, inputs.parts)
         yield from refused_flights(inputs, config.also, config.outputs, closed)
 
-    def run(self, context, config):
+    def run(self, context: Context, config: IdentifyConfig) -> dict[str, Any]:
         from awescli.artifacts import write_json, write_text
         from awescli.estimation.identifiability import describe
         from awescli.estimation.staged_fit import fit_from_starts, fit_output_error, spread_of, unaided
@@ -166,7 +173,7 @@ def answer_lines(answer: dict, metrics: dict, kite_file) -> list[str]:
     return [*lines, f"kite file: {kite_file}; next: awes trace-residual"]
 
 
-def within(context, config):
+def within(context: Context, config: IdentifyConfig):
     """The settings with the horizon that all flights of the fit can be predicted ahead."""
     from awescli.stages.ahead import horizon_within
     from awescli.stages.flight_parts import flight_parts
@@ -175,7 +182,7 @@ def within(context, config):
     return config.model_copy(update={"horizon": horizon_within(context, config, config.horizon, flights)})
 
 
-def flown(context, config, declared) -> list:
+def flown(context: Context, config: IdentifyConfig, declared: "KiteDeclaration") -> list:
     """The flights of the fit: the plan's, then those of `also`, each with its own simulator (wind record, control law)."""
     from awescli.estimation.problem import build, simulator_of
     from awescli.estimation.staged_fit import Flight
@@ -188,7 +195,7 @@ def flown(context, config, declared) -> list:
         if config.surfaces == "controller":
             kite, law = driven_upstream(context, kite, log)
             told_apart(declared, kite)
-            moved = getattr(read_controller(context.upstream("fit-controller")), "surfaces", ())
+            moved = getattr(read_controller(context.made_by("fit-controller")), "surfaces", ())
             driven = tuple(s for s in moved if s in log.inputs)
         simulator = simulator_of(kite, log, law=law)
         how = {"by_range": config.weights == "range", "known_starts": config.known_starts}
@@ -197,7 +204,7 @@ def flown(context, config, declared) -> list:
     return flights
 
 
-def told_apart(declared, driven) -> None:
+def told_apart(declared: "KiteDeclaration", driven) -> None:
     """Raise BadInput where a free parameter of the kite and the controller's own delay or rate limit stand in one."""
     from awescli.notation.errors import BadInput
 
@@ -250,7 +257,7 @@ def scores(problem, fit, horizon: float, known_starts: bool = False) -> dict:
     return {"processes": levels_found(problem), "noise_factors": dict(problem.factors), "initial": before, **after}
 
 
-def tell(progress, answer: dict, metrics: dict) -> None:
+def tell(progress: Progress, answer: dict, metrics: dict) -> None:
     """What the person should know of the answer."""
     if bounded := [name for name, row in answer["parameters"].items() if row["at_bound"]]:
         progress.note(f"at their bounds: {', '.join(bounded)}")
@@ -266,7 +273,7 @@ def tell(progress, answer: dict, metrics: dict) -> None:
         progress.note(f"{starts['same_optimum']} of {starts['starts']} starts led to the best optimum, {others} to others that are worse")
 
 
-def outputs_of(log, config, driven: tuple[str, ...] = ()) -> tuple[str, ...]:
+def outputs_of(log: "FlightLog", config: IdentifyConfig, driven: tuple[str, ...] = ()) -> tuple[str, ...]:
     """The channels that count: those asked for, else all measured ones; weighed by their range those of Rositani eq. (11a): position,
     attitude, tension, and the surfaces `driven` by the law in the loop, without velocities and rates."""
     from awescli.notation.quantities import MEASURED

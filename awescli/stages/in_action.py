@@ -1,11 +1,15 @@
 """What each traced effect does while the model flies: one quantity, with the effect at null and as fitted, at the same simulated states."""
 
+
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
+
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.split import Split
 
 WORDS = {
     "n": ("wind towards north", "m/s"), "e": ("wind towards east", "m/s"), "d": ("wind down", "m/s"), "density": ("air density", "kg/m3"),
@@ -26,7 +30,7 @@ NOTHING = 1e-9
 """Share of a quantity below which an effect does not change it."""
 
 
-def actions(effects: Mapping[str, Any] | None, folder: Path | None, log, parts) -> tuple:
+def actions(effects: Mapping[str, Any] | None, folder: Path | None, log: "FlightLog", parts: "Split") -> tuple:
     """(`reporting.evidence.Action`, ...) of the effects that the trace in `folder` found, on predictions of the test loops; none where it
     found none, or where no prediction fits in."""
     from awescli.notation.errors import BadInput
@@ -47,7 +51,7 @@ def actions(effects: Mapping[str, Any] | None, folder: Path | None, log, parts) 
     return tuple(action for effect in found if (action := _action(simulator.kite, effect, *flown, log)) is not None)
 
 
-def _flown(simulator, log, parts, horizon: float):
+def _flown(simulator, log: "FlightLog", parts: "Split", horizon: float):
     """(first (K,) samples, states (K, N, n_x), inputs (K, N, n_u)) of predictions of the test loops, starts by their warm-up."""
     from awescli.estimation.prediction import WARM_UP, prediction_starts, warmed_up
     from awescli.notation.errors import BadInput
@@ -65,7 +69,7 @@ def _flown(simulator, log, parts, horizon: float):
     return (begin + before)[whole], flown.states[whole, before:], segments.inputs[whole, before:]
 
 
-def _action(kite, effect, first, states, inputs, log):
+def _action(kite, effect, first, states, inputs: "np.ndarray", log: "FlightLog"):
     """What an effect changes most, in relation to its size; None where it changes nothing."""
     import numpy as np
 

@@ -8,7 +8,7 @@ from awescli.notation.errors import BadInput
 
 
 def read_provenance(folder: Path) -> dict[str, Any] | None:
-    """What the stage in `folder` was made from; None where that is not told, or not readably."""
+    """What the stage in `folder` was made from; None where that is not stated, or not readably."""
     try:
         return read_json(folder / PROVENANCE)
     except BadInput:

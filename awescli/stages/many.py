@@ -87,19 +87,19 @@ def fly(name: str, case: tuple[Plan, tuple[Stage, ...], str | None, bool], say: 
     """The ordinary run of one flight, and its row. say: where messages go; what is said stands in the log file of the flight's folder too.
     What is no AwesError is left to the caller."""
     plan, stages, begin, force = case
-    told = _Told(name, say, Journal(plan.out))
+    reported = _Reported(name, say, Journal(plan.out))
     began, error = time.monotonic(), None
     try:
-        run_plan(plan, stages, begin=begin, force=force, progress=told, report=told.stage_event, among_many=True)
+        run_plan(plan, stages, begin=begin, force=force, progress=reported, report=reported.stage_event, among_many=True)
     except AwesError as e:
         error = e
-        told.journal.write([f"error: {e}"])
+        reported.journal.write([f"error: {e}"])
     except KeyboardInterrupt:
-        told.journal.write(["interrupted"])
+        reported.journal.write(["interrupted"])
         if say is not tell:
             raise
-        return row(plan, told.results, status="interrupted")  # a worker outlives whoever does not wait for it any more
-    return row(plan, told.results, error, time.monotonic() - began)
+        return row(plan, reported.results, status="interrupted")  # a worker outlives whoever does not wait for it any more
+    return row(plan, reported.results, error, time.monotonic() - began)
 
 
 def _fault(plan: Plan, error: Exception) -> dict[str, Any]:
@@ -123,7 +123,7 @@ def _of_one_kind(client: Any, scheduler: str) -> None:
         raise BadInput(what, f"--scheduler {scheduler}", "Install the same version on all of them.")
 
 
-class _Told:
+class _Reported:
     """The Progress, its tasks, and the report of one flight's run: messages, and lines in the flight's log file.
 
     results: stage -> its Result, of the stages whose artifacts this run has made or found standing.
@@ -148,7 +148,7 @@ class _Told:
             self.results[stage] = event
         self.say(self.flight, {"stage": stage, "status": event.status, "reason": event.reason})
 
-    def task(self, description: str, total: int | None = None) -> "_Told":
+    def task(self, description: str, total: int | None = None) -> "_Reported":
         self.doing, self.count, self.total = description, 0, total
         self.journal.write([f"  {description}"])
         self._tell(now=True)

@@ -2,19 +2,24 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from awescli.stages.base import KITE_FILE, Context
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.split import Split
 
 MADE_BY = {"identified": "identify", "with_effects": "trace-residual", "hybrid": "train-hybrid"}
 """Model -> the stage that hands it on; `initial` is what the user declared."""
 
 
-def nested_models(context: Context, log, closed: bool = False) -> dict:
+def nested_models(context: Context, log: "FlightLog", closed: bool = False) -> dict:
     """name -> Simulator of every model that exists, in the order in which they were made; closed: the fitted law moves the surfaces."""
     return {name: model_of(name, file, log, context if closed else None) for name, file in kite_files(context).items()}
 
 
-def model_of(name: str, file: Path, log, context: Context | None = None):
+def model_of(name: str, file: Path, log: "FlightLog", context: Context | None = None):
     """The Simulator of one model in the wind of a flight: of its kite file, and of the network beside it; context: of the run whose fitted
     law moves the surfaces."""
     from awescli.estimation.problem import simulator_of
@@ -39,7 +44,7 @@ def network(folder: Path) -> tuple[dict, dict]:
     return read_json(folder / "network.json"), read_tensors(folder / "network.safetensors")
 
 
-def score_models(models: dict, context: Context, log, parts, config, task) -> tuple[dict, dict]:
+def score_models(models: dict, context: Context, log: "FlightLog", parts: "Split", config, task) -> tuple[dict, dict]:
     """(metrics.json, arrays of predictions.npz): every model predicted alike on train, validation and test."""
     from awescli.estimation.prediction_bands import NO_BANDS, bands
     from awescli.estimation.prediction_scores import scored
@@ -61,7 +66,7 @@ def score_models(models: dict, context: Context, log, parts, config, task) -> tu
         if name != "hybrid" and not config.known_starts:
             known = with_record_level(simulator, log, parts, config.horizon, told_by[1]) if name in MADE_BY else told_by[1]
             banded = bands(simulator, log, predictions["test"], known)
-            block["bands"] = banded.told(predictions["test"])
+            block["bands"] = banded.coverage(predictions["test"])
             for which, edge in (("low", 0), ("high", 1)):
                 arrays |= {f"{which}_{name}_{n}": banded.edges(n)[edge] for n in banded.centre}
         enter(name, block, predictions, context, log, metrics, arrays)
@@ -70,7 +75,7 @@ def score_models(models: dict, context: Context, log, parts, config, task) -> tu
     return metrics, arrays
 
 
-def enter(name: str, block: dict, predictions: dict, context: Context, log, metrics: dict, arrays: dict) -> None:
+def enter(name: str, block: dict, predictions: dict, context: Context, log: "FlightLog", metrics: dict, arrays: dict) -> None:
     """A scored model into metrics.json and predictions.npz."""
     for part, prediction in predictions.items():
         block["nrmse"][part] |= surface_errors(context, log, prediction)
@@ -91,7 +96,7 @@ def known_of(context: Context, name: str, kite):
     return Known.fitted(read_json(file), kite) if file and file.is_file() else Known.declared(kite)
 
 
-def all_known_of(context: Context, name: str, kite, log):
+def all_known_of(context: Context, name: str, kite, log: "FlightLog"):
     """`known_of` with processes and noise as the fit left them: after a trace that was not testable, identify's; of a model that nothing
     was fitted to, what is always there."""
     from awescli.estimation.wind_seen import processes_at
@@ -116,7 +121,7 @@ def levels_of(context: Context, model: str) -> tuple[dict | None, dict]:
     return None, {}
 
 
-def surface_errors(context: Context, log, prediction) -> dict:
+def surface_errors(context: Context, log: "FlightLog", prediction) -> dict:
     """NRMSE of each driven surface: what the fitted law commands at the predicted states, against what was flown."""
     import numpy as np
 

@@ -1,8 +1,13 @@
 """Gather what the stages left behind, and write report.html and the figures for papers beside evaluate's numbers."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from awescli.stages.base import Context
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.split import Split
 
 OWN = "evaluate"
 """The stage whose page this is."""
@@ -34,7 +39,7 @@ def write_figures(context: Context, evidence) -> None:
         task.advance()
 
 
-def gather(context: Context, log, parts, metrics: dict, arrays: dict):
+def gather(context: Context, log: "FlightLog", parts: "Split", metrics: dict, arrays: dict):
     """The evidence: what of the upstream stages is there. metrics, arrays: evaluate's own, which are not yet in place."""
     from awescli.artifacts import PROVENANCE, versions
     from awescli.flightlog.loops import find_loops
@@ -58,7 +63,7 @@ def gather(context: Context, log, parts, metrics: dict, arrays: dict):
     )  # fmt: skip
 
 
-def _commanded(folder: Path | None, log) -> dict:
+def _commanded(folder: Path | None, log: "FlightLog") -> dict:
     """What the fitted law commands at the measured states; nothing where there is no law."""
     if folder is None:
         return {}

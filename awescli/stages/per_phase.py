@@ -2,15 +2,21 @@
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
 
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.notation.phases import OWN, WORKING, own_name, parted
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.split import Split
+    from awescli.physics.declaration import KiteDeclaration
 
 LEAST = 5.0
 """[s] that a phase must last, changes left out, in the loops that are fitted: less tells nothing of it."""
 
 
-def by_phase(declared, patterns: Sequence[str], phases: Iterable[str]):
+def by_phase(declared: "KiteDeclaration", patterns: Sequence[str], phases: Iterable[str]):
     """The declaration with a value of its own, declared like that in traction, for each free parameter that a pattern names, in each of
     these phases but traction. Values of a phase that the kite file declares stay as they are."""
     named = {n: row for n, row in declared.parameters.items() if row.free and any(fnmatchcase(n, p) for p in patterns) and not parted(n)[1]}
@@ -18,13 +24,13 @@ def by_phase(declared, patterns: Sequence[str], phases: Iterable[str]):
     return declared.model_copy(update={"parameters": {**own, **declared.parameters}})
 
 
-def by_phase_as(declared, identified):
+def by_phase_as(declared: "KiteDeclaration", identified):
     """The declaration with the values of their own in a phase that `identified` has, each with the prior of its parameter."""
     own = {n: declared.parameters[parted(n)[0]] for n in identified.parameters if parted(n)[1] and n not in declared.parameters}
     return declared.model_copy(update={"parameters": {**declared.parameters, **own}})
 
 
-def phases_fitted(log, parts) -> tuple[str, ...]:
+def phases_fitted(log: "FlightLog", parts: "Split") -> tuple[str, ...]:
     """Phases of a cycle that last in the loops that are fitted."""
     import numpy as np
 
@@ -43,7 +49,9 @@ def phases_of(names: Collection[str]) -> dict[str, str]:
     return {name: parted(name)[1] or WORKING[0] for name in names if parted(name)[0] in several}
 
 
-def refused_phases(declared, patterns: Sequence[str], log, parts) -> Iterator[tuple[str, BadInput]]:
+def refused_phases(
+    declared: "KiteDeclaration", patterns: Sequence[str], log: "FlightLog", parts: "Split"
+) -> Iterator[tuple[str, BadInput]]:
     """(key, mistake) of `per_phase`: patterns of no free parameter, or one phase alone."""
     if not patterns:
         return

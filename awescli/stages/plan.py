@@ -112,7 +112,7 @@ def plan_model(stages: tuple[Stage, ...]) -> type[SharedSettings]:
     nothing_means_defaults = BeforeValidator(lambda value: {} if value is None else value)
     fields: dict[str, Any] = {
         stage.name.replace("-", "_"): (
-            # the default is never read: absent stages are told from present ones by `model_fields_set`
+            # the default is never read: absent stages are distinguished from present ones by `model_fields_set`
             Annotated[stage.Config, nothing_means_defaults],
             Field(default_factory=stage.Config, alias=stage.name, description=stage.help),
         )

@@ -2,11 +2,15 @@
 
 import csv
 import io
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from awescli.notation.present import present
+from awescli.stages.base import Context
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
 
 FILE = "power_curve.csv"
 COLUMNS = ("wind_m_s", "mean_W", "low_W", "high_W", "flown", "draws")
@@ -26,7 +30,7 @@ class PowerCurve(BaseModel):
     cycles: int = Field(3, ge=2, le=20, description="cycles flown in each wind; the first does not count")
 
 
-def write_power_curve(context, config, log, fitted) -> dict[str, list[dict]]:
+def write_power_curve(context: Context, config, log: "FlightLog", fitted) -> dict[str, list[dict]]:
     """power_curve.csv in the stage's folder; model -> its rows (`simulation.power_curve`)."""
     from awescli.artifacts import write_text
     from awescli.simulation.power_curve import power_curve

@@ -1,13 +1,18 @@
-"""Pumping cycles in a plan: what `simulate` is told of phases, and the flight through them."""
+"""Pumping cycles in a plan: what `simulate` asks of phases, and the flight through them."""
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from awescli.notation.errors import BadInput
 from awescli.notation.present import present
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.physics.declaration import KiteDeclaration
+    from awescli.stages.simulate import SimulateConfig
 
 Degrees = float
 
@@ -97,7 +102,7 @@ class Drum(Settings):
     a_max: float = Field(default=5.0, gt=0, le=100, description="torque over inertia [m/s2]")
 
 
-def check_phases(phases: tuple[PhaseConfig, ...], declared, log) -> Iterator[tuple[str, BadInput]]:
+def check_phases(phases: tuple[PhaseConfig, ...], declared: "KiteDeclaration", log: "FlightLog") -> Iterator[tuple[str, BadInput]]:
     """What cannot be flown of a plan's phases."""
     from awescli.physics.kite import has_line, surfaces_used
 
@@ -125,7 +130,7 @@ def guards_of(until: Mapping[Ending, Limit]):
     return tuple(Guard(name, scale.get(name, 1.0) * limit.value, limit.above is not None) for name, limit in until.items())
 
 
-def laws_of(phases: tuple[PhaseConfig, ...], log, declaration, fitted):
+def laws_of(phases: tuple[PhaseConfig, ...], log: "FlightLog", declaration: "KiteDeclaration", fitted):
     """A law (`deflections`) for each phase: who steers, and what is held."""
     from dataclasses import replace
 
@@ -148,7 +153,7 @@ def laws_of(phases: tuple[PhaseConfig, ...], log, declaration, fitted):
         yield Held(replace(here, pattern=replace(here.pattern, **circle)), held)
 
 
-def pumping_phases(phases: tuple[PhaseConfig, ...], log, kite, fitted):
+def pumping_phases(phases: tuple[PhaseConfig, ...], log: "FlightLog", kite, fitted):
     """The phases as the simulation flies them, made for a kite."""
     from awescli.simulation.closed_loop import loop
     from awescli.simulation.pumping import PumpingPhase
@@ -161,7 +166,7 @@ def pumping_phases(phases: tuple[PhaseConfig, ...], log, kite, fitted):
     ]
 
 
-def with_fitted_winch(config, metrics: Mapping):
+def with_fitted_winch(config: "SimulateConfig", metrics: Mapping):
     """The settings of simulate with the winch laws that fit-controller found, and the lag of the drum behind them where the plan names
     none. metrics: its metrics.json. Raises BadInput where it has found none for a phase."""
     laws, phases, lags = metrics.get("winch", {}), [], []
@@ -182,14 +187,14 @@ def with_fitted_winch(config, metrics: Mapping):
     return config.model_copy(update={"phases": tuple(phases), "drum": drum})
 
 
-def on_winch(declaration, drum: Drum):
+def on_winch(declaration: "KiteDeclaration", drum: Drum):
     """The kite on the plan's winch; what a kite file says of its own drum stays, unless the plan says otherwise."""
     from awescli.simulation.pumping import DRUM, with_winch
 
     return with_winch(declaration, drum.model_dump(exclude_unset=DRUM in declaration.effects))
 
 
-def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping, known=None):
+def fly_phases(config: "SimulateConfig", log: "FlightLog", first: int, kite, fitted, wind, how: Mapping, known=None):
     """(the flight through the plan's phases, what metrics.json says of it), from sample `first` of the log, its line and its load on.
 
     known: of the parameters (`power_interval.Known`), for the interval of the mean power of all cycles that were asked for: 5 to 95 % of
@@ -205,21 +210,21 @@ def fly_phases(config, log, first: int, kite, fitted, wind, how: Mapping, known=
     pumped = pumping.fly(wind, cycles=config.cycles, **line, **how)
     names = [p.name for p in config.phases]
     rows, whole = energies(pumped, names)
-    told = {"phases": rows, "cycles": whole, "cycles_flown": pumped.done, "mean_cycle_W": mean_power(whole)}
+    summary = {"phases": rows, "cycles": whole, "cycles_flown": pumped.done, "mean_cycle_W": mean_power(whole)}
     if known is not None and config.draws and config.cycles == pumped.done:
         kites = known.draws(kite, config.draws, how["seed"])
         flown = [pumping.fly(wind, cycles=config.cycles, **line, **how, values=values) for values in kites]
         means = [mean_power(energies(f, names)[1]) for f in flown if f.ended]
-        told |= {"mean_cycle_interval_W": band([w for w in means if w is not None]), "draws": config.draws}
-        told["draws_flown"] = sum(f.ended is not None for f in flown)
+        summary |= {"mean_cycle_interval_W": band([w for w in means if w is not None]), "draws": config.draws}
+        summary["draws_flown"] = sum(f.ended is not None for f in flown)
     if known is not None and config.draws and config.cycles == pumped.done:
-        told |= slopes(config, pumping, wind, known, line | {k: how[k] for k in ("start", "duration", "dt", "begins")})
+        summary |= slopes(config, pumping, wind, known, line | {k: how[k] for k in ("start", "duration", "dt", "begins")})
     power = log["tension"] * log["reel_out_speed"] if "tension" in log else None
     measured = [float(power[a:b].mean()) for a, b in cycles(phases(log))] if power is not None else []
-    return pumped.flown, told | ({"measured_cycle_W": measured} if measured else {})
+    return pumped.flown, summary | ({"measured_cycle_W": measured} if measured else {})
 
 
-def slopes(config, pumping, wind, known, how: Mapping) -> dict:
+def slopes(config: "SimulateConfig", pumping, wind, known, how: Mapping) -> dict:
     """{"slopes"}: exact derivatives of the mean cycle power in calm air with respect to each parameter and to each setting of a phase;
     nothing where the flight cannot be differentiated, or its cycles do not come to their end.
 
@@ -242,8 +247,9 @@ def slopes(config, pumping, wind, known, how: Mapping) -> dict:
     ]
     asked = [*names, *((what, i) for what, i, _, _ in settings)]
     made = Pumping.of(kite, pumping.phases, config.step, wrt=parameters_of(asked))
-    flown = differentiated(made, wind, asked, cycles=config.cycles, **how)
-    if flown.cycles < config.cycles:
+    cycles = present(config.cycles, "a number of cycles")
+    flown = differentiated(made, wind, asked, cycles=cycles, **how)
+    if flown.cycles < cycles:
         return {}
     mean, moved, _ = flown.mean_power()
     rows = [

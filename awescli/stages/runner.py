@@ -122,7 +122,7 @@ class _Run:
         if self._before_begin(name):
             return self._leave(name)
         upstreams = self._upstreams(name, dry=True)
-        if reason := self._why(name, self._stamp(name, upstreams)):
+        if reason := self._why(name, self._stamp(name, upstreams), upstreams):
             self.ran.append(name)
             return self._done(Result(name, "would run", reason))
         return self._done(Result(name, "unchanged", "unchanged"))
@@ -133,7 +133,7 @@ class _Run:
             return self._leave(name)
         upstreams = self._upstreams(name)
         stamp = self._stamp(name, upstreams)
-        reason = self._why(name, stamp)
+        reason = self._why(name, stamp, upstreams)
         if not reason:
             kept = self._provenance(name) or {}
             return self._stood(Result(name, "unchanged", "unchanged", summary=kept.get("summary", {})))
@@ -239,7 +239,7 @@ class _Run:
 
     # --- deciding --------------------------------------------------------------------------------------------------------
 
-    def _why(self, name: str, stamp: Stamp) -> str:
+    def _why(self, name: str, stamp: Stamp, upstreams: Mapping[str, Path]) -> str:
         """Why a stage has to run; empty if it need not."""
         asked = "--force" if self.force else f"--from {self.begin}" if self._from_here(name) else ""
         # what this very run had done before it was interrupted stands as if nothing were forced
@@ -250,7 +250,7 @@ class _Run:
         kept = self._provenance(name)
         if kept is None:
             return f"{PROVENANCE} missing or not readable"
-        ran = [need.stage for need in self._needs(name) if need.stage in self.ran]
+        ran = [s for s in self._read(name, upstreams) if s in self.ran]
         if ran:
             return f"upstream {', '.join(ran)} ran"
         if changed := changes(kept["stamp"], stamp):
@@ -261,6 +261,11 @@ class _Run:
 
     def _needs(self, name: str):
         return self.stages[name].needs(self.plan.settings[name])
+
+    def _read(self, name: str, upstreams: Mapping[str, Path]) -> list[str]:
+        """The upstream stages that a stage takes something from, by what those that have run (stage -> folder) say."""
+        unread = self.stages[name].unread(self.plan.settings[name], upstreams)
+        return [need.stage for need in self._needs(name) if need.stage not in unread]
 
     def _provenance(self, name: str) -> dict[str, Any] | None:
         """What a stage was made from; None if it has not run, or not readably."""
@@ -284,7 +289,7 @@ class _Run:
             "seed": plan.seed,
             "split": plan.split.model_dump(),
             "settings": _settings(settings),
-            "upstream": {need.stage: self._hash(need.stage) if need.stage in upstreams else None for need in self._needs(name)},
+            "upstream": {s: self._hash(s) if s in upstreams else None for s in self._read(name, upstreams)},
             "code": code_hash(),
             "versions": versions(),
         }
@@ -293,23 +298,21 @@ class _Run:
 
     def _upstreams(self, name: str, dry: bool = False) -> dict[str, Path]:
         """Folders of the upstream stages to take from, in the order of the stages table."""
-        found = {}
         needs = {need.stage: need for need in self._needs(name)}
-        for upstream in (s for s in self.stages if s in needs):
-            if dry and upstream in self.ran:
-                found[upstream] = self._folder(upstream)
-                continue
-            missing = self._unusable(upstream)
-            if not missing:
-                found[upstream] = self._folder(upstream)
-            elif needs[upstream].required:
+        ahead = [s for s in self.stages if s in needs]
+        missing_of = {s: "" if dry and s in self.ran else self._unusable(s) for s in ahead}
+        found = {s: self._folder(s) for s in ahead if not missing_of[s]}
+        read = self._read(name, found)
+        for upstream in (s for s in ahead if s in read and not (dry and s in self.ran)):
+            missing = missing_of[upstream]
+            if missing and needs[upstream].required:
                 where, cure = str(self._folder(upstream)), f"Make it first: {self.command(upstream)}"
                 raise BadInput(f"{name} needs the result of {upstream}: {missing}", where, cure)
-            elif self._folder(upstream).is_dir():
+            if missing and self._folder(upstream).is_dir():
                 self.progress.note(f"{name} does without {upstream}: {missing}. To use it: {self.command(upstream)}")
             if not missing and (changed := self._outdated(upstream)):
                 self.progress.note(f"{upstream} was made before {'; '.join(changed)}. To bring it up to date: {self.command(upstream)}")
-        return found
+        return {s: folder for s, folder in found.items() if s in read}
 
     def command(self, name: str) -> str:
         """What to type to run a stage."""

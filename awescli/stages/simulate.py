@@ -1,14 +1,19 @@
 """simulate: fly a model on its own and write the flight as a log; compare it with the flight it set out from."""
 
-from typing import Literal
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from awescli.notation.errors import BadInput
 from awescli.stages.answers import ANSWER, number
-from awescli.stages.base import Context, Need, Stage, StageConfig
+from awescli.stages.base import Context, Inputs, Need, Stage, StageConfig
 from awescli.stages.nested_models import MADE_BY
 from awescli.stages.power_curve import PowerCurve
 from awescli.stages.pumping import Drum, PhaseConfig
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
 
 BY = {"controller": "the fitted controller", "recorded": "the log", "path_following": "a built-in law"}
 """Who moves the surfaces, in words."""
@@ -83,12 +88,12 @@ class Simulate(Stage):
     Config = SimulateConfig
     makes = ("flight/kite.csv", "flight/wind.csv", "trajectory.npz", "metrics.json")
 
-    def needs(self, config):
+    def needs(self, config: SimulateConfig) -> tuple[Need, ...]:
         upstream = [Need("fit-controller")] if steered_by_controller(config) or has_fitted_winch(config) else []
         upstream += [Need(s, required=config.model == model) for model, s in MADE_BY.items() if config.model in (model, "newest")]
         return tuple(upstream)
 
-    def check(self, inputs, config):
+    def check(self, inputs: Inputs, config: SimulateConfig) -> Iterator[tuple[str, BadInput]]:
         from awescli.notation.errors import BadInput
         from awescli.physics.kite import has_line
         from awescli.simulation.synthetic import refuse_measured, with_effects
@@ -109,7 +114,7 @@ class Simulate(Stage):
             except BadInput as e:
                 yield "effects", e
 
-    def run(self, context, config):
+    def run(self, context: Context, config: SimulateConfig) -> dict[str, Any]:
         from dataclasses import replace
 
         from awescli.artifacts import read_json, write_arrays, write_json, write_text
@@ -208,7 +213,7 @@ def steered(config: SimulateConfig) -> str:
     return " and ".join(dict.fromkeys(BY[p.law] for p in config.phases)) if config.phases else BY[config.surfaces]
 
 
-def in_wanted_wind(log, wanted: Wind):
+def in_wanted_wind(log: "FlightLog", wanted: Wind):
     """The flight's log, with the wind that is wanted in place of the recorded one."""
     import math
 
@@ -243,7 +248,7 @@ def kite_to_fly(context: Context, config: SimulateConfig, heights, fitted=None):
     return model, Kite(declaration, heights)
 
 
-def law_to_fly(config: SimulateConfig, log, kite, fitted):
+def law_to_fly(config: SimulateConfig, log: "FlightLog", kite, fitted):
     """(law for the simulator or None, pattern or None)."""
     from awescli.simulation.closed_loop import loop
     from awescli.stages.controller_artifact import wind_direction

@@ -1,14 +1,23 @@
 """trace-residual: find what the residual still holds, name the missing effect, add it, prove it on unseen loops."""
 
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from textwrap import shorten
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from awescli.stages.ahead import Surfaces, surfaces_of
+from awescli.notation.errors import BadInput
+from awescli.stages.ahead import Surfaces, surfaces_of, unread_controller
 from awescli.stages.answers import ANSWER, WIDTH, change, fitting, named, number, sized
-from awescli.stages.base import FAILURE, KITE_FILE, Names, Need, Seconds, Stage, StageConfig
+from awescli.stages.base import FAILURE, KITE_FILE, Context, Inputs, Names, Need, Seconds, Stage, StageConfig
 from awescli.stages.further_flights import FurtherFlight, flights_of, refused_flights, unknown_own
 from awescli.stages.per_phase import by_phase_as
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.split import Split
+    from awescli.physics.declaration import KiteDeclaration
 
 
 class TraceResidualConfig(StageConfig):
@@ -36,13 +45,16 @@ class TraceResidual(Stage):
     Config = TraceResidualConfig
     makes = ("effects.json", "params.json", KITE_FILE, "metrics.json", "residuals.npz")
 
-    def needs(self, config):
+    def needs(self, config: TraceResidualConfig) -> tuple[Need, ...]:
         return (Need("fit-controller", required=config.surfaces == "controller"), Need("identify"))
 
-    def flights(self, config):
+    def unread(self, config: TraceResidualConfig, upstreams: Mapping[str, Path]) -> tuple[str, ...]:
+        return unread_controller(config.surfaces, upstreams)
+
+    def flights(self, config: TraceResidualConfig) -> tuple[Path, ...]:
         return tuple(f.flight for f in config.also)
 
-    def check(self, inputs, config):
+    def check(self, inputs: Inputs, config: TraceResidualConfig) -> Iterator[tuple[str, BadInput]]:
         from awescli.notation.errors import BadInput
         from awescli.physics.kite import Kite
         from awescli.stages.flight_parts import too_long, unknown_channels
@@ -57,7 +69,7 @@ class TraceResidual(Stage):
         yield from unknown_own(inputs.declared, config)
         yield from refused_flights(inputs, config.also, config.outputs)
 
-    def run(self, context, config):
+    def run(self, context: Context, config: TraceResidualConfig) -> dict[str, Any]:
         from awescli.artifacts import read_json, write_arrays, write_json, write_text
         from awescli.flightlog.loops import find_loops
         from awescli.notation.quantities import MEASURED
@@ -118,7 +130,7 @@ class TraceResidual(Stage):
         }  # fmt: skip
 
 
-def traced(context, closed: bool, log, parts, declared, label: str):
+def traced(context: Context, closed: bool, log: "FlightLog", parts: "Split", declared: "KiteDeclaration", label: str):
     """A flight as tracing takes it; closed: the fitted controller moves its surfaces."""
     from awescli.stages.flight_parts import closing_upstream
     from awescli.tracing.models import TracedFlight
@@ -127,7 +139,7 @@ def traced(context, closed: bool, log, parts, declared, label: str):
     return TracedFlight(log, parts, driven, label, closes)
 
 
-def kinematics(log) -> list[dict]:
+def kinematics(log: "FlightLog") -> list[dict]:
     """What the sensors of a flight contradict each other in, without any model of forces: a witness beside the verdict, not part of it.
     Each as the effect of the library that it is, with size and standard deviation [SI]."""
     from awescli.flightlog.reconstruction.flight_path import reconstruct

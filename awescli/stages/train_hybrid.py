@@ -1,12 +1,19 @@
 """train-hybrid: let a small network learn what the physics leaves, through the rollout (Rositani section 5)."""
 
-from typing import Annotated, Literal, get_args
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
-from awescli.stages.ahead import HandedOnConfig
+from awescli.notation.errors import BadInput
+from awescli.stages.ahead import HandedOnConfig, unread_controller
 from awescli.stages.answers import ANSWER, change
-from awescli.stages.base import KITE_FILE, Names, Need, Seconds, Stage
+from awescli.stages.base import KITE_FILE, Context, Inputs, Names, Need, Seconds, Stage
+
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.split import Split
 
 CHECKPOINT = "training-{}.npz"
 """In the stage's scratch, one for each network; `State.to_arrays`."""
@@ -63,12 +70,15 @@ class TrainHybrid(Stage):
     Config = TrainHybridConfig
     makes = ("network.safetensors", "network.json", "metrics.json", "correction.npz", KITE_FILE)
 
-    def needs(self, config):
+    def needs(self, config: TrainHybridConfig) -> tuple[Need, ...]:
         return (
             Need("fit-controller", required=config.surfaces == "controller"), Need("identify"), Need("trace-residual", required=False),
         )  # fmt: skip
 
-    def check(self, inputs, config):
+    def unread(self, config: TrainHybridConfig, upstreams: Mapping[str, Path]) -> tuple[str, ...]:
+        return unread_controller(config.surfaces, upstreams)
+
+    def check(self, inputs: Inputs, config: TrainHybridConfig) -> Iterator[tuple[str, BadInput]]:
         from awescli.learning.network_inputs import check_inputs
         from awescli.notation.errors import BadInput
 
@@ -81,7 +91,7 @@ class TrainHybrid(Stage):
         if config.surfaces == "controller" and config.solver != "rk4":
             yield "solver", replays_only(config.solver)
 
-    def run(self, context, config):
+    def run(self, context: Context, config: TrainHybridConfig) -> dict[str, Any]:
         import numpy as np
 
         from awescli.artifacts import read_arrays, write_arrays, write_json, write_tensors, write_text
@@ -102,10 +112,11 @@ class TrainHybrid(Stage):
             raise replays_only(config.solver)
         driven, law = closed_loop(context, declaration, log, closed)
         kite, in_loop = (Kite(d, log.recorded_wind.height) for d in (declaration, driven))
-        chosen = {k: v for k, v in config.model_dump().items() if k != "inputs" and k in TrainingConfig.__annotations__}
+        chosen: dict[str, Any] = {k: v for k, v in config.model_dump().items() if k != "inputs" and k in TrainingConfig.__annotations__}
         chosen |= {"horizons": horizons_within(context, config, log, parts), "known_starts": config.known_starts}
         chosen |= {"keep_drifting": config.drifting == "keep", "by_range": config.weights == "range"}
-        settings = TrainingConfig(**chosen, seed=context.seed, **({"inputs": config.inputs} if config.inputs else {}))
+        chosen |= {"inputs": config.inputs} if config.inputs else {}
+        settings = TrainingConfig(**chosen, seed=context.seed)
 
         def saved(member):
             return context.scratch / CHECKPOINT.format(member)
@@ -136,7 +147,7 @@ class TrainHybrid(Stage):
             return score_parts(model, log, parts, horizon, config.known_starts)
 
         after = scored(correction)
-        told = along(log, kite, correction)
+        profile = along(log, kite, correction)
         # times stand in the provenance, so that equal runs leave equal artifacts
         timeless = {k: v for k, v in best.metrics.items() if k != "seconds"}
         columns = [name for name in HISTORY if name != "seconds"]
@@ -144,7 +155,7 @@ class TrainHybrid(Stage):
         metrics = {
             **timeless, "surfaces": "controller" if closed else "recorded", "initial_states": config.initial_states,
             "before": before, **after, "outside_box_test": outside_share(log, kite, correction, parts.test),
-            "share_of_acceleration": told.shares(log.valid), "history": {"columns": columns, "rows": rows},
+            "share_of_acceleration": profile.shares(log.valid), "history": {"columns": columns, "rows": rows},
             "distilled": [str(f) for f in distil(log, kite, correction, parts.train, parts.validation)],
         }  # fmt: skip
         for name, other in (best.compared or {}).items():
@@ -157,7 +168,7 @@ class TrainHybrid(Stage):
         write_tensors(context.folder / "network.safetensors", correction.to_arrays())
         write_json(context.folder / "network.json", description)
         write_json(context.folder / "metrics.json", metrics)
-        arrays = {"time": log.time, "correction": told.values, "physics": told.physics, "fade": np.asarray(told.fade)}
+        arrays = {"time": log.time, "correction": profile.values, "physics": profile.physics, "fade": np.asarray(profile.fade)}
         write_arrays(context.folder / "correction.npz", arrays)
         write_text(context.folder / KITE_FILE, kite_text(declaration))
         for name, reason in best.dropped.items():
@@ -182,7 +193,7 @@ def replays_only(solver: str):
     return BadInput(f"solver '{solver}' replays recorded set-points only", do="Use solver: rk4, or surfaces: recorded.")
 
 
-def horizons_within(context, config, log, parts) -> tuple[float, ...]:
+def horizons_within(context: Context, config: TrainHybridConfig, log: "FlightLog", parts: "Split") -> tuple[float, ...]:
     """The horizons that fit into every part of the flight, at least one, where they may be shortened; else all."""
     from awescli.stages.ahead import horizon_within
 
@@ -192,7 +203,7 @@ def horizons_within(context, config, log, parts) -> tuple[float, ...]:
     return (*(h for h in config.horizons if h < longest), longest)
 
 
-def spread_over_test(kite, corrections, log, ranges, horizon: float, spread) -> dict[str, float]:
+def spread_over_test(kite, corrections, log: "FlightLog", ranges, horizon: float, spread) -> dict[str, float]:
     """Channel -> root mean square standard deviation of the members' predictions of the test loops."""
     import numpy as np
 

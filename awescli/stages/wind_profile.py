@@ -1,10 +1,15 @@
 """What a fitted model says of the wind that it was flown in."""
 
+from typing import TYPE_CHECKING
+
 from awescli.stages.base import Context
 from awescli.stages.nested_models import MADE_BY, known_of, levels_of
 
+if TYPE_CHECKING:
+    from awescli.flightlog.log import FlightLog
 
-def wind_seen(context: Context, models: dict, log) -> dict | None:
+
+def wind_seen(context: Context, models: dict, log: "FlightLog") -> dict | None:
     """{"model", "rows" (`estimation.wind_seen.wind_profile`)} of the last fitted physical model; None without one, without a record, or
     where the flight holds nothing long enough to smooth. models: name -> Simulator."""
     from awescli.estimation.phase_power import flown_ranges

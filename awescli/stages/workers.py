@@ -69,7 +69,7 @@ def outcomes(
     client: Any, work: Work, todo: Mapping[str, Any], hear: Callable[[str, Any], None] | None = None
 ) -> Generator[tuple[str, Any | Exception], None, None]:
     """(name, what `work(name, case)` gave back or raised), as they end. client: of `connected`; hear(name, message): called, in the thread
-    that asks for outcomes, with what the work has told by `tell`. Left early, what still runs is asked to stop.
+    that asks for outcomes, with what the work has reported by `tell`. Left early, what still runs is asked to stop.
     """
     if client is None:
         for name, case in todo.items():

@@ -14,7 +14,7 @@ PRICE = 2 * CRITERIA.rest_worth
 
 
 @dataclass(frozen=True)
-class Suspect:
+class AbsorbedEffect:
     """An effect that brings a parameter back from its bound. gain: deviance; model: the declared model with it."""
 
     key: str
@@ -26,7 +26,7 @@ class Suspect:
 @dataclass(frozen=True)
 class Evidence:
     """search: of the library; bare: the declared model without model error; model: the answer, the declared model where there is none;
-    rest: what it leaves; rivals: accepted effect -> what the flight cannot tell from it; suspects: effects that a parameter at its bound
+    rest: what it leaves; rivals: accepted effect -> what the flight cannot tell from it; absorbed: effects that a parameter at its bound
     stands for; empirical: the search of empirical terms, None where nothing asked for it; gusts: group -> level [m/s] beside the answer;
     gusts_repeat: how much of them repeats from loop to loop, None where there are none or too few loops; steadiness: of the answer
     (`constancy.steadiness`); along: channel -> what its size would gain by going with it (`constancy.gains_along`).
@@ -40,7 +40,7 @@ class Evidence:
     model: FittedModel
     rest: Rest
     rivals: Mapping[str, Sequence[Rival]] = field(default_factory=dict)
-    suspects: tuple[Suspect, ...] = ()
+    absorbed: tuple[AbsorbedEffect, ...] = ()
     empirical: Search | None = None
     gusts: Mapping[str, float] = field(default_factory=dict)
     gusts_repeat: Repetition | None = None

@@ -17,7 +17,7 @@ from awescli.tracing.candidates import variants
 from awescli.tracing.classes import rivals
 from awescli.tracing.constancy import gains_along, steadiness
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.evidence import Evidence, Suspect
+from awescli.tracing.evidence import AbsorbedEffect, Evidence
 from awescli.tracing.models import FittedModel, Frame, fit_added, fit_beyond, fit_without_process
 from awescli.tracing.rest import Rest, channels_of, gusts_of, repetition_of_gusts, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
@@ -119,7 +119,7 @@ def investigate(
         evidence = replace(evidence, steadiness=steadiness(evidence.model), along=gains_along(evidence.model))
         evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, library.gains, _beaten(library), progress=progress))
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
-        evidence = replace(evidence, suspects=suspects(frame, null, keys, criteria))
+        evidence = replace(evidence, absorbed=absorbed_effects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
     windy = max(evidence.gusts.values(), default=0.0) > criteria.gusty
     terms = term_keys(frame.declared, moving(frame.flights[0].log))
@@ -201,7 +201,7 @@ def _beaten(library: Search) -> tuple[str, ...]:
     return tuple(t.key for t in accepted[0].contenders if t.key != accepted[0].accepted and lead - t.gain > reach)
 
 
-def suspects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Criteria = CRITERIA) -> tuple[Suspect, ...]:
+def absorbed_effects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Criteria = CRITERIA) -> tuple[AbsorbedEffect, ...]:
     """Effects with one strength that do what a parameter at its bound does, and bring it back: a constant moment hides in the derivative
     of a surface that never moves; the fit is good, but the derivative is at the end of what its user thinks possible."""
     at_bound = [n for n in null.at_bound if n in frame.declared.parameters]
@@ -220,7 +220,7 @@ def suspects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Cri
             trial = fit_added(frame, null, key, {name: 0.0}, {}, alone=False)
             gain = null.fit.solution.cost - trial.fit.solution.cost
             if bound not in trial.at_bound and gain > criteria.at_bound:
-                found.append(Suspect(key, bound, gain, trial.widened().light()))
+                found.append(AbsorbedEffect(key, bound, gain, trial.widened().light()))
     return tuple(sorted(found, key=lambda s: -s.gain)[:2])
 
 

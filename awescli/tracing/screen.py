@@ -12,7 +12,7 @@ import numpy as np
 from scipy import stats
 
 from awescli.estimation.fit import relaxed
-from awescli.estimation.misfit import Misfit, Own
+from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.problem import EstimationProblem, build
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import OUTPUTS
@@ -171,7 +171,7 @@ class CandidateColumns:
             return [self._place[(variant.label, variant.moving[0])]]
         return [self._place[(variant.label, m) if variant.at else m] for m in variant.moving]
 
-    def further(self, misfit: Misfit, x: np.ndarray, own: Own) -> np.ndarray:
+    def further(self, misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> np.ndarray:
         """(K, N+1, n_out, n) the columns behind the plain tangents."""
         segments, outputs, found = misfit.segments(own), misfit.observed.outputs, []
         for group in self.passes:

@@ -134,7 +134,7 @@ def plausible(model: FittedModel, key: str) -> bool:
     for name in (n for n in model.strengths if n.startswith(f"{key}.")):
         p = model.table[name]
         near, null_at_lower = AT_END * (p.upper - p.lower), abs(p.lower) < 1e-12
-        # a range over decades begins where its smallest sizes are told apart
+        # a range over decades begins where its smallest sizes are distinguished
         above = min(near, AT_END * p.lower) if p.lower > 0 else near
         if p.value > p.upper - near or (p.value < p.lower + above and not null_at_lower):
             return False

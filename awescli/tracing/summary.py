@@ -33,13 +33,13 @@ SENTENCES = {
 
 
 def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction, after: Prediction) -> dict:
-    """effects.json: verdict and its criteria, effects with sizes, intervals and what they cannot be told from, ranking, what is
+    """effects.json: verdict and its criteria, effects with sizes, intervals and what they cannot be distinguished from, ranking, what is
     unexplained, error on test loops, parameter shifts. before, after: of the test loops."""
     null, model, evidence = finding.null, finding.model, finding.evidence
     named = evidence.model if finding.verdict in ("found", "cannot_tell") else None
     effects = [_effect(finding, key, named, log) for key in named.keys] if named else []
     if finding.verdict == "cannot_tell":
-        effects += [_suspect(finding, s, log) for s in evidence.suspects[:1]]
+        effects += [_absorbed(finding, s, log) for s in evidence.absorbed[:1]]
     testable = finding.verdict != "not_testable"
     error = {
         "horizon_s": horizon, **({"before": before.nrmse()} if testable else {}), "after": after.nrmse(),
@@ -159,17 +159,17 @@ def _effect(finding: Finding, key: str, model: FittedModel, log: FlightLog) -> d
     }  # fmt: skip
 
 
-def _suspect(finding: Finding, suspect, log: FlightLog) -> dict:
-    effect = make_effect(suspect.key, finding.frame.declared)
-    mine = sizes(suspect.key, suspect.model, log)
-    bound = finding.null.table[suspect.parameter]
+def _absorbed(finding: Finding, absorbed, log: FlightLog) -> dict:
+    effect = make_effect(absorbed.key, finding.frame.declared)
+    mine = sizes(absorbed.key, absorbed.model, log)
+    bound = finding.null.table[absorbed.parameter]
     return {
         **_named(effect), "rivals": [{"name": bound.name, "acts_on": "parameter"}], "parameters": mine,
         "doc": f"'{bound.name}' was driven to its bound; with this effect it returns",
         "class": [
             {**_named(effect), "parameters": mine, "lag": 0.0},
             {"name": bound.name, "acts_on": "parameter", "parameters": {"value": {"value": bound.value, "unit": bound.unit}}, "lag":
-            suspect.gain},
+            absorbed.gain},
         ],
     }  # fmt: skip
 
@@ -264,10 +264,10 @@ def _began(finding: Finding) -> str:
     name = finding.frame.flights[0].log.name
     begun = [(" and ".join(f.keys), f.label or name, *f.onset) for f in finding.flights if f.onset is not None]
     if finding.verdict in ("found", "cannot_tell"):
-        told = "{} began between {:.0f} s and {:.0f} s of {}."
+        sentence = "{} began between {:.0f} s and {:.0f} s of {}."
     else:
-        told = "What came nearest, {}, gains only from between {:.0f} s and {:.0f} s of {} on: trace what was flown later by itself."
-    return " ".join(told.format(what, a, b, where) for what, where, a, b in begun)
+        sentence = "What came nearest, {}, gains only from between {:.0f} s and {:.0f} s of {} on: trace what was flown later by itself."
+    return " ".join(sentence.format(what, a, b, where) for what, where, a, b in begun)
 
 
 def residual_arrays(

@@ -261,9 +261,9 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
         ),
         Criterion(
             "no_parameter_hides_it",
-            ", ".join(s.key for s in e.suspects) or 0,
+            ", ".join(s.key for s in e.absorbed) or 0,
             c.at_bound,
-            not e.suspects,
+            not e.absorbed,
             "effects that bring a parameter back from its bound",
             "set on development flights",
         ),

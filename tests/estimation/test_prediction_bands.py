@@ -184,7 +184,7 @@ def test_bands_hold_as_often_as_they_say():
             "all": known, "no processes": replace(known, processes=()), "no parameters": replace(known, covariance=0 * known.covariance),
         }  # fmt: skip
         for case, of in cases.items():
-            told = bands(simulator, log, p, of).told(p)
+            told = bands(simulator, log, p, of).coverage(p)
             assert told["outcome"] == "computed" and told["level"] == LEVEL
             inside[case].append(told["inside"]["all"])
     found = {case: np.mean(shares) for case, shares in inside.items()}
@@ -215,5 +215,5 @@ def test_a_prediction_that_diverges_has_no_band_and_no_nan():
     p = predict(simulator, flown.log, PARTS.test, 2.0)
     assert p.diverged == len(p.first)
     b = bands(simulator, flown.log, p, Known.declared(simulator.kite))
-    assert b.told(p) == {"level": LEVEL, "predictions": len(p.first), "outcome": f"{p.diverged} of {p.diverged} predictions diverged"}
+    assert b.coverage(p) == {"level": LEVEL, "predictions": len(p.first), "outcome": f"{p.diverged} of {p.diverged} predictions diverged"}
     assert all(np.isfinite(edge).all() for n in b.centre for edge in b.edges(n))

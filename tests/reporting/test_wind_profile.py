@@ -57,7 +57,7 @@ def test_levels_are_those_of_the_stage_that_made_the_model(tmp_path):
 
     part = {n: 0.1 for n in (*STATES, "mean")}
     left = {
-        "chi2": 1.0, "method": "filter error", "surfaces": "recorded", "horizon_s": 5.0, "outputs": ["p"],
+        "outcome": "converged", "chi2": 1.0, "method": "filter error", "surfaces": "recorded", "horizon_s": 5.0, "outputs": ["p"],
         "nrmse": dict.fromkeys(("train", "validation", "test"), part), "noise_factors": {"p": 1.1},
         "processes": {"wind record": {"level": 0.07, "unit": "m/s"}},
     }  # fmt: skip

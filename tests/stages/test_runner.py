@@ -5,12 +5,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from stages.dummy_stages import DUMMIES, make_folder
+from stages.dummy_stages import DUMMIES, Judge, make_folder
 
 import awescli
-from awescli.artifacts import read_json
+from awescli.artifacts import read_json, write_json
 from awescli.notation.errors import BadInput, NumericalFailure
-from awescli.stages import runner
+from awescli.stages import STAGES, runner
 from awescli.stages.base import Silent
 from awescli.stages.plan import read_plan
 from awescli.stages.runner import run_plan
@@ -297,3 +297,50 @@ def test_an_interruption_says_where_the_same_command_goes_on(file):
         go(file, overrides={"identify.end": "interrupt"}, report=lambda stage, event: events.append((stage, event)))
     stage, last = events[-1]
     assert (stage, last.status, last.reason) == ("identify", "interrupted", "at its last checkpoint")
+
+
+class Replay(Judge):
+    """Needs both stages before it, and takes something from trace-residual only where identify's horizon is 4 s."""
+
+    def unread(self, config, upstreams):
+        if "identify" in upstreams and read_json(upstreams["identify"] / "params.json", any_form=True)["horizon"] == 4.0:
+            return ()
+        return ("trace-residual",)
+
+
+def test_what_a_stage_leaves_alone_does_not_make_it_out_of_date(file):
+    """A fit of the controller made `identify` of recorded surfaces, which never looks at it, run again."""
+    stages = (*DUMMIES[:2], Replay())
+
+    def reasons(overrides, *only, **options):
+        return {r.stage: r.reason for r in run_plan(read_plan(file, stages, overrides), stages, only or None, **options)}
+
+    reasons({})
+    assert reasons({"trace-residual.count": "4"}) == UNCHANGED | {"trace-residual": "setting count changed 3 -> 4"}
+    for dry in (True, False):
+        again = reasons({"identify.horizon": "4.0"}, dry_run=dry)
+        expected = "upstream identify ran" if dry else "upstream identify, trace-residual ran"
+        assert again["evaluate"] == expected
+    changed = {"identify.horizon": "4.0", "trace-residual.count": "5"}
+    assert reasons(changed)["evaluate"] == "upstream trace-residual ran"
+
+
+@pytest.mark.parametrize("surfaces, by_identify, read", [
+    ("recorded", "controller", False), ("controller", "recorded", True), (None, "recorded", False), (None, "controller", True),
+])  # fmt: skip
+def test_the_controller_is_read_where_it_moves_the_surfaces(tmp_path, surfaces, by_identify, read):
+    write_json(tmp_path / "identify" / "metrics.json", fit_metrics(by_identify))
+    for stage in (s for s in STAGES if s.name in ("identify", "trace-residual", "train-hybrid")):
+        if stage.name == "identify" and surfaces is None:
+            continue
+        config = stage.Config(surfaces=surfaces)
+        unread = stage.unread(config, {"identify": tmp_path / "identify"})
+        assert ("fit-controller" in {n.stage for n in stage.needs(config)} - set(unread)) == read, stage.name
+
+
+def fit_metrics(surfaces: str) -> dict:
+    errors = {part: {"p_n": 0.1, "mean": 0.1} for part in ("train", "validation", "test")}
+    return {
+        "outcome": "converged", "chi2": 1.0, "method": "filter error", "surfaces": surfaces, "horizon_s": 5.0, "nrmse": errors,
+        "outputs": ["p_n"], "processes": {}, "noise_factors": {},
+    }  # fmt: skip

@@ -11,7 +11,7 @@ from awescli.estimation.processes.base import Group, Prior
 from awescli.estimation.processes.drift import Drift
 from awescli.tracing.classes import Rival
 from awescli.tracing.criteria import CRITERIA
-from awescli.tracing.evidence import Evidence, Suspect
+from awescli.tracing.evidence import AbsorbedEffect, Evidence
 from awescli.tracing.rest import Repetition, Rest
 from awescli.tracing.search import Search, crowded
 from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, reason, table, verdict
@@ -208,7 +208,7 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ),
         ("no_rival", {"answer": GOOD}, {"answer": GOOD, "rivals": {"sideslip_drag": (Rival("parasitic_drag", model(903.0), 3.0),)}}),
         ("all_candidates_fitted", {}, {"failed": ("pitch_curvature",)}),
-        ("no_parameter_hides_it", {}, {"suspects": (Suspect("surface_bias:yaw", "Cndr", 9.0, GOOD),)}),
+        ("no_parameter_hides_it", {}, {"absorbed": (AbsorbedEffect("surface_bias:yaw", "Cndr", 9.0, GOOD),)}),
         (
             "no_better_empirical_term", {"answer": GOOD, "empirical": Search(NULL_MODEL, model(891.0, ("custom_term:f_x*beta",)), ())},
             {"answer": GOOD, "empirical": Search(NULL_MODEL, model(889.0, ("custom_term:f_x*beta",)), ())},

@@ -7,7 +7,7 @@ from pydantic import BaseModel
 
 from awescli.artifacts.forms.arrays import ARRAYS
 from awescli.artifacts.forms.controllers import Controller, ControllerFit
-from awescli.artifacts.forms.effects import Effects
+from awescli.artifacts.forms.effects import Effects, Traced
 from awescli.artifacts.forms.evaluated import Scores
 from awescli.artifacts.forms.hybrids import Network, Training
 from awescli.artifacts.forms.parameters import Fit, Params
@@ -36,6 +36,7 @@ FORMS: Mapping[str, Form] = {
     "metrics.json": Form(Metrics),
     "fit-controller/metrics.json": Form(ControllerFit),
     "identify/metrics.json": Form(Fit),
+    "trace-residual/metrics.json": Form(Traced),
     "train-hybrid/metrics.json": Form(Training),
     "simulate/metrics.json": Form(Flown),
     "evaluate/metrics.json": Form(Scores),

@@ -1,10 +1,11 @@
 """The form of what trace-residual finds: effects.json."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from awescli.artifacts.forms.words import Channels, Checked, Number, Numbers, OrAbsent, Spread, Text, Word
+from awescli.artifacts.forms.parameters import Level
+from awescli.artifacts.forms.words import Before, Channels, Checked, Number, Numbers, OrAbsent, Parts, Predicted, Spread, Text, Word
 
 
 class Size(Checked):
@@ -22,9 +23,17 @@ class Named(Checked):
     acts_on: Text = Field(default="", description="what it acts on: a surface, an axis, a sensor, or its place in the model")
 
 
+class Alike(Named):
+    """A member of a class of effects that the flight cannot tell from each other."""
+
+    parameters: dict[str, dict[str, Any]] = Field(description="parameter -> value, std and unit")
+    lag: Number = Field(description="deviance by which it lies behind the best of them [-]")
+
+
 class Effect(Named):
     """An effect that was found."""
 
+    alike: list[Alike] = Field(default=[], alias="class", description="the effect and its rivals, with the size that each would have")
     rivals: list[Named] = Field(description="effects that this flight cannot tell from it")
     parameters: dict[str, Size] = Field(description="parameter -> its size")
     doc: Text = Field(default="", description="what the effect is, in a line")
@@ -41,6 +50,8 @@ class Candidate(Named):
     plausible_size: bool = Field(description="whether its fitted size lies inside its plausible range")
     test_gain: Number | None = Field(description="share of the cost of validation loops that it takes away [-]")
     outcome: Text = Field(default="", description="outcome of its fit: converged, failed, not fitted, ...")
+    significant: bool = Field(default=False, description="whether the score is larger than chance gives among so many candidates")
+    deviance_gain: Number | None = Field(default=None, description="fall of the deviance by its fit [-]")
 
 
 class Unexplained(Checked):
@@ -49,17 +60,22 @@ class Unexplained(Checked):
     channel: Text = Field(default="", description="force or moment in which it shows most: f_x to m_z")
     share: Number | None = Field(default=None, description="share of the misfit that the empirical terms explain [-]")
     expression: Text | None = Field(default=None, description="sparse expression for it; nothing where no term helps")
+    terms: list[Any] = Field(default=[], description="terms of that expression")
 
 
 class OwnUnit(Checked):
     """Unit of a detectable size."""
 
     unit: Text = Field(default="-", description="unit of the size in `detectable`")
+    parameter: Text = Field(default="", description="parameter that the size is of")
 
 
 class Shift(Checked):
     """How far a parameter lies from its prior, without the answer's effects and with them."""
 
+    prior: Number | None = Field(default=None, description="declared value [unit of the parameter]")
+    before: Number | None = Field(default=None, description="value before [unit of the parameter]")
+    after: Number | None = Field(default=None, description="value after [unit of the parameter]")
     before_in_prior_std: Number = Field(description="(value - prior) / prior_std before [-]")
     after_in_prior_std: Number = Field(description="the same after [-]")
 
@@ -68,6 +84,9 @@ class Errors(Checked):
     """Errors on loops that took no part in the choice; the same channels in all three."""
 
     horizon_s: Number = Field(description="length of a prediction [s]")
+    split: Text = Field(default="test", description="part of the flight that they are of")
+    diverged_before: int = Field(default=0, description="predictions of it that diverged, before; they count with their last error")
+    diverged_after: int = Field(default=0, description="likewise, after")
     before: Annotated[Channels | None, OrAbsent] = Field(
         default=None,
         description="channel -> NRMSE of the model without the answer's effects, and their `mean` [-]; not there where nothing was fitted",
@@ -76,7 +95,7 @@ class Errors(Checked):
     noise_floor: Channels = Field(description="likewise, what sensor noise alone causes [-]")
 
     @model_validator(mode="after")
-    def _alike(self):
+    def _alike(self) -> Self:
         before = self.after if self.before is None else self.before
         if not before.keys() == self.after.keys() == self.noise_floor.keys():
             raise ValueError("before, after and noise_floor are of different channels")
@@ -104,6 +123,7 @@ class RollGusts(Checked):
 class Criterion(Checked):
     """One line of what the verdict stands on."""
 
+    name: Text = Field(default="", description="its name")
     says: Text = Field(description="the criterion in a sentence")
     value: Number | Text = Field(description="what this flight gives [as `says` tells]")
     threshold: Number | Text = Field(description="what is asked [as `says` tells]")
@@ -123,6 +143,66 @@ class SeenAlone(Checked):
     sentence: Text = Field(description="the same in a sentence")
 
 
+class Segments(Checked):
+    """Where in the flight an answer gains."""
+
+    begins_s: list[Number] = Field(description="begin of each segment, on the flight's clock [s]")
+    gain: list[Number] = Field(description="fall of the deviance in it [-]")
+
+
+class OfFlight(Checked):
+    """What one of the flights says of the answer."""
+
+    flight: Text = Field(description="which flight")
+    effects: list[Text] = Field(default=[], description="effects that it was asked about")
+    gain: Number | None = Field(default=None, description="fall of the deviance by them in this flight [-]")
+    since_s: list[Number] | None = Field(
+        default=None, description="[earliest, latest] time at which they began, on its clock [s]; nothing: with the flight"
+    )
+    segments: Segments | None = Field(default=None, description="where in the flight they gain")
+    parameters: dict[str, Size] = Field(default={}, description="effect and parameter -> its size by this flight alone")
+
+
+class Repeats(Checked):
+    """What of the rest repeats from loop to loop, by permutation of the loops' phases."""
+
+    share: Numbers = Field(default={}, description="force or moment -> share of the variance of its model error that repeats [-]")
+    p: Numbers = Field(default={}, description="force or moment -> probability of such a share by chance [-]")
+    loops: int = Field(default=0, description="loops that show it")
+
+
+class Left(Checked):
+    """What the answer leaves unexplained."""
+
+    chi2: Number | None = Field(default=None, description="squared errors over noise per degree of freedom [-]; 1: noise")
+    share: Number | None = Field(default=None, description="share of the declared model's misfit that is left beyond noise [-]")
+    channels: dict[str, Number | None] = Field(default={}, description="channel -> the same as chi2 [-]")
+    worth: Number | None = Field(default=None, description="fall of the deviance by model error, were it let in [-]")
+    levels: dict[str, Any] = Field(default={}, description="force or moment -> level of that model error")
+    repeats: Repeats | None = Field(default=None, description="what of it repeats from loop to loop; nothing where too few loops show it")
+
+
+class Clock(Checked):
+    """How far the winch's clock is from the kite's."""
+
+    winch_late_s: Number = Field(description="how late the winch's signals come [s]")
+    correlation: Number = Field(description="correlation of winch and range at that lag [-]")
+    clear: bool = Field(description="whether that is to be believed")
+
+
+class LeftOver(Checked):
+    """The residual of one model, measured in several ways; the arrays stand in residuals.npz."""
+
+    equation_error: dict[str, Number | None] = Field(
+        default={}, description="force [N], moment [N m] or tension [N] -> root mean square of what the log shows and the model does not"
+    )
+    innovation: dict[str, Number | None] = Field(default={}, description="seconds ahead -> mean NRMSE on test [-]")
+    loop_averaged_share: dict[str, Number | None] = Field(
+        default={}, description="channel -> share of the variance half a second ahead that repeats from loop to loop [-]"
+    )
+    clock: Clock | None = Field(default=None, description="clocks of winch and kite; nothing where the log does not show it")
+
+
 class Effects(Checked):
     """effects.json of trace-residual."""
 
@@ -134,6 +214,14 @@ class Effects(Checked):
     ranking: list[Candidate] = Field(description="every candidate, the likeliest first")
     unexplained: Unexplained | None = Field(description="what has no name, of the verdict `unexplained`")
     error: Errors = Field(description="errors on test loops, before and after")
+    reason: Text | None = Field(default=None, description="why the answer could not be had, of the verdict `not_testable`")
+    flights: list[OfFlight] = Field(default=[], description="flight by flight, what each says of the answer")
+    left: Left | None = Field(default=None, description="what the answer leaves")
+    processes: dict[str, Level] = Field(default={}, description="process -> its estimated level, with the answer")
+    noise_factors: Numbers = Field(default={}, description="channel -> factor on its declared noise that the flight asks for [-]")
+    residual: dict[Literal["before", "after"], LeftOver] = Field(
+        default={}, description="the residual without the answer's effects, and with them"
+    )
     criteria: list[Criterion] = Field(default=[], description="what the verdict stands on")
     probability: Numbers = Field(
         default={}, description="cause -> its probability, `none` and `something_else` among them; they sum to one [-]"
@@ -153,7 +241,15 @@ class Effects(Checked):
     kinematics: list[SeenAlone] = Field(default=[], description="errors of sensors that show without any model of forces")
 
     @model_validator(mode="after")
-    def _fitted(self):
+    def _fitted(self) -> Self:
         if self.error.before is None and self.verdict != "not_testable":
             raise ValueError("error.before is missing")
         return self
+
+
+class Traced(Predicted):
+    """metrics.json of trace-residual."""
+
+    horizon_s: Number = Field(default=0.0, description="length of a prediction [s]")
+    nrmse: Parts | None = Field(default=None, description="errors of the model with the answer's effects")
+    before: Before | None = Field(default=None, description="errors without them")

@@ -1,15 +1,16 @@
 """The form of what evaluate says of every model."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from awescli.artifacts.forms.words import Channels, Checked, Horizon, Interval, Number, OrAbsent, Parts, Text, Word
+from awescli.artifacts.forms.words import Channels, Checked, Horizon, Interval, Loops, Number, OrAbsent, Parts, Text, Word
 
 
 class Ahead(Checked):
     """Errors so far ahead, on test loops."""
 
+    horizon_s: Number = Field(default=0.0, description="how far ahead [s]")
     predictions: int = Field(description="predictions of this length")
     diverged_predictions: int = Field(description="those that diverged; they count with their last error")
     nrmse: Channels = Field(description="channel -> NRMSE, and their `mean` [-]")
@@ -34,9 +35,18 @@ class Energy(Checked):
     of_seconds: Number = Field(description="how long it lasts [s]")
     measured_J: Number = Field(description="measured energy of the covered seconds [J]")
     predicted_J: Number = Field(description="predicted energy of them [J]")
+    reeled_m: Number | None = Field(default=None, description="line paid out in the covered seconds [m]")
 
 
-class Told(Checked):
+class EnergyError(Checked):
+    """Error of the energy of a loop, over loops."""
+
+    nrmse: Number | None = Field(description="root mean square error over the range of the measured energies [-]")
+    relative_rmse: Number | None = Field(description="root mean square error over their mean [-]")
+    loops: int = Field(description="loops that predictions cover far enough")
+
+
+class Predicted(Checked):
     """Mechanical power and energy of a part of the flight, measured and predicted."""
 
     seconds: Number = Field(description="how much of it predictions cover [s]")
@@ -45,16 +55,20 @@ class Told(Checked):
     predicted_J: Number = Field(description="predicted energy of them [J]")
     measured_mean_W: Number = Field(description="measured mean power of them [W]")
     mean_W: Number = Field(description="predicted mean power of them [W]")
-    interval_W: Interval = Field(default=None, description="95 % interval of the prediction [W]; nothing where the model was not fitted")
+    interval_W: Interval = Field(
+        default=None, description="interval of the prediction at `interval_level` [W]; nothing where the model was not fitted"
+    )
+    interval_level: Number = Field(default=0.9, description="probability of that interval [-]")
+    std_W: dict[str, Number] = Field(default={}, description="part of it (parameters, wind, loops) -> standard deviation [W]")
 
 
-class OfPhase(Told):
+class OfPhase(Predicted):
     """Of one phase, over all that no stage was fitted to or chosen on."""
 
     phase: Word = Field(description="traction, transition or retraction")
 
 
-class OfCycle(Told):
+class OfCycle(Predicted):
     """Of one pumping cycle."""
 
     cycle: int = Field(description="number of the cycle, from 1")
@@ -70,7 +84,11 @@ class Power(Checked):
     measured_mean_W: Number = Field(description="measured, over the same seconds [W]")
     error_share: Number | None = Field(description="mean_W / measured_mean_W - 1 [-]; nothing where nothing was earned")
     interval_share: Interval = Field(description="95 % interval of error_share over loops [-]; nothing of fewer than two loops")
-    interval_W: Interval = Field(default=None, description="95 % interval of mean_W [W]; nothing where the model was not fitted")
+    interval_W: Interval = Field(
+        default=None, description="interval of mean_W at `interval_level` [W]; nothing where the model was not fitted"
+    )
+    interval_level: Number = Field(default=0.9, description="probability of that interval [-]")
+    energy_per_loop_J: EnergyError | None = Field(default=None, description="how well the energy of a loop is predicted")
     std_W: dict[str, Number] = Field(default={}, description="part of that interval (parameters, wind, loops) -> standard deviation [W]")
     by_phase: list[OfPhase] = Field(default=[], description="phase by phase")
     by_cycle: list[OfCycle] = Field(default=[], description="cycle by cycle, over the whole flight")
@@ -97,7 +115,10 @@ class Bands(Checked):
 class Scored(Checked):
     """All scores of one model."""
 
+    outcome: Text = Field(default="scored", description="scored, or why there are no scores")
+    horizon_s: Number = Field(default=0.0, description="seconds predicted ahead in `nrmse` [s]")
     nrmse: Parts = Field(description="errors `horizon_s` ahead, part by part")
+    divergence_rate: dict[str, Number | None] = Field(default={}, description="part -> share of predictions that diverged [-]")
     predictions: dict[str, int] = Field(default={}, description="part -> predictions that were made")
     diverged_predictions: dict[str, int] = Field(default={}, description="part -> those that diverged; they count with their last error")
     rmse: dict[str, Number | None] = Field(default={}, description="channel -> root mean square error on test [SI unit of the channel]")
@@ -120,6 +141,11 @@ class Baseline(Checked):
     outcome: Literal["fitted", "unstable", "too_short"] = Field(
         description="unstable: even the best choice runs away on validation; too_short: fewer samples than coefficients"
     )
+    inputs: list[Text] = Field(default=[], description="quantities that it is given over the prediction")
+    outputs: list[Text] = Field(default=[], description="channels that it predicts")
+    place: bool = Field(default=False, description="whether it sees where the kite is, not only how it moves")
+    ridge: Number = Field(default=0.0, description="weight of its ridge regression [-]")
+    validation: Number | None = Field(default=None, description="mean NRMSE on validation, by which order and ridge were chosen [-]")
     order: int = Field(default=0, description="past samples that it sees")
     step_s: Number = Field(default=0.0, description="time between them [s]")
     not_beaten: dict[str, list[Horizon]] = Field(
@@ -136,6 +162,12 @@ class AtHeight(Checked):
     speed_std: Number = Field(description="its standard deviation [m/s]")
     direction_deg: Number = Field(description="where it comes from, clockwise from north [deg]")
     direction_std: Number = Field(description="its standard deviation [deg]")
+    pitot_speed_m_s: Number | None = Field(
+        default=None, description="wind speed that airspeed and velocity show, without a model of forces [m/s]"
+    )
+    pitot_speed_std: Number | None = Field(default=None, description="its standard deviation [m/s]")
+    pitot_direction_deg: Number | None = Field(default=None, description="and its direction [deg]")
+    pitot_direction_std: Number | None = Field(default=None, description="its standard deviation [deg]")
     station_speed_m_s: Number = Field(description="wind speed of the record, carried to that height by the kite file's law [m/s]")
     station_direction_deg: Number = Field(description="and its direction [deg]")
 
@@ -143,7 +175,7 @@ class AtHeight(Checked):
 class WindProfile(Checked):
     """The kite as a wind sensor."""
 
-    model: Literal["identified", "with_effects"] = Field(description="model that it was told with")
+    model: Literal["identified", "with_effects"] = Field(description="model that it was found with")
     rows: Annotated[list[AtHeight], Field(min_length=1)] = Field(description="height by height")
 
 
@@ -151,6 +183,14 @@ class Scores(Checked):
     """metrics.json of evaluate: a block for every model that there is."""
 
     horizon_s: Number = Field(description="seconds predicted ahead in `nrmse` [s]")
+    surfaces: Literal["recorded", "controller"] = Field(
+        default="recorded", description="recorded: set-points replayed; controller: the loop closed"
+    )
+    initial_states: Literal["free", "measured"] = Field(
+        default="free", description="where predictions begin; free: in a state fitted to the measurements around it; measured: as measured"
+    )
+    split: Loops | None = Field(default=None, description="where train, validation and test lie")
+    outcomes: dict[str, Text] = Field(default={}, description="stage -> how it ended, in a word")
     wind_profile: Annotated[WindProfile | None, OrAbsent] = Field(
         default=None, description="wind against height that the last fitted model needs"
     )
@@ -163,7 +203,7 @@ class Scores(Checked):
     baseline: Annotated[Baseline | None, OrAbsent] = Field(default=None, description="how the linear model came about")
 
     @model_validator(mode="after")
-    def _alike(self):
+    def _alike(self) -> Self:
         every = (self.initial, self.identified, self.with_effects, self.hybrid, self.linear)
         models = [model for model in every if model is not None]
         for of in (lambda m: m.nrmse.test.keys(), lambda m: m.by_horizon.keys()):

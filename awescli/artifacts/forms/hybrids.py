@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from awescli.artifacts.forms.words import Channels, Checked, Metrics, Number, Numbers, Text
+from awescli.artifacts.forms.words import Before, Channels, Checked, Number, Numbers, Parts, Predicted, Text
 
 
 class History(Checked):
@@ -30,6 +30,9 @@ class Validated(Checked):
         description="mean squared error of physics and of the hybrid, standard error of their difference, and the gain that is needed [-]; "
         "in units of what physics leaves",
     )
+    chi2: dict[str, Number | None] = Field(
+        default={}, description="the same four of chi-square with gusts and drift integrated out [-]; 1: noise"
+    )
 
 
 class Compared(Checked):
@@ -38,9 +41,27 @@ class Compared(Checked):
     test: dict[str, Channels] = Field(default={}, description="optimiser -> channel -> NRMSE on test loops [-]")
 
 
-class Training(Metrics):
+class Training(Predicted):
     """metrics.json of train-hybrid."""
 
+    horizon_s: Number = Field(default=0.0, description="length of a prediction in `nrmse` [s]")
+    nrmse: Parts | None = Field(default=None, description="errors of the model that is handed on")
+    before: Before | None = Field(default=None, description="errors of physics alone")
+    gate: bool = Field(default=True, description="whether the network is used only where validation proves it")
+    proved: bool = Field(default=False, description="whether validation proves it")
+    training: Number | None = Field(default=None, description="cost on train at the last horizon, over that of physics [-]")
+    horizons: list[Number] = Field(default=[], description="lengths of the predictions that it was trained on, one after the other [s]")
+    train_segments: int = Field(default=0, description="predictions that it was trained on")
+    validation_segments: int = Field(default=0, description="predictions that it was chosen on")
+    weights: int = Field(default=0, description="weights of the network")
+    gradient_evaluations: Number = Field(default=0.0, description="gradients that training took, in passes over all train segments [-]")
+    left_out_inputs: dict[str, Text] = Field(default={}, description="quantity that the network does not see -> why")
+    parametric_share: Number | None = Field(
+        default=None, description="share of the correction that changes of the free parameters could make as well [-]"
+    )
+    outside_box_validation: Number | None = Field(
+        default=None, description="share of validation samples with an input outside its training range [-]"
+    )
     history: History | None = Field(default=None, description="the course of the training")
     sentence: Text = Field(default="", description="whether the network is used and why, in a sentence")
     comparison: Compared | None = Field(default=None, description="optimisers side by side, where the plan asks for it")
@@ -61,6 +82,7 @@ class Training(Metrics):
 class Network(Checked):
     """network.json; the weights stand in network.safetensors."""
 
+    outputs: list[Text] = Field(default=[], description="derivatives that the network adds to, in order")
     format: Text = Field(description="layout of the weights")
     inputs: list[Text] = Field(description="quantities that the network sees, in order")
     hidden: list[int] = Field(description="widths of the tanh layers")

@@ -15,6 +15,8 @@ class Stamp(Checked):
     settings: dict[str, Any] = Field(default={}, description="the stage's settings, defaults filled in")
     versions: dict[str, Text] = Field(default={}, description="package -> version, of all that numbers depend on")
     split: dict[str, Any] = Field(default={}, description="the plan's `split`")
+    seed: int | None = Field(default=None, description="the plan's `seed`")
+    code: Text = Field(default="", description="SHA-256 of awes' own package")
 
 
 class Timing(Checked):
@@ -24,9 +26,31 @@ class Timing(Checked):
     duration_s: Number | None = Field(default=None, description="how long it ran [s]")
 
 
+class Blas(Checked):
+    """A library of linear algebra that was loaded while the stage ran."""
+
+    library: Text | None = Field(default=None, description="which library")
+    version: Text | None = Field(default=None, description="its version")
+    kernels: Text | None = Field(default=None, description="for which processor its kernels are made")
+    threads: int | None = Field(default=None, description="threads that it had")
+
+
+class Machine(Checked):
+    """What the last bits of the numbers may depend on besides versions."""
+
+    system: Text = Field(default="", description="operating system")
+    machine: Text = Field(default="", description="kind of the processor")
+    libc: Text = Field(default="", description="C library and its version")
+    cores: int | None = Field(default=None, description="processor cores")
+    blas: list[Blas] = Field(default=[], description="libraries of linear algebra")
+
+
 class Provenance(Checked):
     """provenance.json of every stage."""
 
+    stage: Text = Field(default="", description="which stage")
+    versions: dict[str, Text] = Field(default={}, description="package -> version, when it ran")
+    machine: Machine = Field(default=Machine(), description="where it ran")
     artifacts: dict[str, Text] = Field(description="file in this folder -> its SHA-256")
     stamp: Stamp = Field(description="what the stage was made from")
     paths: dict[str, Text] = Field(default={}, description="where flight, kite file and plan lay")

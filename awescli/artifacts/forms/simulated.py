@@ -1,6 +1,6 @@
 """The form of what simulate says of its flight."""
 
-from typing import Literal
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -12,6 +12,8 @@ class OwnWind(Checked):
 
     speed: Number | None = Field(description="wind speed at `height` [m/s]; nothing: as recorded")
     direction: Number | None = Field(description="where it comes from, clockwise from north [deg]; nothing: as recorded")
+    height: Number | None = Field(default=None, description="height that `speed` is given at [m]")
+    shear: Number | None = Field(default=None, description="exponent of the power law over height [-]")
 
 
 class Earned(Checked):
@@ -37,6 +39,23 @@ class InWind(Checked):
     draws: int = Field(description="drawn kites that flew")
 
 
+class Slope(Checked):
+    """How the mean cycle power changes with a small change of one quantity."""
+
+    name: Text = Field(description="parameter of the kite, setting of the winch, or quantity whose limit ends a phase")
+    phase: int | None = Field(default=None, description="number of the phase that it belongs to, from 1; nothing for a parameter")
+    value: Number = Field(description="its value [as `unit` says]")
+    unit: Text = Field(description="unit of the value")
+    W_per_unit: Number = Field(description="change of the mean cycle power [W per unit of the quantity]")
+
+
+class Slopes(Checked):
+    """Exact sensitivities of the mean cycle power, switches from phase to phase included."""
+
+    mean_W: Number = Field(description="mean mechanical power of the cycles [W]")
+    rows: list[Slope] = Field(description="quantity by quantity")
+
+
 class FlownPhase(Earned):
     """Energy of one phase."""
 
@@ -60,18 +79,24 @@ class Flown(Checked):
     wind: OwnWind = Field(description="wind of the plan")
     nrmse: dict[Horizon, Channels] = Field(description="seconds ahead -> channel -> NRMSE against the measured flight, noise-free [-]")
     path_error_m: dict[Horizon, Number] = Field(description="seconds ahead -> root mean square distance from the measured path [m]")
+    seed: int | None = Field(default=None, description="seed of noise and gusts")
     phases: list[FlownPhase] = Field(default=[], description="phases that were flown, of a plan with phases")
     cycles: list[Earned] = Field(default=[], description="whole pumping cycles")
     mean_cycle_W: Number | None = Field(default=None, description="mean mechanical power of whole cycles [W]")
     mean_cycle_interval_W: Interval = Field(
         default=None, description="5 to 95 % of it over kites drawn from what is known of the parameters [W]"
     )
+    cycles_flown: int = Field(default=0, description="whole pumping cycles that were flown")
+    draws: int = Field(default=0, description="kites drawn from what is known of the parameters")
+    draws_flown: int = Field(default=0, description="drawn kites that flew all cycles")
+    measured_cycle_W: list[Number] = Field(default=[], description="mean mechanical power of each measured pumping cycle [W]")
+    slopes: Slopes | None = Field(default=None, description="how the mean cycle power changes with parameters, winch settings and limits")
     power_curve: dict[Literal["initial", "identified", "with_effects"], list[InWind]] = Field(
         default={}, description="model -> mean cycle power in every wind"
     )
 
     @model_validator(mode="after")
-    def _alike(self):
+    def _alike(self) -> Self:
         if self.nrmse.keys() != self.path_error_m.keys():
             raise ValueError("nrmse and path_error_m are of different times")
         return self

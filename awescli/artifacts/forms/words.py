@@ -1,6 +1,6 @@
 """What the forms of artifacts are written in: numbers, texts and channels, and the class that each form fills."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -48,9 +48,45 @@ class Metrics(Checked):
     outcome: Text | None = Field(default=None, description="how the stage ended, in a word; the verdict, where it gives one")
 
 
+class Loops(Checked):
+    """Where the parts of a flight lie."""
+
+    train: list[list[int]] = Field(description="[first, end) samples of each stretch that stages are fitted to")
+    validation: list[list[int]] = Field(description="likewise, of the stretches that choices are made on")
+    test: list[list[int]] = Field(description="likewise, of those that nothing was fitted to or chosen on")
+
+
 class Parts(Checked):
     """NRMSE of the parts of a flight."""
 
     train: Channels = Field(description="channel -> NRMSE on the loops that stages are fitted to, and their `mean` [-]")
     validation: Channels = Field(description="likewise, on the loops that choices are made on [-]")
     test: Channels = Field(description="likewise, on the loops that nothing was fitted to or chosen on [-]")
+
+
+class Before(Checked):
+    """Errors of the model that a stage began with, on the same predictions."""
+
+    horizon_s: Number = Field(description="length of a prediction [s]")
+    nrmse: Parts = Field(description="errors, part by part")
+    diverged_predictions: dict[str, int] = Field(
+        default={}, description="part -> predictions that diverged; they count with their last error"
+    )
+    noise_floor: Channels = Field(description="channel -> NRMSE that sensor noise alone causes on test, and their `mean` [-]")
+
+
+class Predicted(Metrics):
+    """What metrics.json of every stage that fits a model says of its predictions."""
+
+    surfaces: Literal["recorded", "controller"] = Field(
+        default="recorded", description="recorded: set-points replayed; controller: the loop closed"
+    )
+    initial_states: Literal["free", "measured"] = Field(
+        default="free", description="where predictions begin; free: in a state fitted to the measurements around it; measured: as measured"
+    )
+    diverged_predictions: dict[str, int] = Field(
+        default={}, description="part -> predictions that diverged; they count with their last error"
+    )
+    noise_floor: Channels | None = Field(
+        default=None, description="channel -> NRMSE that sensor noise alone causes on test, and their `mean` [-]"
+    )

@@ -92,7 +92,7 @@ def winch_height(position: np.ndarray, length: np.ndarray) -> tuple[np.ndarray, 
 
 
 def winch_place(position: np.ndarray, length: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """(the place (3,) from which the positions (3, N) are as far as the line is long, what is left [m]); None where that cannot be told.
+    """(the place (3,) from which the positions (3, N) are as far as the line is long, what is left [m]); None where no place is.
 
     |p - o| = l is linear in o and |o|^2 after squaring; Gauss-Newton steps on the distances follow.
     """

@@ -97,9 +97,9 @@ def _left(draft: Draft) -> Iterator[str]:
 
 
 def _needed(draft: Draft) -> Iterator[str]:
-    told = {name for name, _, _ in draft.rest.left}
+    listed = {name for name, _, _ in draft.rest.left}
     for name in draft.needed:
-        if name not in told and name in UNITS:
+        if name not in listed and name in UNITS:
             yield f"  # {name}: {{column: ..., unit: {UNITS[name]}}}{_comment(f'NEEDED by a model: {IN_WORDS[name]}')}"
 
 

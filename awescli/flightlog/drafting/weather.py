@@ -118,8 +118,8 @@ def _from(line: Entry, values: np.ndarray, position: np.ndarray | None) -> tuple
     if along < -0.3:
         half = 180.0 if line.unit == "deg" else math.pi
         return replace(line, offset=half, why=also(line.why, "where it blows to: the kite flies on the other side")), []
-    told = f"the kite flies {math.degrees(math.acos(max(-1.0, min(1.0, along)))):.0f} deg off the downwind direction"
-    return line, [told if along > 0.3 else f"CHECK: {told}"]
+    sentence = f"the kite flies {math.degrees(math.acos(max(-1.0, min(1.0, along)))):.0f} deg off the downwind direction"
+    return line, [sentence if along > 0.3 else f"CHECK: {sentence}"]
 
 
 def _of_the_gas_law(pool: Pool, temperature, pressure) -> dict[str, Entry]:

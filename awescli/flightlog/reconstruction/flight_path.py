@@ -24,7 +24,7 @@ from awescli.notation.quantities import ANGLES, UNITS
 FEWEST, SHORTEST = 200, 10.0
 """Samples and seconds below which nothing is said."""
 UNKNOWN = 0.7
-"""Spread of a logarithm from which a level is not told: a factor of four either way."""
+"""Spread of a logarithm from which a level is not determined: a factor of four either way."""
 REAL = 12.0
 """Deviance that a drift must be worth: one that is not there has two parameters to fit noise with."""
 SHARE = 0.25
@@ -77,7 +77,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
 
 
 AGAINST = {"heading_bias": "psi", "beta": "psi", "alpha": "theta"}
-"""Error or vane -> the angle that it is told against."""
+"""Error or vane -> the angle that it is measured against."""
 
 
 def _beside_attitude(own: ChannelNoise, noise: Mapping[str, ChannelNoise]) -> ChannelNoise:
@@ -90,8 +90,8 @@ def _beside_attitude(own: ChannelNoise, noise: Mapping[str, ChannelNoise]) -> Ch
 
 
 def _beside_drift(error: SensorError, noise: Mapping[str, ChannelNoise], motion: Motion) -> SensorError:
-    """What is told against an attitude that drifts is known no better than the mean of that drift over the flight: angles themselves, and
-    accelerations, which the drift turns away."""
+    """What is measured against an attitude that drifts is known no better than the mean of that drift over the flight: angles themselves,
+    and accelerations, which the drift turns away."""
     turns = error.target == "accelerations"
     angle = noise.get("theta" if turns else AGAINST.get(error.name) or AGAINST.get(error.target or "", ""))
     if angle is None or angle.drift is None or angle.memory is None:

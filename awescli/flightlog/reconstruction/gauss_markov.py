@@ -118,14 +118,15 @@ class BandedLikelihood:
         cross = np.asfortranarray(sum(w * c for w, c in zip(weights, self._cross, strict=True)))
         factor, info = dpbtrf(band, lower=1, overwrite_ab=1)
         if info:
-            raise NumericalFailure("singular", "noise levels of the flight path cannot be told apart", do="Look at the log's channels.")
+            raise NumericalFailure("singular", "noise levels of the flight path cannot be distinguished", do="Look at the log's channels.")
         half, _ = dtbtrs(factor, cross, uplo="L")
         G = np.einsum("i,iab->ab", weights, self._gram) - half.T @ half
         A = G[1:, 1:] + np.diag(1.0 / self.series.prior**2)
         try:
             lower = cho_factor(A, lower=True)
         except np.linalg.LinAlgError:
-            raise NumericalFailure("singular", "shapes of the flight path cannot be told apart", do="Look at the log's channels.") from None
+            what = "shapes of the flight path cannot be distinguished"
+            raise NumericalFailure("singular", what, do="Look at the log's channels.") from None
         beta = cho_solve(lower, G[1:, 0])
         deviance = (
             G[0, 0] - G[1:, 0] @ beta

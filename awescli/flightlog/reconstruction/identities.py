@@ -17,23 +17,23 @@ from awescli.flightlog.reconstruction.levels import Known
 from awescli.flightlog.reconstruction.motion_of import Motion, turn, turned_by
 
 STEEP = np.deg2rad(80.0)
-"""Pitch beyond which roll and yaw are not told apart."""
+"""Pitch beyond which roll and yaw are not distinguished."""
 MEMORY = 6.0
 KNOWN = 0.005
-"""Spread of the logarithm of white noise that differences have told."""
+"""Spread of the logarithm of white noise that differences have shown."""
 WIDE = 1.0
 """Spread of the logarithm of what is known of drifts: a factor of 2.7."""
 
 DELAYS = ("late", "late_quick")
 SLOW = 2.0
-"""s: motion that is slower is told from motion that is quicker, for a delay delays both alike (`late_quick` is zero then)."""
+"""s: motion that is slower is separated from motion that is quicker, for a delay delays both alike (`late_quick` is zero then)."""
 
 
 @dataclass(frozen=True)
 class Identity:
     """A Series with what it is made of. channels: the m measured ones; laws: of its states, at their start, with `known` of white levels,
     laws and memories; drifts: law -> channels that drift; moved: the delay [s] that was taken out before; asks: what is
-    reported beside the columns, as sums of columns with weights; white_by_differences: white noise was told by them beforehand."""
+    reported beside the columns, as sums of columns with weights; white_by_differences: white noise was found by them beforehand."""
 
     name: str
     channels: tuple[str, ...]

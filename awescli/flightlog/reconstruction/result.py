@@ -23,7 +23,7 @@ class Level:
 @dataclass(frozen=True)
 class ChannelNoise:
     """Noise of one measured channel. white: standard deviation of a sample, None where the flight does not tell it; drift, memory [s]: of
-    what wanders beside it (Ornstein-Uhlenbeck), None where nothing does; by: what it was told from."""
+    what wanders beside it (Ornstein-Uhlenbeck), None where nothing does; by: what it was determined from."""
 
     channel: str
     unit: str
@@ -58,7 +58,7 @@ class SensorError:
         return bool(clear and self.agrees and abs(self.size) >= self.matters)
 
     @property
-    def told(self) -> bool:
+    def determined(self) -> bool:
         """The flight would have shown a size that matters."""
         return bool(CLEAR * self.std <= self.matters)
 

@@ -33,7 +33,7 @@ def error_table(path: FlightPath) -> dict[str, dict[str, object]]:
     for e in path.errors:
         unit, factor = DISPLAY.get(e.unit, (e.unit, 1.0))
         low, high = sorted((factor * (e.size + sign * 1.96 * e.std)) for sign in (-1, 1))
-        verdict = "FOUND" if e.found else "none" if e.told else "cannot tell"
+        verdict = "FOUND" if e.found else "none" if e.determined else "cannot tell"
         rows[f"{e.name} {e.acts_on[0] if len(e.acts_on) == 1 else ''}".strip()] = {
             "unit": unit, "size": e.size * factor, "95 %": f"{low:.3g} to {high:.3g}", "matters": e.matters * factor, "": verdict,
         }  # fmt: skip

@@ -10,7 +10,7 @@ _MOMENT = {"roll": "Cl", "pitch": "Cm", "yaw": "Cn"}
 
 
 class SurfaceBias(Effect):
-    """C_l, C_m or C_n += b. Cannot be told from that axis' derivative of a surface that never moves."""
+    """C_l, C_m or C_n += b. Cannot be distinguished from that axis' derivative of a surface that never moves."""
 
     name = "surface_bias"
     doc = "constant moment coefficient"

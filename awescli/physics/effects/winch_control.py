@@ -1,4 +1,4 @@
-"""A winch that is told how fast to pay out, and answers the load."""
+"""A winch that is commanded how fast to pay out, and answers the load."""
 
 from types import SimpleNamespace
 
