@@ -19,6 +19,8 @@ AT_END = 1e-3
 """Share of its range, of a lower end above zero itself, within which a strength sits at that end."""
 WORSE = 5.0
 """Deviance by which a fit with one effect more may end above the model without it: more, and the optimiser has failed."""
+UNSEEN = 0.05
+"""Share of the distance between the probes of a shape by which it may be uncertain, and not be chosen on unseen loops."""
 
 
 @dataclass(frozen=True)
@@ -186,9 +188,27 @@ def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score
             # a quick fit keeps the slope of the log determinant as it was before: in gusts that may lead it astray
             model = fit_on(frame, model)
         if not _failed(here, model):
+            if not plausible(model, score.key) or model.unseen > here.unseen:
+                model = _reshaped(frame, here, model, strengths, shapes, alone)
             gain = here.deviance - model.deviance
             return Tried(score, significant, model.fit.solution.outcome, model.light(), gain, plausible(model, score.key))
     return Tried(score, significant, "failed")
+
+
+def _reshaped(
+    frame: Frame, here: FittedModel, model: FittedModel, strengths: Mapping[str, float], shapes: Mapping[str, float], alone: bool
+) -> FittedModel:
+    """The likeliest of a model whose last effect has come to the end of a range, or does worse on unseen loops, and those with the other
+    shapes that it is probed with: a rate limit was taken for the longest lag there is, because the one that was tried first was no limit.
+    """
+    effect, best = make_effect(model.keys[-1], frame.declared), model
+    for shape in (s for s in effect.shapes if s in effect.probes):
+        name = f"{effect.key}.{shape}"
+        for value in (v for v in effect.probes[shape] if v != shapes.get(name)):
+            other = fit_added(frame, here, effect.key, strengths, {**shapes, name: value}, alone)
+            if not _failed(here, other) and other.deviance < best.deviance:
+                best = other
+    return best
 
 
 def _failed(before: FittedModel, after: FittedModel) -> bool:
@@ -200,9 +220,12 @@ def _best(
     frame: Frame, here: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress
 ) -> tuple[FittedModel | None, tuple[Tried, ...]]:
     """(the likeliest model of those that are admissible, fitted to the end, shapes included; what was tried, with those that were)."""
-    leaders = sorted((t for t in tried if t.model is not None and t.plausible), key=lambda t: -t.gain)
-    leaders = [t for t in leaders if t.gain > criteria.decisive]
-    finalists = [t for t in leaders if t.gain > leaders[0].gain - criteria.in_reach(criteria.finalists, leaders[0].gain)]
+    leaders = sorted((t for t in tried if t.model is not None and t.gain > criteria.decisive), key=lambda t: -t.gain)
+    sound = [t for t in leaders if t.plausible]
+    lead = sound[0].gain if sound else 0.0
+    # what stands at the end of a range may only do so because a shape of it is held
+    finalists = [t for t in leaders if not t.plausible and t.gain > lead and make_effect(t.key, frame.declared).shapes]
+    finalists += [t for t in sound if t.gain > lead - criteria.in_reach(criteria.finalists, lead)]
     finished = {}
     for t in finalists[: criteria.competitors]:
         progress(f"fitting with {t.key} to the end")
@@ -221,17 +244,29 @@ def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> 
     effect = make_effect(model.keys[-1], frame.declared)
     null = {p.name: p.value for p in effect.parameters}
     for shape in effect.shapes:
-        name, best = f"{effect.key}.{shape}", model
-        value = model.table[name].value
-        probed = value != null[shape]
-        starts = (value,) if probed else (*effect.probes.get(shape, ()), *effect.refinements.get(shape, ()))
-        for start in (s for s in starts if s != null[shape]):
+        name, probes = f"{effect.key}.{shape}", effect.probes.get(shape, ())
+        if model.table[name].value != null[shape]:
+            model = _freed(frame, model, name, probes, criteria)
+            continue
+        for start in (s for s in (*probes, *effect.refinements.get(shape, ())) if s != null[shape]):
             trial = fit_on(frame, model, {name: start}, free=(name,))
-            margin = criteria.decisive if probed else -criteria.decisive
-            if trial.deviance < best.deviance + margin and trial.unseen < best.unseen + max(margin, 0.0):
-                best = trial
-        model = best
+            if trial.deviance < model.deviance - criteria.decisive and trial.unseen < model.unseen:
+                model = trial
     return model
+
+
+def _freed(frame: Frame, model: FittedModel, name: str, probes: Sequence[float], criteria: Criteria) -> FittedModel:
+    """The model with a probed shape free, from the likeliest place: the time of a loss of lift has an optimum of its own in every loop, and
+    where it lies in none of those that are fitted, unseen loops choose it, by halves of the distance between its probes."""
+    trials = [fit_on(frame, model, {name: start}, free=(name,)) for start in dict.fromkeys((model.table[name].value, *probes))]
+    best = min(trials, key=lambda m: m.deviance)
+    apart = step = float(np.min(np.diff(sorted(probes)), initial=np.inf))
+    place = best.fit.names.index(name)
+    unseen = np.isfinite(apart) and np.sqrt(best.fit.covariance[place, place]) > UNSEEN * apart
+    while unseen and (step := step / 2) > UNSEEN * apart:
+        there = best.table[name].value
+        best = min((best, *(fit_on(frame, best, {name: value}) for value in (there - step, there + step))), key=lambda m: m.deviance)
+    return best if best.deviance < model.deviance + criteria.decisive and best.unseen < model.unseen + criteria.decisive else model
 
 
 def crowded(tried: Sequence[Tried]) -> bool:

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from kites import DEVELOPMENT
+from tracing.traced import traced
 
 from awescli.notation.parameters import Parameter
 from awescli.tracing import search as searching
@@ -17,7 +18,8 @@ SEGMENTS = 4
 def fitted(gain: float, flies: int = SEGMENTS):
     """What the search asks of a fit: deviance, cost of every train segment, segments that fly."""
     model = SimpleNamespace(
-        deviance=100.0 - gain, train=np.full(SEGMENTS, 25.0 - gain / SEGMENTS), flies=flies, strengths=(), rest={"force_z": 1.0},
+        deviance=100.0 - gain, unseen=50.0 - gain, train=np.full(SEGMENTS, 25.0 - gain / SEGMENTS), flies=flies, strengths=(),
+        rest={"force_z": 1.0},
         fit=SimpleNamespace(solution=SimpleNamespace(outcome="converged")),
     )  # fmt: skip
     model.light = lambda: model
@@ -69,6 +71,41 @@ def test_a_significant_candidate_that_stays_failed_is_not_forgotten(monkeypatch)
     assert begun == list(STARTS) and found.significant and found.outcome == "failed" and found.model is None
     record = searching.Round(BASE, (found,), "", ())
     assert Search(BASE, BASE, (record,)).failed == ("pitch_curvature",)
+
+
+@pytest.mark.parametrize("tau, tried", [(1.0, [50.0, 0.8, 0.008]), (0.2, [50.0])])
+def test_a_lag_at_the_end_of_its_range_is_tried_with_other_rate_limits(monkeypatch, tau, tried):
+    """Guards a slow trim motor (JSBSim): its rate limit was fitted by the longest lag there is, for the screening had put "no limit" first,
+    and play in the linkage took its place. A lag within its range is left as it is."""
+    key, begun = "actuator_lag:elevator", []
+    gains = {50.0: 30.0, 0.8: FAILED, 0.008: 90.0}
+
+    def fit_added(frame, base, key, strengths, shapes, alone):
+        rate = shapes[f"{key}.rate"]
+        begun.append(rate)
+        model = FAILED if gains[rate] is FAILED else fitted(gains[rate])
+        row = Parameter(f"{key}.tau", tau if rate == 50.0 else 0.3, "s", 0.0, 1.0)
+        model.keys, model.strengths, model.table = (key,), (row.name,), {row.name: row}
+        return model
+
+    monkeypatch.setattr(searching, "fit_added", fit_added)
+    monkeypatch.setattr(searching, "fit_on", lambda frame, model: model)
+    shapes = {f"{key}.rate": 50.0, f"{key}.tau": 0.3}
+    score = SimpleNamespace(key=key, start=lambda rows, share: ({}, shapes))
+    found = searching._entered(SimpleNamespace(declared=DEVELOPMENT), BASE, SimpleNamespace(rows={}), score, True)
+    assert begun == tried and found.plausible and found.gain == (90.0 if len(tried) > 1 else 30.0)
+
+
+@pytest.mark.parametrize("at, within", [(45.0, 0.3), (52.0, 1.0)])
+def test_a_loss_of_lift_is_timed_from_wherever_it_is_probed(at, within):
+    """Guards the time of a loss of lift: the cost has an optimum of its own for it in every loop, and a drift with a step the other way was
+    named instead (JSBSim). At 52 s it lies in loops that are neither fitted nor judged: those beside them must do."""
+    known = ("CL0", "CD0", "Cma")
+    account, finding = traced({"lift_drift": {"step": -0.06, "at": at}}, 31, 2.0, 80.0, known, candidates=("lift_drift", "sideslip_drag"))
+    assert account["verdict"] == "found" and [e["name"] for e in account["effects"]] == ["lift_drift"]
+    found = finding.evidence.model.table
+    assert found["lift_drift.at"].value == pytest.approx(at, abs=within)
+    assert found["lift_drift.step"].value == pytest.approx(-0.06, abs=0.01)
 
 
 def test_of_one_instrument_one_error():
