@@ -140,7 +140,8 @@ def table(results: list[dict[str, Any]], command: str) -> str:
     bad = [r for r in results if false_names(r)]
     lines = [
         "# Effects claimed of mistakes", "", f"`{command}`, {sum(r['seconds'] for r in results):.0f} s.", "",
-        f"{len(results)} of {len(LOGS) + len(KITES)} mistakes, {len(bad)} with a false effect; {sum(r['verdict'] == 'refused' for r in results)} refused, "
+        f"{len(results)} of {len(LOGS) + len(KITES)} mistakes, {len(bad)} with a false effect; "
+        f"{sum(r['verdict'] == 'refused' for r in results)} refused, "
         f"{sum(bool(r['names']) and r not in bad for r in results)} named for what they are.", "",
         "| mistake | flight | verdict | named | false | why |", "|---|---|---|---|---|---|",
     ]  # fmt: skip
