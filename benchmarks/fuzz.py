@@ -101,7 +101,7 @@ def run_target(name: str, runs: int, seed: int, minutes: float) -> dict:
     return {
         "target": name, "inputs": max(tried, default=0), "branches": int(coverage[-1]) if coverage else 0,
         "first_branches": int(coverage[0]) if coverage else 0, "peak_mb": int(peak[-1]) if peak else 0,
-        "seconds": time.monotonic() - began, "ended": ended,
+        "seconds": time.monotonic() - began, "ended": ended, "options": f"--seed {seed} --minutes {minutes:g}",
     }  # fmt: skip
 
 
@@ -142,8 +142,9 @@ def table() -> str:
     from awescli.artifacts import read_json
 
     results = [read_json(file, any_form=True) for name in TARGETS if (file := RESULTS / f"{name}.json").is_file()]
+    options = " and ".join(f"`python benchmarks/fuzz.py {o}`" for o in sorted({r["options"] for r in results}))
     lines = [
-        "# Fuzzing", "", f"`python benchmarks/fuzz.py`: {sum(r['inputs'] for r in results)} inputs.", "",
+        "# Fuzzing", "", f"{options}: {sum(r['inputs'] for r in results)} inputs.", "",
         "| target | inputs | branches reached: by the seeds -> at the end | peak memory [MB] | ended by |", "|---|---|---|---|---|",
     ]  # fmt: skip
     for r in results:

@@ -333,15 +333,15 @@ COLUMNS = (
 )  # fmt: skip
 
 TARGETS: dict[str, Target] = {
-    "plan": Target(_plan_seeds, _read_plan, 25_000, (*YAML_WORDS, *SETTINGS)),
-    "set": Target(_setting_seeds, _read_setting, 20_000, (*YAML_WORDS, "identify.", "stages.", "=", "..")),
+    "plan": Target(_plan_seeds, _read_plan, 40_000, (*YAML_WORDS, *SETTINGS)),
+    "set": Target(_setting_seeds, _read_setting, 30_000, (*YAML_WORDS, "identify.", "stages.", "=", "..")),
     "kite": Target(_kite_seeds, _read_kite, 4_000, (*YAML_WORDS, *KITE_WORDS)),
     "flight.yaml": Target(_flight_file_seeds, _read_flight_file, 12_000, (*YAML_WORDS, *FLIGHT_WORDS)),
     "csv": Target(_csv_seeds, _read_csv, 2_000, COLUMNS),
     "weather": Target(_weather_seeds, _read_weather, 1_500, ("_time", "direction", "speed", "rho", "height", *COLUMNS[8:])),
     "draft": Target(_draft_seeds, _read_draft, 1_500, ("time", "lat", "roll", "[deg]", "(m/s)", "wind_dir", *COLUMNS[8:])),
-    "mat": Target(_mat_seeds, _read_mat, 12_000, ("validationData", "response", "controls", "times")),
-    "arrays": Target(_array_seeds, _read_arrays, 25_000, ("PK\x03\x04", "NUMPY", "descr", "'O'", '{"', "dtype", "F64", "data_offsets")),
+    "mat": Target(_mat_seeds, _read_mat, 20_000, ("validationData", "response", "controls", "times")),
+    "arrays": Target(_array_seeds, _read_arrays, 50_000, ("PK\x03\x04", "NUMPY", "descr", "'O'", '{"', "dtype", "F64", "data_offsets")),
     "network": Target(_network_seeds, _read_network, 6_000, ('"', "inputs", "hidden", "NaN", "1e999")),
     "controller": Target(_controller_seeds, _read_controller, 4_000, ('"', "kind", "features", "NaN", "1e999")),
     "artifact": Target(_artifact_seeds, _read_artifact, 1_500, ('"', "version", "nrmse", "verdict", "value", "null", "1e308", "[]", "{}")),

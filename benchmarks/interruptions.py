@@ -1,11 +1,12 @@
-"""Kill awes at random moments and look at what it leaves: python benchmarks/interruptions.py [--kills 120] [--seed 0]
+"""Kill awes at random moments and look at what it leaves: python benchmarks/interruptions.py [--kills 300] [--each 20] [--seed 0]
 
 Two plans of a small run of all stages (small_run.py) whose settings, and so all numbers, differ are run undisturbed. Then, for every
 kill, the stages before one are laid out as the one plan left them, that stage and those after it as the other did, and `awes run` of the
-first plan is ended by SIGINT, SIGTERM or SIGKILL at a random moment of that stage. Every folder must then hold exactly what the one or
-the other plan left. BLAS is given 1, 2 and 3 threads in turn, which must change nothing. Every fourth time the stage is run again, goes
-on where it was killed, and must end with the bytes of the undisturbed run; every twentieth time the whole plan. Then the disk fills, the
-folder is read-only, and two runs want one folder. Writes results/interruptions.md.
+first plan is ended by SIGINT, SIGTERM or SIGKILL at a random moment of that stage; the stage is the one in which the fewest kills fell so
+far, until `--kills` fell and `--each` in every stage. Every folder must then hold exactly what the one or the other plan left. BLAS is
+given 1, 2 and 3 threads in turn, which must change nothing. Every fourth time the stage is run again, goes on where it was killed, and
+must end with the bytes of the undisturbed run; every twentieth time the whole plan. Then the disk fills, the folder is read-only, and two
+runs want one folder. Writes results/interruptions.md.
 """
 
 import argparse
@@ -216,12 +217,12 @@ class Tally:
         return sum(self.kills.values())
 
 
-def campaign(folder: Path, references: dict[str, Artifacts], kills: int, seed: int, say=lambda tally: None) -> Tally:
-    """Kill runs in `folder`, which `undisturbed` has prepared, until `kills` have been killed."""
+def campaign(folder: Path, references: dict[str, Artifacts], kills: int, seed: int, say=lambda tally: None, each: int = 0) -> Tally:
+    """Kill runs in `folder`, which `undisturbed` has prepared, until `kills` have been killed, and `each` in every stage."""
     rng, tally, began = random.Random(seed), Tally(), time.monotonic()
     out, took = folder / "out", cpu_of_stages(folder)
-    while tally.killed < kills:
-        number, stage = SIGNALS[tally.killed % len(SIGNALS)], NAMES[tally.killed // len(SIGNALS) % len(NAMES)]
+    while tally.killed < kills or any(tally.moments[name] < each for name in NAMES):
+        number, stage = SIGNALS[tally.killed % len(SIGNALS)], min(NAMES, key=lambda name: tally.moments[name])
         goal, other = rng.sample(list(PLANS), 2)
         threads = THREADS[tally.killed // 2 % len(THREADS)]
         _lay_out(folder, stage, goal, other)
@@ -356,11 +357,12 @@ def page(tally: Tally, command: str, places: dict[str, list[str]]) -> str:
 
 def main(arguments=None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kills", type=int, default=120)
+    parser.add_argument("--kills", type=int, default=300)
+    parser.add_argument("--each", type=int, default=20, help="kills in every stage at least")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path, help="where to work and to find what an earlier campaign has prepared")
     options = parser.parse_args(arguments)
-    command = f"python benchmarks/interruptions.py --kills {options.kills} --seed {options.seed}"
+    command = f"python benchmarks/interruptions.py --kills {options.kills} --each {options.each} --seed {options.seed}"
     result = HERE / "results" / "interruptions.md"
     # a shell starts what runs in its background deaf to SIGINT, and children inherit that
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -377,7 +379,7 @@ def main(arguments=None) -> int:
             print(f"{tally.killed} {dict(tally.moments)} {tally.wrong[-3:]}", flush=True)
             write_text(result, page(tally, command, places))
 
-        tally = campaign(folder, references, options.kills, options.seed, say)
+        tally = campaign(folder, references, options.kills, options.seed, say, options.each)
         shutil.rmtree(folder / "out")
         shutil.copytree(folder / "second", folder / "out")
         tests = {"The disk is full": full_disk, "The folder is read-only": read_only, "Two runs at once": two_at_once}

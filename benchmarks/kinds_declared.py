@@ -16,7 +16,9 @@ from awescli.physics.kite import Kite
 
 ROOT = Path(__file__).parent.parent
 LENGTHS, MASSES = ("S", "b", "c"), ("m", "Jx", "Jy", "Jz")
-SIGNED = ("Clp", "Cmq", "Cnr", "CLa", "CD0", "CYb", "Cma", "Cnb")
+SIGNED = ("Clp", "Cmq", "Cnr", "CLa", "CD0", "CYb", "Cma", "Cnb", "Clb", "Clr", "CLq", "CYr", "CDa2")
+SURFACES = ("CLde", "Cmde", "CYdr", "Cndr", "CLdf", "CDdf")
+"""Of pairs that say where the force of a surface acts, or what it costs."""
 Data = dict[str, Any]
 
 
@@ -82,20 +84,25 @@ def _noise(factor: Callable[[np.random.Generator], float]) -> Callable[[Data, np
     return change
 
 
-def _signs(data: Data, rng: np.random.Generator) -> str:
-    """The sign of a damping, of drag, of a slope that makes it stable: what has one sign on nearly every aircraft."""
-    name = str(rng.choice(SIGNED))
+def _sign(name: str, data: Data) -> str:
     row = data["parameters"][name]
     ends = sorted(-row[key] for key in ("lower", "upper"))
     return _row(data, name, value=-row["value"], lower=ends[0], upper=ends[1])
+
+
+def _signs(data: Data, rng: np.random.Generator) -> str:
+    """The sign of a damping, of drag, of a slope that makes it stable: what has one sign on nearly every aircraft."""
+    return _sign(str(rng.choice(SIGNED)), data)
+
+
+def _surface_sign(data: Data, rng: np.random.Generator) -> str:
+    """The sign of one of two things that a surface does."""
+    return _sign(str(rng.choice(SURFACES)), data)
 
 
 def _any_sign(data: Data, rng: np.random.Generator) -> str:
-    """The sign of any other coefficient, which differs from table to table."""
-    name = str(rng.choice([n for n in _aerodynamic(data) if n not in SIGNED]))
-    row = data["parameters"][name]
-    ends = sorted(-row[key] for key in ("lower", "upper"))
-    return _row(data, name, value=-row["value"], lower=ends[0], upper=ends[1])
+    """The sign of any other coefficient, which differs from table to table and from kite to kite: no declaration shows it."""
+    return _sign(str(rng.choice([n for n in _aerodynamic(data) if n not in (*SIGNED, *SURFACES)])), data)
 
 
 def _bounds(data: Data, rng: np.random.Generator) -> str:
@@ -196,7 +203,8 @@ CHANGES: dict[str, Callable[[Data, np.random.Generator], str]] = {
     "noise zero or below": _noise(lambda rng: -float(rng.integers(2))),
     "noise beyond all sense": _noise(lambda rng: 10.0 ** float(rng.choice([-20, -12, 8, 20, 300]))),
     "sign of a damping, of drag, of a stability": _signs,
-    "sign of another coefficient": _any_sign,
+    "sign of what a surface does": _surface_sign,
+    "sign of a coefficient that may have either": _any_sign,
     "bounds swapped, or a value outside them": _bounds,
     "a standard deviation beyond all sense": _std,
     "a number beyond all sense": _wild,

@@ -57,10 +57,16 @@ def read_ampyx(path: Path, max_gap: float = 0.2, late: Mapping[str, float] | Non
         notes.append(f"{count - rows.size} samples whose time stamps are missing or do not run forward were removed.")
         seconds, air, signals = seconds[rows], air[:, rows], {name: signal[rows] for name, signal in signals.items()}
         vectors = {name: vector[:, rows] for name, vector in vectors.items()}
+    heights = -signals["p_d"][np.isfinite(signals["p_d"])]
+    if heights.size == 0:
+        raise BadInput("response.p holds no height", str(path), "Is the file complete?")
+    wind, dropped = wind_record(seconds, air, float(heights.mean()))
+    if dropped:
+        notes.append(f"{dropped} samples of the wind are no numbers and were left out.")
     notes += [
         "tension is measured at the winch, not at the kite.",
         "alpha, beta and V_a come from the air data boom.",
-        f"The wind is the aircraft's own estimate; its height is taken to be the mean height of flight, {-signals['p_d'].mean():.0f} m.",
+        f"The wind is the aircraft's own estimate; its height is taken to be the mean height of flight, {heights.mean():.0f} m.",
         "The log has no accelerations and no flaps.",
     ]
     late = dict(late or {})
@@ -79,7 +85,6 @@ def read_ampyx(path: Path, max_gap: float = 0.2, late: Mapping[str, float] | Non
     groups = {name: "winch" if name in ("tension", "reel_out_speed", "tether_length") else "onboard" for name in signals} | {
         "wind": "weather"
     }
-    wind = wind_record(seconds, air, float(-signals["p_d"].mean()))
     raw = RawFlight(path.resolve().parent.name, start, seconds - seconds[0], signals, str(path), groups, late, wind, tuple(notes))
     return uniform_log(raw, max_gap)
 
@@ -93,14 +98,21 @@ def euler_angles(rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
     )
 
 
-def wind_record(seconds: np.ndarray, air: np.ndarray, height: float) -> WindRecord:
-    """A WindRecord at one height [m] from wind vectors (3, N), NED [m/s]; only the samples at which they change are kept."""
+def wind_record(seconds: np.ndarray, air: np.ndarray, height: float) -> tuple[WindRecord | None, int]:
+    """(WindRecord, how many samples were left out) at one height [m] from wind vectors (3, N), NED [m/s].
+
+    Only the samples at which they change are kept, and those that are finite; without any there is no record.
+    """
+    finite = np.isfinite(air).all(0)
+    air, seconds = air[:, finite], seconds[finite]
+    if not finite.any():
+        return None, finite.size
     new = np.ones(seconds.size, bool)
     new[1:] = (np.diff(air, axis=1) != 0).any(0)
     air, seconds = air[:, new], seconds[new]
     speed = np.hypot(air[0], air[1])[:, None]
     direction = np.unwrap(np.arctan2(-air[1], -air[0]))[:, None]
-    return WindRecord(seconds - 0.0, np.array([height]), speed, direction, air[2][:, None].copy())
+    return WindRecord(seconds - 0.0, np.array([height]), speed, direction, air[2][:, None].copy()), int((~finite).sum())
 
 
 def _tether_length(seconds: np.ndarray, signals: Mapping[str, np.ndarray], late: float) -> np.ndarray:

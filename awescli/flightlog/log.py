@@ -17,7 +17,7 @@ class WindRecord:
 
     time: (M,) s on the flight's clock; height: (H,) m above the winch, ascending; speed: (M, H) m/s;
     direction: (M, H) rad, where the wind comes from, clockwise from north, unwrapped in time and height;
-    down: (M, H) m/s vertical wind, positive down; density: (M,) kg/m3, or None where the log has none.
+    down: (M, H) m/s vertical wind, positive down; density: (M,) kg/m3, or None where the log has none. All finite, else BadInput is raised.
     """
 
     time: np.ndarray
@@ -26,6 +26,12 @@ class WindRecord:
     direction: np.ndarray
     down: np.ndarray
     density: np.ndarray | None = None
+
+    def __post_init__(self):
+        for name in ("time", "height", "speed", "direction", "down", "density"):
+            values = getattr(self, name)
+            if values is not None and not np.isfinite(values).all():
+                raise BadInput(f"the wind record holds a {name} that is no finite number", do="Mend the weather file.")
 
 
 @dataclass(frozen=True)

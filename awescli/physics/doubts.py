@@ -18,16 +18,33 @@ SIGNS = (
     ("Cl", "p_hat", -1, "rolling is driven on instead of damped"), ("Cm", "q_hat", -1, "pitching is driven on instead of damped"),
     ("Cn", "r_hat", -1, "yawing is driven on instead of damped"), ("CL", "alpha", 1, "lift falls with the angle of attack"),
     ("CZ", "alpha", -1, "lift falls with the angle of attack"), ("CD", "1", 1, "drag pushes"), ("CX", "1", -1, "drag pushes"),
+    ("CD", "alpha^2", 1, "the polar opens towards less drag"), ("CD", "beta^2", 1, "drag falls with sideslip"),
     ("CY", "beta", -1, "the side force pulls into the sideslip"), ("Cm", "alpha", -1, "it is unstable in pitch"),
-    ("Cn", "beta", 1, "it is unstable in yaw"),
+    ("Cn", "beta", 1, "it is unstable in yaw"), ("Cl", "beta", -1, "it rolls into the sideslip instead of out of it"),
+    ("Cl", "r_hat", 1, "the wing half that yawing makes faster lifts less"),
+    ("CL", "q_hat", 1, "a tail behind the centre of mass lifts more while pitching up, this one less"),
+    ("CZ", "q_hat", -1, "a tail behind the centre of mass lifts more while pitching up, this one less"),
+    ("CY", "r_hat", 1, "a fin behind the centre of mass pushes to the right in a right turn, this one to the left"),
 )  # fmt: skip
-"""Coefficient, monomial, sign that it has on nearly every aircraft (Beard & McLain, ch. 4), and what the other one means."""
+"""Coefficient, monomial, sign that it has on nearly every aircraft (Beard & McLain, ch. 4; Etkin & Reid, ch. 5), what the other one means.
+
+Without a sign of their own are constants, drag's slopes, CY with p_hat, Cn with p_hat, and all that surfaces do, whose positive sense every
+table chooses for itself: of those only PAIRS.
+"""
+PAIRS = (
+    ("CL", "Cm", "elevator", -1, "its force would act ahead of the centre of mass"),
+    ("CZ", "Cm", "elevator", 1, "its force would act ahead of the centre of mass"),
+    ("CY", "Cn", "rudder", -1, "its force would act ahead of the centre of mass"),
+    ("CL", "CD", "flaps", 1, "the deflection that adds lift would take drag away"),
+)
+"""Two coefficients, the surface, the sign of their product, which is the same whichever deflection counts as positive, and what the other
+one means (Etkin & Reid, ch. 2 and 3: a surface's moment is its force times its distance; drag grows with lift)."""
 
 
 def doubts(declaration: KiteDeclaration) -> list[str]:
     """One sentence for each."""
     value = {name: row.value for name, row in declaration.parameters.items()}
-    return [*_body(value), *_sizes(value), *_signs(declaration, value), *_unused(declaration)]
+    return [*_body(value), *_sizes(value), *_signs(declaration, value), *_pairs(declaration, value), *_unused(declaration)]
 
 
 def _body(value: dict[str, float]) -> Iterator[str]:
@@ -58,13 +75,22 @@ def _signs(declaration: KiteDeclaration, value: dict[str, float]) -> Iterator[st
                 yield f"{name} = {value[name]:g} ({coefficient} with {monomial}): {means}"
 
 
+def _pairs(declaration: KiteDeclaration, value: dict[str, float]) -> Iterator[str]:
+    terms = declaration.aerodynamics.terms
+    for first, second, surface, sign, means in PAIRS:
+        a, b = (next((n for text, n in terms.get(c, {}).items() if _factors(text) == surface), "") for c in (first, second))
+        if sign * value.get(a, 0.0) * value.get(b, 0.0) < 0:
+            alike = "one sign" if sign < 0 else "different signs"
+            yield f"{a} = {value[a]:g} and {b} = {value[b]:g} ({first} and {second} with {surface}) have {alike}: {means}"
+
+
 def _factors(text: str) -> str:
-    """A monomial of one plain factor as its name, `1` for none."""
+    """A monomial of one plain factor as its name and power, `1` for none, nothing for any other."""
     factors = parse_monomial(str(text))
     if not factors:
         return "1"
     (name, absolute, power) = factors[0]
-    return name if len(factors) == 1 and not absolute and power == 1 else ""
+    return "" if len(factors) > 1 or absolute else name if power == 1 else f"{name}^{power}"
 
 
 def _unused(declaration: KiteDeclaration) -> Iterator[str]:

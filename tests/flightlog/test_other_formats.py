@@ -1,5 +1,6 @@
 """The measured AP2 flight, the foreign soft-kite log, and mappings with mistakes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
+from awescli.flightlog.ampyx_mat import wind_record
 from awescli.flightlog.quality import data_quality
 from awescli.flightlog.read import missing_for_model, read_flight
 from awescli.notation.errors import AwesError, BadInput
@@ -113,6 +115,31 @@ def test_folders_without_a_flight(tmp_path):
     savemat(tmp_path / "x.mat", {"validationData": {"times": np.arange(5.0), "response": {"p": np.zeros((3, 4))}}})
     with pytest.raises(BadInput, match="no field 'controls'"):
         read_flight(tmp_path)
+
+
+@pytest.mark.parametrize("lost", [slice(10, 12), slice(None)])
+def test_wind_of_a_mat_file_that_is_no_number_is_left_out(lost):
+    """libFuzzer found a wind speed of nan among the data checks. What is kept is what the clean record holds then."""
+    t = np.arange(60) * 0.02
+    air = np.array([[3.0], [4.0], [0.5]]) * (1 + 0.1 * t)
+    clean, dropped = wind_record(t, air, 200.0)
+    assert dropped == 0 and clean.speed[:, 0] == pytest.approx(5.0 * (1 + 0.1 * t))
+    holed = air.copy()
+    holed[1, lost] = np.nan
+    record, dropped = wind_record(t, holed, 200.0)
+    assert dropped == np.isnan(holed[1]).sum()
+    if dropped < 60:
+        kept = np.isfinite(holed[1])
+        assert (record.time == clean.time[kept]).all() and (record.speed == clean.speed[kept]).all()
+    else:
+        assert record is None
+
+
+def test_no_wind_record_holds_what_is_no_number():
+    wind = circle().wind
+    for name in ("time", "height", "speed", "direction", "down"):
+        with pytest.raises(BadInput, match=f"holds a {name} that is no finite number"):
+            replace(wind, **{name: np.full_like(getattr(wind, name), np.nan)})
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -185,6 +185,14 @@ SLIPS = {
     "lift slope": ({"CLa": -5.7}, "lift falls"),
     "drag": ({"CD0": -0.09}, "drag pushes"),
     "weathercock": ({"Cnb": -0.056}, "unstable in yaw"),
+    "dihedral": ({"Clb": 0.108}, "rolls into the sideslip"),
+    "roll due to yaw": ({"Clr": -0.261}, "makes faster lifts less"),
+    "side force of the fin": ({"CYr": -0.215}, "in a right turn"),
+    "lift of the tail": ({"CLq": -5.67}, "lifts more while pitching up"),
+    "polar": ({"CDa2": -0.615}, "opens towards less drag"),
+    "elevator's moment": ({"Cmde": 0.948}, "CLde = 0.346 and Cmde = 0.948 (CL and Cm with elevator) have one sign"),
+    "rudder's moment": ({"Cndr": -0.0789}, "ahead of the centre of mass"),
+    "flaps' drag": ({"CDdf": -0.0545}, "have different signs"),
 }
 
 
@@ -194,6 +202,14 @@ def test_slips_of_units_and_signs_are_said(slip):
     rows = {n: r.model_copy(update={"value": values.get(n, r.value)}) for n, r in DEVELOPMENT.parameters.items()}
     told = doubts(DEVELOPMENT.model_copy(update={"parameters": rows}))
     assert any(says in sentence for sentence in told), told
+
+
+def test_which_deflection_counts_as_positive_is_a_matter_of_taste():
+    """All that a surface does with the other sign is the same surface; so nothing is doubted."""
+    names = {n for terms in DEVELOPMENT.aerodynamics.terms.values() for text, n in terms.items() if text in ("elevator", "rudder", "flaps")}
+    assert len(names) >= 8
+    rows = {n: r.model_copy(update={"value": -r.value if n in names else r.value}) for n, r in DEVELOPMENT.parameters.items()}
+    assert doubts(DEVELOPMENT.model_copy(update={"parameters": rows})) == doubts(DEVELOPMENT)
 
 
 def test_a_free_parameter_of_a_line_that_is_not_there_is_doubted():

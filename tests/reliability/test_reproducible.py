@@ -1,4 +1,4 @@
-"""Same inputs and seed, several processes: byte-identical artifacts, whatever the folder, the time of day and the number of threads."""
+"""Same inputs and seed, several processes: byte-identical artifacts, whatever the folder, the day and the number of threads."""
 
 import json
 import os
@@ -26,12 +26,27 @@ def awes(folder, threads: int, *arguments: str, first: str = ""):
     return subprocess.run(command, cwd=folder, env=os.environ | own, capture_output=True, text=True)
 
 
+LATER = """
+import datetime, time, numpy, scipy.linalg
+now = time.time
+time.time = lambda: now() + 4e8
+class Later(datetime.datetime):
+    @classmethod
+    def now(cls, tz=None):
+        return cls.fromtimestamp(time.time(), tz)
+datetime.datetime = Later
+"""
+"""The clock stands 12 years ahead, and numpy is there before awes."""
+
+
 @pytest.mark.slow
 def test_three_runs_leave_the_same_bytes(tmp_path):
     """With two BLAS threads everything from trace-residual on used to differ: the order of a sum depends on how it is dealt out."""
-    makes = {"here": (1, ""), "elsewhere": (2, ""), "late": (3, "import numpy, scipy.linalg")}
+    makes = {"here": (1, ""), "elsewhere": (2, ""), "late": (3, LATER)}
     for name, (threads, first) in makes.items():
         make_small_run(tmp_path / name)
+        for file in (tmp_path / name).rglob("*.*"):  # inputs of 2000, 2002 and 2005
+            os.utime(file, (9e8 + 7e7 * threads,) * 2)
         done = awes(tmp_path / name, threads, "run", "--quiet", first=first)
         assert done.returncode == 0, done
     here, *others = (files(tmp_path / name / "out") for name in makes)
@@ -41,6 +56,8 @@ def test_three_runs_leave_the_same_bytes(tmp_path):
     for name in makes:
         told = read_json(tmp_path / name / "out" / "trace-residual" / "provenance.json")["machine"]["blas"]
         assert told and all(library["threads"] == 1 and library["library"] for library in told)
+    began = [read_json(tmp_path / name / "out" / "identify" / "provenance.json")["timing"]["started"] for name in ("here", "late")]
+    assert int(began[1][:4]) - int(began[0][:4]) in (12, 13)
     # and every JSON artifact is of the form that its readers ask for
     for file in (tmp_path / "here" / "out").glob("*/*.json"):
         assert isinstance(read_json(file), dict)

@@ -309,6 +309,42 @@ def test_a_path_that_is_no_text_is_shown_nevertheless(folder):
     assert result.exit_code == 2 and "there is: \\udcff.txt" in result.stderr
 
 
+LOADED = """
+import os, signal, sys
+os.kill(os.getpid(), {signal})
+for i in range(10**5):  # time for it to arrive
+    pass
+print("loaded", flush=True)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_waits_until_a_module_is_loaded(tmp_path, number):
+    """A kill campaign found a panic of a compiled module, exit code 70: the interruption came while it asked numpy for its version."""
+    (tmp_path / "loads_long.py").write_text(LOADED.format(signal=int(number)))
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n" + "from awescli.cli.shell import shell\n"
+    code += "import time, typer\ntry:\n    with shell():\n        import loads_long\n        time.sleep(20)\n"
+    code += "except typer.Exit as e:\n    print(e.exit_code)\n"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "loaded\n130\n" and done.stderr.startswith("interrupted") and "Traceback" not in done.stderr, done
+
+
+def test_what_follows_from_an_interruption_is_no_fault(capsys):
+    """Code that turns it into an error of its own."""
+    import typer
+
+    from awescli.cli.shell import shell
+
+    with pytest.raises(typer.Exit) as ended, shell():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            for _ in range(10**5):
+                pass
+        except KeyboardInterrupt as e:
+            raise ImportError("a compiled module failed to load") from e
+    assert ended.value.exit_code == 130 and "fault of awes" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("where", ["build_app", "commands"])
 def test_ctrl_c_before_a_command_begins_leaves_no_traceback(where):
     """While commands are built, and while one reads its options: a kill campaign found a traceback there."""
