@@ -33,10 +33,11 @@ class Rival:
 
 def rivals(
     frame: Frame, final: FittedModel, keys: Sequence[str], gains: Mapping[str, float], beaten: Sequence[str] = (),
-    criteria: Criteria = CRITERIA, progress: Callable[[str], None] = lambda text: None,
+    close: Sequence[str] = (), criteria: Criteria = CRITERIA, progress: Callable[[str], None] = lambda text: None,
 ) -> dict[str, tuple[Rival, ...]]:  # fmt: skip
     """Accepted effect -> what the flights cannot tell from it, nearest first. gains: of the accepted effects (`Search.gains`), which say
-    how far they must lead; beaten: effects that have lost to it by their own fit and need not be tried again."""
+    how far they must lead; beaten: effects that have lost to it by their own fit and need not be tried again; close: those that have not,
+    and are tried however far they lie to first order (a mass that is a third too large is not near)."""
     others = [k for k in keys if k not in final.keys]
     every = [v for key in others for v in variants(make_effect(key, frame.declared))]
     columns = CandidateColumns(every)
@@ -44,7 +45,8 @@ def rivals(
     found = {}
     for key in final.keys:
         near = _near(final, key, every, columns, H)
-        near = [s for s in near if s.drop < criteria.in_reach(criteria.look_alike, gains[key]) and s.key not in beaten]
+        reach = criteria.in_reach(criteria.look_alike, gains[key])
+        near = [s for s in near if s.key in close] + [s for s in near if s.drop < reach and s.key not in (*beaten, *close)]
         tried = []
         for s in near[: criteria.competitors]:
             progress(f"fitting {s.key} instead of {key}")

@@ -117,7 +117,7 @@ def investigate(
     evidence = replace(evidence, gusts=gusts, gusts_repeat=repetition_of_gusts(frame, evidence.model))
     if evidence.model.keys:
         evidence = replace(evidence, steadiness=steadiness(evidence.model), along=gains_along(evidence.model))
-        evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, library.gains, _beaten(library), progress=progress))
+        evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, library.gains, *_ranked(library), progress=progress))
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, absorbed=absorbed_effects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
@@ -191,14 +191,16 @@ def _settled(frame: Frame, library: Search, bare: FittedModel, rest: Rest, crite
     return {"model": (alone if left.worth < criteria.rest_worth else library.final).widened(), "rest": left}
 
 
-def _beaten(library: Search) -> tuple[str, ...]:
-    """Effects that a single accepted one has left behind by their own fit, and that need not be tried in its place again."""
+def _ranked(library: Search) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """(effects that a single accepted one has left behind by their own fit, and that need not be tried in its place again; those that it
+    has not left behind)."""
     accepted = [r for r in library.rounds if r.accepted]
     if len(accepted) != 1:
-        return ()
+        return (), ()
     lead = library.null.deviance - library.final.deviance
     reach = CRITERIA.in_reach(CRITERIA.finalists, lead)
-    return tuple(t.key for t in accepted[0].contenders if t.key != accepted[0].accepted and lead - t.gain > reach)
+    others = [t for t in accepted[0].contenders if t.key != accepted[0].accepted]
+    return tuple(t.key for t in others if lead - t.gain > reach), tuple(t.key for t in others if lead - t.gain <= reach)
 
 
 def absorbed_effects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Criteria = CRITERIA) -> tuple[AbsorbedEffect, ...]:

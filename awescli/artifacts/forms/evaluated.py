@@ -171,6 +171,13 @@ class AtHeight(Checked):
     station_speed_m_s: Number = Field(description="wind speed of the record, carried to that height by the kite file's law [m/s]")
     station_direction_deg: Number = Field(description="and its direction [deg]")
 
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        names = ("pitot_speed_m_s", "pitot_speed_std", "pitot_direction_deg", "pitot_direction_std")
+        if len({getattr(self, name) is None for name in names}) > 1:
+            raise ValueError(f"{', '.join(names)} stand together, or none of them does")
+        return self
+
 
 class WindProfile(Checked):
     """The kite as a wind sensor."""

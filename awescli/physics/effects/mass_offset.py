@@ -13,7 +13,7 @@ class MassOffset(Effect):
     name = "mass_offset"
     doc = "mass and centre of mass other than declared"
     parameters = (
-        Parameter("dm", 0.0, "kg", -10.0, 10.0, source="2 % between Makani serials"),
+        Parameter("dm", 0.0, "kg", -20.0, 20.0, source="2 % between Makani serials; a third of a kite for a wrong file"),
         Parameter("dx", 0.0, "m", -0.15, 0.15, source="3-9 cm between Makani serials"),
         Parameter("dz", 0.0, "m", -0.15, 0.15, source="3-9 cm between Makani serials"),
     )
