@@ -246,7 +246,7 @@ def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> 
     for shape in effect.shapes:
         name, probes = f"{effect.key}.{shape}", effect.probes.get(shape, ())
         if model.table[name].value != null[shape]:
-            model = _freed(frame, model, name, probes, criteria)
+            model = _freed(frame, model, name, [p for p in probes if p != null[shape]], criteria)
             continue
         for start in (s for s in (*probes, *effect.refinements.get(shape, ())) if s != null[shape]):
             trial = fit_on(frame, model, {name: start}, free=(name,))
@@ -264,8 +264,9 @@ def _freed(frame: Frame, model: FittedModel, name: str, probes: Sequence[float],
     place = best.fit.names.index(name)
     unseen = np.isfinite(apart) and np.sqrt(best.fit.covariance[place, place]) > UNSEEN * apart
     while unseen and (step := step / 2) > UNSEEN * apart:
-        there = best.table[name].value
-        best = min((best, *(fit_on(frame, best, {name: value}) for value in (there - step, there + step))), key=lambda m: m.deviance)
+        there = best.table[name]
+        either = {min(max(there.value + side, there.lower), there.upper) for side in (-step, step)} - {there.value}
+        best = min((best, *(fit_on(frame, best, {name: value}) for value in sorted(either))), key=lambda m: m.deviance)
     return best if best.deviance < model.deviance + criteria.decisive and best.unseen < model.unseen + criteria.decisive else model
 
 
