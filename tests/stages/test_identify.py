@@ -117,7 +117,7 @@ def late_flight(tmp_path, monkeypatch):
     law = Late(**{f.name: getattr(found.law, f.name) for f in fields(found.law)})
     (tmp_path / "kite.yaml").write_text(kite_text(DEVELOPMENT))
     inputs = Inputs(tmp_path / "late", tmp_path / "kite.yaml", Split(train=0.5, validation=0.25, test=0.25))
-    context = SimpleNamespace(flight=tmp_path / "late", upstream=lambda _: tmp_path, inputs=inputs)
+    context = SimpleNamespace(flight=tmp_path / "late", upstream=lambda _: tmp_path, made_by=lambda _: tmp_path, inputs=inputs)
 
     def fitted(law):
         monkeypatch.setattr(controller_artifact, "read_controller", lambda _: law)
