@@ -47,9 +47,7 @@ def cases(folders: Mapping[str, Path], made_by: str) -> dict[str, dict[str, Any]
 
 def run_case(name: str, case: Mapping[str, Any]) -> dict[str, Any]:
     """Read, put in, trace, keep what was said."""
-    from awescli.flightlog.loops import find_loops
     from awescli.flightlog.read import read_flight
-    from awescli.flightlog.split import split
     from awescli.notation.errors import AwesError
     from awescli.physics.declaration import read_kite
     from awescli.stages import STAGES
@@ -58,9 +56,9 @@ def run_case(name: str, case: Mapping[str, Any]) -> dict[str, Any]:
     begin, clock = time.perf_counter(), time.process_time()
     try:
         plan = read_plan(HERE.parent / "examples" / PLANS[case["flight"]] / "stages.yaml", STAGES, {"flight": case["folder"]})
-        log, kite, shares = read_flight(plan.flight), read_kite(plan.kite), plan.split.model_dump()
-        log, kite, put_in = changed(case, log, kite, split(find_loops(log), log=log, **shares))
-        told = answered(log, kite, split(find_loops(log), log=log, **shares), plan.settings["trace-residual"])
+        log, kite = read_flight(plan.flight), read_kite(plan.kite)
+        log, kite, put_in = changed(case, log, kite, parted(plan, log))
+        told = answered(log, kite, parted(plan, log), plan.settings["trace-residual"])
     except AwesError as e:
         return {"case": name, **case, "verdict": "failed", "why": str(e).splitlines()[0]}
     return {
@@ -69,6 +67,14 @@ def run_case(name: str, case: Mapping[str, Any]) -> dict[str, Any]:
         "error": {key: value["mean"] for key, value in told["error"].items() if isinstance(value, Mapping)},
         "effects": told["effects"], "ranking": [f"{r['name']}:{r['acts_on']}" for r in told["ranking"][:3]],
     }  # fmt: skip
+
+
+def parted(plan, log):
+    """The parts of a flight as the stages of the plan deal them."""
+    from awescli.flightlog.cycles import pieces
+    from awescli.flightlog.split import split
+
+    return split(pieces(log, plan.split.of), **plan.split.model_dump(exclude={"of"}), log=log)
 
 
 def changed(case: Mapping[str, Any], log, kite, parts):
