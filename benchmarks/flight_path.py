@@ -29,6 +29,7 @@ KINDS: dict[str, tuple[dict, str, str, float]] = {
     "position late": ({"late": {("p_n", "p_e", "p_d"): 0.15}}, "position_latency", "p_n", 0.15),
     "attitude late": ({"late": {("phi", "theta", "psi"): 0.06}}, "attitude_latency", "phi", 0.06),
     "airspeed low": ({"scale": 0.93}, "airspeed_scale", "V_a", -0.07),
+    "airspeed slow": ({"lag": 0.6}, "airspeed_lag", "V_a", 0.6),
     "heading off": ({"bias": {"psi": 3 * DEG}}, "heading_bias", "psi", 3 * DEG),
     "pitch gyro off": ({"bias": {"q": 1.0 * DEG}}, "imu_bias", "q", 1.0 * DEG),
     "accelerometer off": ({"bias": {"a_z": 1.0}}, "imu_bias", "a_z", 1.0),

@@ -19,8 +19,8 @@ ATTITUDE, POSITION, VELOCITY, RATES = ("phi", "theta", "psi"), ("p_n", "p_e", "p
 class Sensors:
     """SI. white: channel -> standard deviation, default the kite file's; factor: on all of them; attitude, position: (level, memory [s]) of
     their drifts; gusts: (level, memory) of the three components of wind that only the air data meet; late: group of channels -> delay [s];
-    bias: channel -> constant error; scale: of the airspeed; wind: NED, what the air has beyond its record; vanes: whether there are any;
-    outliers: share of samples; gap: [s] lost in one piece in mid flight."""
+    bias: channel -> constant error; scale, lag [s] of first order: of the airspeed; wind: NED, what the air has beyond its record; vanes:
+    whether there are any; outliers: share of samples; gap: [s] lost in one piece in mid flight."""
 
     white: Mapping[str, float] = field(default_factory=lambda: {n: std for n, (std, share) in Noise().channels().items() if not share})
     factor: float = 1.0
@@ -30,6 +30,7 @@ class Sensors:
     late: Mapping[tuple[str, ...], float] = field(default_factory=dict)
     bias: Mapping[str, float] = field(default_factory=dict)
     scale: float = 1.0
+    lag: float = 0.0
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
     vanes: bool = False
     outliers: float = 0.0
@@ -46,6 +47,9 @@ class Sensors:
         for group, delay in self.late.items():
             for name in group:
                 signals[name] = np.interp(true.time - delay, true.time, np.unwrap(signals[name]) if name in ATTITUDE else signals[name])
+        if self.lag:
+            a = np.exp(-dt / self.lag)
+            signals["V_a"] = lfilter([1 - a], [1, -a], signals["V_a"], zi=[a * signals["V_a"][0]])[0]
         signals["V_a"] *= self.scale
         for level, names in ((self.attitude, ATTITUDE), (self.position, POSITION)):
             for name in names if level else ():

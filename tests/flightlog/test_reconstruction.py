@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kites import flight
+from scipy.signal import lfilter
 from sensors import ATTITUDE, POSITION, RATES, VELOCITY, Sensors, wander
 
 from awescli.flightlog.read import read_flight
@@ -177,6 +178,7 @@ KINDS = {
     "pitch gyro": ({"bias": {"q": 2.5 * DEG}}, "imu_bias", "q", 2.5 * DEG),
     "accelerometer": ({"bias": {"a_z": 0.8}}, "imu_bias", "a_z", 0.8),
     "airspeed": ({"scale": 0.93}, "airspeed_scale", "V_a", -0.07),
+    "slow airspeed": ({"lag": 0.8}, "airspeed_lag", "V_a", 0.8),
     "heading": ({"bias": {"psi": 3 * DEG}}, "heading_bias", "psi", 3 * DEG),
     "vane": ({"vanes": True, "bias": {"alpha": 3.5 * DEG}}, "vane_bias", "alpha", 3.5 * DEG),
 }
@@ -279,11 +281,13 @@ def test_errors_put_into_a_measured_record():
     log = read_flight(AP2)
     assert not reconstruct(log).findings
     late = {n: np.interp(log.time - 0.24, log.time, log[n]) for n in POSITION}
+    a = np.exp(-log.dt / 0.6)
     untouched = {(e.name, e.acts_on[0]): e.size for e in reconstruct(log).errors}
     for change, name, channel, size in (
         ({"q": log["q"] + 2.5 * DEG}, "imu_bias", "q", 2.5 * DEG),
         (late, "position_latency", "p_n", 0.24),
         ({"V_a": 0.9 * log["V_a"]}, "airspeed_scale", "V_a", -0.1),
+        ({"V_a": lfilter([1 - a], [1, -a], log["V_a"], zi=[a * log["V_a"][0]])[0]}, "airspeed_lag", "V_a", 0.6),
     ):
         (found,) = reconstruct(replace(log, measured={**log.measured, **change})).findings
         assert (found.name, found.acts_on[0]) == (name, channel)

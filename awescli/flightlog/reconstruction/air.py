@@ -7,6 +7,7 @@ Turning in all directions is what tells a scale of the pitot from a wind (Klein 
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.signal import lfilter
 
 from awescli.flightlog.quality import white_noise
 from awescli.flightlog.reconstruction.gauss_markov import Law, Series
@@ -34,17 +35,20 @@ SPAN = 0.4
 """s over which the airspeed that velocity and wind give is smoothed for its rate of change."""
 
 
-def airspeed_of_motion(motion: Motion, wind: np.ndarray | None = None) -> Identity:
-    """Airspeed less |v - w|. wind: (n, 3) NED [m/s] to be linear about, default the record. Alone, without the vanes: these would vote on
-    the wind with errors of the attitude."""
+def airspeed_of_motion(motion: Motion, wind: np.ndarray | None = None, lag: float = 0.0, smooth: bool = False) -> Identity:
+    """Airspeed less |v - w| behind a lag [s] of first order. wind: (n, 3) NED [m/s] to be linear about, default the record; smooth: without
+    the noise of the velocity, of which a lag would take away a part. Alone, without the vanes: these would vote on the wind with errors of
+    the attitude."""
     air, higher = _air(motion, wind)
     speed = np.maximum(np.linalg.norm(air, axis=1), 1e-3)
-    G = -air / speed[:, None]
+    G = lagged(-air / speed[:, None], motion, lag)
+    if smooth:
+        speed = np.concatenate([local_quadratic(part, motion.dt, SPAN) for part in _stretches(speed, motion)])
+    speed = lagged(speed, motion, lag)
     seen = motion.seen("V_a")[:, 0] & (speed > SLOWEST)
     error = motion.log["V_a"][motion.rows] - speed
     mean = float(speed[seen].mean()) if seen.any() else SLOWEST
-    ends = np.flatnonzero(motion.restart)[1:]
-    changes = [local_quadratic(part, motion.dt, SPAN, derivative=1) for part in np.split(speed, ends)]
+    changes = [local_quadratic(part, motion.dt, SPAN, derivative=1) for part in _stretches(speed, motion)]
     shapes = _wind_shapes(G[:, None, :], motion, wind, higher) | {
         "scale": speed[:, None], "offset": np.ones((len(motion), 1)), "late": -np.concatenate(changes)[:, None],
         # whoever holds the airspeed flies slower over ground when a gust comes from ahead: it then passes for a factor on what varies
@@ -55,6 +59,22 @@ def airspeed_of_motion(motion: Motion, wind: np.ndarray | None = None) -> Identi
     asks = (("at flown speed", {"scale": 1.0, "offset": 1.0 / mean}),)
     H = np.ones((len(motion), 1, 1))
     return _identity("airspeed", motion, error[:, None], shapes, H, seen[:, None], laws, {"answered": answered}, asks)
+
+
+def lagged(signal: np.ndarray, motion: Motion, lag: float) -> np.ndarray:
+    """What a sensor with a lag [s] of first order makes of a signal (n, ...), exactly where it is constant between the middles of samples;
+    every stretch begins at its first value."""
+    if lag <= 0:
+        return signal
+    a, parts = np.exp(-motion.dt / lag), []
+    for part in _stretches(signal, motion):
+        held = np.concatenate([part[:1], (part[1:] + part[:-1]) / 2])
+        parts.append(lfilter([1 - a], [1, -a], held, axis=0, zi=a * held[:1])[0])
+    return np.concatenate(parts)
+
+
+def _stretches(signal: np.ndarray, motion: Motion) -> list[np.ndarray]:
+    return np.split(signal, np.flatnonzero(motion.restart)[1:])
 
 
 def vanes_of_motion(motion: Motion, wind: np.ndarray | None = None) -> Identity:

@@ -13,12 +13,14 @@ import numpy as np
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.quality import white_noise
 from awescli.flightlog.reconstruction.air import airspeed_of_motion, recorded, vanes_of_motion, with_offset
+from awescli.flightlog.reconstruction.airspeed_lag import airspeed_lag
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
 from awescli.flightlog.reconstruction.identities import Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
 from awescli.flightlog.reconstruction.solve import Solution, solve, thinned
 from awescli.notation.errors import NumericalFailure
+from awescli.notation.present import present
 from awescli.notation.quantities import ANGLES, UNITS
 
 FEWEST, SHORTEST = 200, 10.0
@@ -40,7 +42,7 @@ MATTERS = {
     "heading_bias": 1.5 * DEG, "airspeed_scale": 0.03, "airspeed_lag": 0.25, "vane_bias": 1.5 * DEG,
 }  # fmt: skip
 """Sizes from which an error changes what a model learns [SI]: those at which the library's effects begin (`source` of their parameters).
-A lag of the airspeed only from where gusts, to which the flight answers, do not pass for one (0.19 s on UMN's Thor)."""
+A lag of the airspeed only from where gusts, to which the flight answers, do not pass for one (0.15 s on UMN's Thor)."""
 
 
 def reconstruct(log: FlightLog) -> FlightPath:
@@ -129,8 +131,11 @@ def _position(motion: Motion) -> Identity:
 
 
 def _airspeed(motion: Motion) -> Identity:
-    """About the wind that a first solution finds where nobody recorded one: the airspeed is not linear in it."""
-    return airspeed_of_motion(motion, _wind(motion))
+    """About the wind that a first solution finds where nobody recorded one, and about the lag that is clearly there: the airspeed is linear
+    in neither."""
+    wind = _wind(motion)
+    lag = airspeed_lag(motion, wind)
+    return replace(airspeed_of_motion(motion, wind, lag.size if lag.clear else 0.0), lag=lag)
 
 
 def _vanes(motion: Motion) -> Identity:
@@ -168,7 +173,8 @@ def _say_velocity(s: Solution) -> list[SensorError]:
 def _say_airspeed(s: Solution) -> list[SensorError]:
     # scale and offset are one at the speed that is flown
     scale = _error(s, "at flown speed", "airspeed_scale", ("V_a",), "-")
-    return [scale, _error(s, "late", "airspeed_lag", ("V_a",), "s")]
+    lag = present(s.identity.lag, "the lag of the airspeed")
+    return [scale, SensorError("airspeed_lag", None, ("V_a",), lag.size, lag.std, "s", MATTERS["airspeed_lag"], lag.clear)]
 
 
 def _say_vanes(s: Solution) -> list[SensorError]:

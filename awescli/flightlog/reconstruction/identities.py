@@ -30,10 +30,20 @@ SLOW = 2.0
 
 
 @dataclass(frozen=True)
+class Lag:
+    """A lag of first order with its standard deviation [s]; clear: worth more than what a flight's answer to gusts may pass for."""
+
+    size: float
+    std: float
+    clear: bool
+
+
+@dataclass(frozen=True)
 class Identity:
     """A Series with what it is made of. channels: the m measured ones; laws: of its states, at their start, with `known` of white levels,
     laws and memories; drifts: law -> channels that drift; moved: the delay [s] that was taken out before; asks: what is
-    reported beside the columns, as sums of columns with weights; white_by_differences: white noise was found by them beforehand."""
+    reported beside the columns, as sums of columns with weights; white_by_differences: white noise was found by them beforehand; lag: how
+    slowly the sensor answers, as far as it was asked."""
 
     name: str
     channels: tuple[str, ...]
@@ -45,6 +55,7 @@ class Identity:
     moved: float = 0.0
     asks: tuple[tuple[str, dict[str, float]], ...] = ()
     white_by_differences: bool = False
+    lag: Lag | None = None
 
 
 def attitude_of_rates(motion: Motion) -> Identity:
