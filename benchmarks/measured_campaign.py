@@ -58,6 +58,8 @@ def run_case(name: str, case: Mapping[str, Any]) -> dict[str, Any]:
         plan = read_plan(HERE.parent / "examples" / PLANS[case["flight"]] / "stages.yaml", STAGES, {"flight": case["folder"]})
         log, kite = read_flight(plan.flight), read_kite(plan.kite)
         log, kite, put_in = changed(case, log, kite, parted(plan, log))
+        if case.get("only") == "kinematics":
+            return {"case": name, **case, **put_in, **seen_alone(log)}
         told = answered(log, kite, parted(plan, log), plan.settings["trace-residual"])
     except AwesError as e:
         return {"case": name, **case, "verdict": "failed", "why": str(e).splitlines()[0]}
@@ -103,6 +105,24 @@ def answered(log, kite, parts, settings) -> dict[str, Any]:
     finding = trace_flight(kite, log, parts, horizon=settings.horizon, curriculum=settings.curriculum)
     before, after = (predict(model, log, parts.test, settings.horizon) for model in (finding.before(), finding.after()))
     return summary(finding, log, settings.horizon, before, after) | {"kinematics": kinematics(log)}
+
+
+def seen_alone(log) -> dict[str, Any]:
+    """What kinematics alone says of a log, in the form of an answer: `found` where it names something, with all that it measured."""
+    from awescli.flightlog.reconstruction.flight_path import reconstruct
+
+    seen = reconstruct(log).errors
+    effects = [
+        {"name": e.name, "acts_on": e.target or "", "rivals": [], "parameters": {"size": {"value": e.size, "std": e.std}}}
+        for e in seen if e.found
+    ]  # fmt: skip
+    sizes = [[_key_of(e.name, e.target, e.acts_on), e.size, e.std] for e in seen]
+    return {"verdict": "found" if effects else "none", "effects": effects, "sizes": sizes}
+
+
+def _key_of(name: str, target: str | None, channels: Iterable[str]) -> str:
+    """As injection.py calls it; of several gyros the one that is off is the pitch rate's."""
+    return f"{name}:{target}" if target and (target not in ("rates", "accelerations") or "q" in channels) else name
 
 
 def beyond(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> Answer:
@@ -179,6 +199,47 @@ def table(results: Iterable[Mapping[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def table_of_kinematics(results: Iterable[Mapping[str, Any]]) -> str:
+    """What kinematics alone says, by kind: of errors of sensors, which it can tell, of others, where it must be silent, and of copies."""
+    results = list(results)
+    untouched = {r["flight"]: r for r in results if r["set"] == "untouched"}
+    commits = ", ".join(sorted({r["commit"] for r in results}))
+    lines = [
+        "# Effects put into measured flights, seen by kinematics alone", "",
+        f"`python benchmarks/measured_campaign.py --kinematics --thor FOLDER --ap2 FOLDER`, by commit {commits}. `right`: what was put in",
+        "is named and no other; empty: no name; `inside`: what the size has changed by lies within 1.96 standard deviations.", "",
+        *(f"- {flight}, untouched: {_named(r) or 'no names'}" for flight, r in untouched.items()), "",
+        "| flight | put in | full | half | quarter | inside |", "|---|---|---|---|---|---|",
+    ]  # fmt: skip
+    judged = [r for r in results if r["set"] != "untouched" and r["flight"] in untouched]
+    told_of = {(r["flight"], r.get("key", "copies"), r.get("copy", r["set"])): r for r in judged if "sizes" in r}
+    said = {case: scored(r, untouched[r["flight"]]) for case, r in told_of.items()}
+    for flight, key in dict.fromkeys((flight, key) for flight, key, _ in said if key != "copies"):
+        named = [r for case, r in told_of.items() if case[:2] == (flight, key) and said[case] == "right"]
+        told = [i for r in named if (i := _changed_inside(r, untouched[flight])) is not None]
+        cells = " | ".join(_shown(said.get((flight, key, size), "failed")) for size in FLOORS)
+        lines.append(f"| {flight} | {key} | {cells} | {f'{sum(told)} of {len(told)}' if told else ''} |")
+    lines.append("")
+    for flight in untouched:
+        copies = [outcome for (of, key, _), outcome in said.items() if of == flight and key == "copies"]
+        lines.append(f"- {flight}, untouched copies: {sum(o == 'right' for o in copies)} of {len(copies)} without a name")
+    wrong = sum(o == "wrong" for o in said.values())
+    return "\n".join([*lines, f"- wrong names: {wrong} of {len(said)}"]) + "\n"
+
+
+def _shown(outcome: str) -> str:
+    return {"right": "right", "wrong": "**wrong**"}.get(outcome, "")
+
+
+def _changed_inside(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> bool | None:
+    """Has a size changed by what was put in, within its joint interval?"""
+    now, before = ({key: (size, std) for key, size, std in r["sizes"]}.get(result["key"]) for r in (result, untouched))
+    if now is None or before is None:
+        return None
+    off = now[0] - before[0] - (result["value"] - result["null"])
+    return abs(off) <= INTERVAL * (now[1] ** 2 + before[1] ** 2) ** 0.5
+
+
 def _named(result: Mapping[str, Any]) -> str:
     return ", ".join(f"{e['name']}:{e['acts_on']}" if e["acts_on"] else e["name"] for e in result.get("effects", ()))
 
@@ -188,6 +249,7 @@ def main(arguments=None) -> int:
     parser.add_argument("--thor", type=Path, help="folder with thor_flight75_2012_10_10.mat")
     parser.add_argument("--ap2", type=Path, help="folder with validationDataFC114_1_v2_pc.mat")
     parser.add_argument("--only", nargs="*", default=[""], help="only cases whose name begins so; the untouched flights always")
+    parser.add_argument("--kinematics", action="store_true", help="only what kinematics alone sees: no model, nothing traced")
     add_options(parser)
     options = parser.parse_args(arguments)
     folders = {name: folder.resolve() for name, folder in (("thor", options.thor), ("ap2", options.ap2)) if folder}
@@ -195,9 +257,12 @@ def main(arguments=None) -> int:
         parser.error("name the folder of a measured log: --thor FOLDER, --ap2 FOLDER, or both")
     made_by = commit()
     every, folder = cases(folders, made_by), RESULTS / made_by
+    if options.kinematics:
+        every, folder = {n: c | {"only": "kinematics"} for n, c in every.items()}, folder / "kinematics"
     wanted = {n: c for n, c in every.items() if c["set"] == "untouched" or n.startswith(tuple(options.only))}
     failed = run_campaign(run_case, wanted, folder, options.jobs, options.scheduler, say)
-    write_text(RESULTS.parent / "measured.md", table(kept(folder, every).values()))
+    name, shown = ("measured_kinematics.md", table_of_kinematics) if options.kinematics else ("measured.md", table)
+    write_text(RESULTS.parent / name, shown(kept(folder, every).values()))
     return 3 if failed else 0
 
 

@@ -79,3 +79,38 @@ def test_what_is_put_into_a_simulated_flight_is_found():
     result = said(told["verdict"], *told["effects"], key="airspeed_scale", parameter="s", value=0.92, null=1.0, floors=4.0)
     untouched = said("none", set="untouched")
     assert campaign.scored(result, untouched) == "right" and campaign.inside(result, untouched)
+
+
+def alone(of: str, size: float, std: float, named: bool, **case) -> dict:
+    """What kinematics alone says of one error, and whether it names it."""
+    name, _, target = of.partition(":")
+    effects = [effect(name, target, size=size)] if named else []
+    return {"flight": "thor", "set": "full", "case": "thor-x", "commit": "c", "verdict": "found" if named else "none", "effects": effects,
+            "sizes": [[of, size, std]], **case}  # fmt: skip
+
+
+def test_the_table_of_kinematics_counts_names_by_kind_and_size():
+    """A size is judged by what it has changed by; a name where nothing was put in, or another one, is wrong."""
+    put = {"key": "airspeed_scale", "parameter": "s", "value": 0.9, "null": 1.0, "floors": 4.0}
+    told = campaign.table_of_kinematics(
+        [
+            alone("airspeed_scale", -0.03, 0.01, False, set="untouched", case="thor-untouched"),
+            alone("airspeed_scale", -0.125, 0.01, True, **put),
+            alone("airspeed_scale", -0.04, 0.01, False, **put | {"set": "half", "value": 0.97}),
+            alone("airspeed_lag", 0.6, 0.01, True, **put | {"set": "quarter", "value": 0.98}),
+            alone("airspeed_scale", -0.03, 0.01, False, set="copy", copy="every second"),
+        ]
+    )
+    assert "| thor | airspeed_scale | right |  | **wrong** | 1 of 1 |" in told
+    assert "untouched copies: 1 of 1 without a name" in told and "wrong names: 1 of 4" in told
+
+
+def test_kinematics_says_of_a_record_what_was_put_into_it():
+    """A pitot that reads 8 % low in a short flight of our own world: named, with the size that the table judges by."""
+    kite, log, _ = short_flight({}, seed=41, duration=60.0)
+    changed, _ = TETHERED["airspeed_scale"].inject(log, kite, 0.92)
+    untouched, told = campaign.seen_alone(log), campaign.seen_alone(changed)
+    assert untouched["verdict"] == "none" and [e["name"] for e in told["effects"]] == ["airspeed_scale"]
+    sizes = {key: size for key, size, _ in told["sizes"]}
+    before = {key: size for key, size, _ in untouched["sizes"]}
+    assert sizes["airspeed_scale"] - before["airspeed_scale"] == pytest.approx(-0.08, abs=0.01)
