@@ -67,9 +67,11 @@ class Known:
         rows = [kite.parameters[self.names[i]] for i in of]
         random, centre = np.random.default_rng(seed), np.array([p.value for p in rows]) + self.found[of]
         lower, upper = (np.array([getattr(p, end) for p in rows]) for end in ("lower", "upper"))
-        drawn = (
-            random.multivariate_normal(centre, self.covariance[np.ix_(of, of)], size=count, method="svd") if len(of) else [centre] * count
-        )
+        covariance = self.covariance[np.ix_(of, of)]
+        std = np.maximum(np.sqrt(np.diag(covariance)), np.finfo(float).tiny)
+        # in units of the deviations, for parameters differ by ten powers of ten; what rounding makes negative is nothing
+        size, axes = np.linalg.eigh(covariance / np.outer(std, std))
+        drawn = centre + (random.standard_normal((count, len(of))) * np.sqrt(np.maximum(size, 0.0))) @ axes.T * std
         return [{p.name: float(v) for p, v in zip(rows, np.clip(x, lower, upper), strict=True)} for x in drawn]
 
     def variances(self, J: np.ndarray) -> dict[str, float]:

@@ -154,3 +154,15 @@ def test_draws_are_of_what_is_known(noisy):
     assert np.cov(values.T) == pytest.approx(C[:2, :2], rel=0.1)
     wide = Known((a.name,), np.array([[100.0 * a.value**2]]), np.array([False]), np.zeros(1)).draws(kite, 50, seed=1)
     assert {min(d[a.name] for d in wide), max(d[a.name] for d in wide)} == {a.lower, a.upper}
+
+
+def test_draws_of_correlated_parameters_of_unlike_sizes(noisy):
+    """Guards correlated draws: deviations two powers of ten apart, a correlation that rounding has made slightly more than possible. No
+    warning, and the moments return."""
+    kite, names, std = Kite(noisy.declared, noisy.log.wind.height), ("CL0", "CD0", "m"), np.array([1e-2, 1e-3, 0.3])
+    correlation = np.array([[1.0, 0.9, 1.0005], [0.9, 1.0, 0.9], [1.0005, 0.9, 1.0]])
+    assert np.linalg.eigvalsh(correlation)[0] < 0
+    known = Known(names, correlation * np.outer(std, std), np.zeros(3, bool), np.zeros(3))
+    drawn = np.array([[d[n] for n in names] for d in known.draws(kite, 4000, seed=5)])
+    assert drawn.mean(0) == pytest.approx([kite.parameters[n].value for n in names], abs=4 * std.max() / 4000**0.5)
+    assert drawn.std(0) == pytest.approx(std, rel=0.05) and np.corrcoef(drawn.T) == pytest.approx(correlation, abs=0.02)
