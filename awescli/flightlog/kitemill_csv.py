@@ -4,7 +4,7 @@ A folder holds `kite.csv` and beside it the weather, `lista_fyr_lighthouse.csv` 
 Signs stay as the log has them; the kite file says how its model counts them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +47,9 @@ FEW = 6
 DIGITS = 4
 """Decimals written: finer than any of the sensors."""
 
-WITHOUT_QUANTITY = ("intern_time", "camber_sp")
+PHASE = "flight_phase"
+"""Column with the name of the phase that a simulated pumping flight was in."""
+WITHOUT_QUANTITY = ("intern_time", "camber_sp", PHASE)
 """Columns of the format that a flight log has no place for; they are no news to the user."""
 
 
@@ -106,8 +108,9 @@ def read_kitemill(
     return uniform_log(raw, max_gap)
 
 
-def to_kitemill_csv(log: FlightLog) -> tuple[str, str]:
-    """(text of kite.csv, text of wind.csv, "" without wind). Invalid samples are left out, so that they are a gap again.
+def to_kitemill_csv(log: FlightLog, phases: Sequence[str] | None = None) -> tuple[str, str]:
+    """(text of kite.csv, text of wind.csv, "" without wind). Invalid samples are left out, so that they are a gap again. phases: name of
+    the phase of every sample, a column more.
 
     Precision: stamps 1 ms, all else 4 decimals of the column's unit.
     """
@@ -119,6 +122,8 @@ def to_kitemill_csv(log: FlightLog) -> tuple[str, str]:
         if quantity in log:
             # adding 0.0 turns the -0.0 of a rounded small number into 0.0
             columns[column] = pl.Series(np.round(log[quantity][keep] / factor_to_si(unit, UNITS[quantity]), DIGITS) + 0.0)
+    if phases is not None:
+        columns[PHASE] = pl.Series([phases[i] for i in keep.tolist()])
     return pl.DataFrame(columns).write_csv(float_precision=DIGITS), "" if log.wind is None else wind_csv_text(log)
 
 

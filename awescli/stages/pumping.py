@@ -195,7 +195,8 @@ def on_winch(declaration: "KiteDeclaration", drum: Drum):
 
 
 def fly_phases(config: "SimulateConfig", log: "FlightLog", first: int, kite, fitted, wind, how: Mapping, known=None):
-    """(the flight through the plan's phases, what metrics.json says of it), from sample `first` of the log, its line and its load on.
+    """(the flight through the plan's phases, the name of the phase of every sample, what metrics.json says of the flight), from sample
+    `first` of the log, its line and its load on.
 
     known: of the parameters (`power_interval.Known`), for the interval of the mean power of all cycles that were asked for: 5 to 95 % of
     those drawn kites that fly them.
@@ -221,7 +222,7 @@ def fly_phases(config: "SimulateConfig", log: "FlightLog", first: int, kite, fit
         summary |= slopes(config, pumping, wind, known, line | {k: how[k] for k in ("start", "duration", "dt", "begins")})
     power = log["tension"] * log["reel_out_speed"] if "tension" in log else None
     measured = [float(power[a:b].mean()) for a, b in cycles(phases(log))] if power is not None else []
-    return pumped.flown, summary | ({"measured_cycle_W": measured} if measured else {})
+    return pumped.flown, [names[i] for i in pumped.phase.tolist()], summary | ({"measured_cycle_W": measured} if measured else {})
 
 
 def slopes(config: "SimulateConfig", pumping, wind, known, how: Mapping) -> dict:

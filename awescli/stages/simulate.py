@@ -151,16 +151,16 @@ class Simulate(Stage):
         how |= {"begins": float(log.time[first]), "rates": rates_at(log, kite, first)}
         if config.phases:
             known = known_of(context, model, kite)
-            flown, pumped = fly_phases(config, log, first, kite, fitted, wind, how, known)
+            flown, phases, pumped = fly_phases(config, log, first, kite, fitted, wind, how, known)
             duration = min(duration, flown.time[-1]) if pumped["cycles_flown"] == config.cycles else duration
         else:
             law, pattern = law_to_fly(config, log, kite, fitted)
-            reel_out, pumped = LoggedReelOut(log, first) if kite.tether else None, {}
+            reel_out, phases, pumped = LoggedReelOut(log, first) if kite.tether else None, None, {}
             flown = simulate_flight(kite, law, wind, reel_out, pattern=pattern, setpoints=recorded, step=config.step, **how)
         # a log that knows no date (seconds since boot) gets one that the format can hold
         epoch = (0.0 if log.start > YEARS[0] else EPOCH) + log.start + float(log.time[first])
         written = as_recorded(flown, kite.declaration, wind, seed=seed, noise=config.noise, name="flight", epoch=epoch)
-        kite_csv, wind_csv = to_kitemill_csv(written)
+        kite_csv, wind_csv = to_kitemill_csv(written, phases)
         write_text(context.folder / "flight" / "kite.csv", kite_csv)
         write_text(context.folder / "flight" / "wind.csv", wind_csv)
         write_arrays(context.folder / "trajectory.npz", side_by_side(log, first, flown))

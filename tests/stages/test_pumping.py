@@ -52,6 +52,12 @@ def test_the_example_earns_power_and_is_read_again(tmp_path):
     log = read_flight(folder)
     labels = phases(log)
     assert len(cycles(labels)) == 2 and (np.asarray(log["tether_length"]) > 470).all()
+    # the log says of every sample in which phase it was, as metrics.json does
+    said = [r["flight_phase"] for r in csv.DictReader((folder / "kite.csv").open())]
+    for row in metrics["phases"]:
+        inside = [phase for phase, t in zip(said, log.time, strict=True) if row["from_s"] < t < row["to_s"]]
+        assert set(inside) == {row["phase"]}
+    assert not any("without a quantity" in note for note in log.notes)
     # a pumping flight has two levels of the held surfaces, as the plan says
     assert np.degrees(log["elevator"]).min() == pytest.approx(-5, abs=0.01) and np.degrees(log["flaps"]).min() == pytest.approx(0, abs=0.01)
 

@@ -19,7 +19,7 @@ from awescli.flightlog.reconstruction.solve import ENOUGH, MOST, thinned, withou
 LAGS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)
 """[s] that are tried first; the best is searched between its neighbours ..."""
 NEAR = 0.02
-"""... to so many seconds."""
+"""... to so many seconds, which its standard deviation counts."""
 CLEAR_GAIN = 120.0
 """Deviance that a lag must be worth. A flight answers to its gusts, and that passes for a lag: of 0.15 s and 36 on UMN's Thor, of 0.3 s and
 78 on Ampyx' AP2, which may be slow indeed. A lag of 0.3 s gains 190 to 350."""
@@ -39,7 +39,7 @@ def airspeed_lag(motion: Motion, wind: np.ndarray | None) -> Lag:
     first = max(size - step, 0.0)
     around = [_deviance(motion, wind, first + k * step) for k in range(3)]
     curvature = (around[0] - 2 * around[1] + around[2]) / step**2
-    std = float(np.sqrt(2 / curvature)) if curvature > 0 else LAGS[-1]
+    std = float(np.hypot(np.sqrt(2 / curvature), NEAR)) if curvature > 0 else LAGS[-1]
     return Lag(size, std, tried[0.0] - least > CLEAR_GAIN)
 
 
