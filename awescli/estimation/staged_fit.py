@@ -91,7 +91,7 @@ def fit_flights(
         # without priors nothing keeps the wind record near what was recorded
         problems = [replace(p, names=tuple(n for n in p.names if n not in p.kite.record)) for p in problems]
     labels = [f.label for f in flights]
-    tables = [p.simulator.kite.parameters.with_values(start or {}) for p in problems]
+    tables = declared = [p.simulator.kite.parameters.with_values(start or {}) for p in problems]
     owns: list[NuisanceValues | None] = [None] * len(problems)
     for horizon in horizons:
         short = [
@@ -112,6 +112,10 @@ def fit_flights(
     problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
     owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
     result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    if horizons and not any(levels_of(p.processes) for p in problems):
+        # without processes, which take up what a poor guess misses, a short horizon may lead astray from what counts in a long one
+        straight, _ = fit_levels(problems, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
+        result = min(result, straight, key=lambda r: r.solution.cost)
     looked = [_looked_for(p, f, OPEN) for p, f in zip(problems, result.flights, strict=True)] if result.ended else []
     if any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=False)):
         tables = [f.parameters for f in result.flights]

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 from kites import DEVELOPMENT, flight
 
+from awescli.estimation import staged_fit
 from awescli.estimation.fit import fit
 from awescli.estimation.misfit import Misfit
 from awescli.estimation.prediction import predict
+from awescli.estimation.problem import build, simulator_of
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
 from awescli.notation.quantities import MEASURED, STATES
@@ -54,6 +56,28 @@ def test_parameters_come_back_from_true_starts():
     for i, name in enumerate(NAMES):
         assert abs(result.parameters[name].value - truth[name].value) < 4 * np.sqrt(result.covariance[i, i]), name
     np.testing.assert_array_equal(result.own.starts[:, : len(STATES)], cut.segments.starts)
+
+
+def test_where_short_horizons_lead_astray_the_fit_goes_straight(monkeypatch):
+    """Guards the curriculum of fits without processes (development flight d01 ended ten times as far from the flight by it)."""
+    log = flight(duration=40.0, noise=True).log
+    problem = build(simulator_of(DEVELOPMENT, log), log, split(find_loops(log), log=log), 3.0, MEASURED, by_range=True, known_starts=True)
+    problem = replace(problem, names=("CLa",))
+    real, begun = staged_fit.fit_levels, []
+
+    def fit_levels(problems, labels, tables, *args):
+        begun.append((problems[0].horizon, tables[0]["CLa"].value))
+        result, fitted = real(problems, labels, tables, *args)
+        lost = len(begun) == 2  # the whole horizon, from where the short one has led
+        return (replace(result, solution=replace(result.solution, cost=1e9, outcome="iteration_limit")) if lost else result), fitted
+
+    monkeypatch.setattr(staged_fit, "fit_levels", fit_levels)
+    monkeypatch.setattr(staged_fit, "levels_first", lambda problems, *args: (problems, [None] * len(problems)))
+    result, _ = staged_fit.fit_flights([staged_fit.Flight(problem)], [1.5], prior=False)
+    declared = problem.simulator.kite.parameters["CLa"].value
+    (short, first), (whole, second), (again, third) = begun
+    assert (short, whole, again) == (1.5, 3.0, 3.0) and first == third == declared != second
+    assert result.solution.outcome == "converged"
 
 
 def test_a_prediction_begins_at_the_measured_state():
