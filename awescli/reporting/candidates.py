@@ -14,7 +14,7 @@ NOT_FITTED = "not fitted"
 def ranking(evidence: Evidence) -> Body:
     """Every candidate: how much of the residual it explains, what it gains on unseen loops, why it was taken or not."""
     effects = evidence.traced
-    accepted = effects["effects"] if evidence.tracing_added else []
+    accepted = evidence.added
     # a share of next to nothing says nothing
     gap = (effects.get("chi2") or {}).get("train_before", 2.0) - 1 > NO_GAP
     rivals = [r for e in effects["effects"] for r in e["rivals"]]

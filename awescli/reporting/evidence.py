@@ -148,13 +148,23 @@ class Evidence:
         chi2 = (self.effects or {}).get("chi2", {})
         return bool(self.effects) and chi2.get("train_before") != chi2.get("train_after")
 
+    @property
+    def named(self) -> list[Document]:
+        """What tracing names: the effects of its verdict or, where there is none, those with which unseen flight is predicted better."""
+        return [*self.traced["effects"], *(self.traced.get("by_prediction") or {}).get("effects", ())]
+
+    @property
+    def added(self) -> list[Document]:
+        """What tracing put into the model."""
+        return self.named if self.tracing_added else []
+
     def label(self, model: str) -> str:
         """A model in words; what tracing added, if it added anything, by name."""
         if model != "with_effects" or self.effects is None:
             return (MODELS | BASELINE).get(model, model)
         if not self.tracing_added:
             return "after tracing (nothing added)"
-        names = [effect_words(e["name"], e.get("acts_on", "")) for e in self.effects["effects"]]
+        names = [effect_words(e["name"], e.get("acts_on", "")) for e in self.added]
         if self.effects["verdict"] == "unexplained":
             names.append("empirical terms")
         return f"with {listed(names)}"

@@ -75,7 +75,7 @@ def title(evidence: Evidence) -> str:
     effects = evidence.effects
     if effects is None:
         return "How well the identified model predicts" if evidence.identify else "How well the declared model predicts"
-    verdict = effects["verdict"]
+    verdict, better = effects["verdict"], effects.get("by_prediction")
     names = [effect_words(e["name"], e.get("acts_on", "")) for e in effects["effects"]]
     if verdict == "found":
         return f"The model lacked {listed(names)}"
@@ -88,6 +88,9 @@ def title(evidence: Evidence) -> str:
     if verdict == "unexplained":
         where = (effects.get("unexplained") or {}).get("channel", "")
         return f"Something is left{f' in {channel(where)}' if where else ''} that no effect of the library explains"
+    if better:
+        names = [effect_words(e["name"], e["acts_on"]) for e in better["effects"]]
+        return f"No verdict; but unseen flight is predicted better with {listed(names)}"
     return ODDS.get(verdict) or str(verdict)
 
 
@@ -105,6 +108,7 @@ def claims(evidence: Evidence) -> list[Words]:
     found = [_error(evidence), _linear(evidence), power_claim(evidence)]
     if evidence.effects:
         found += [_effect(evidence, e) for e in evidence.traced["effects"]]
+        found += [_predicts(evidence, e) for e in (evidence.traced.get("by_prediction") or {}).get("effects", ())]
         seen_alone = evidence.traced.get("kinematics", [])
         found += [f"Kinematics alone, without any model of forces: {seen['sentence']}." for seen in seen_alone]
         found.append(_gain(evidence))
@@ -152,6 +156,16 @@ def _effect(evidence: Evidence, effect: dict) -> Words:
     return Strong(Link(shown, name)), f"{doc}: ", sized, " (± 2 std)", _share(evidence, effect), ".", against
 
 
+def _predicts(evidence: Evidence, effect: dict) -> Words:
+    """An effect that is no finding, but with which unseen flight is predicted better."""
+    name = Strong(Link("fig-residual", effect_words(effect["name"], effect["acts_on"])))
+    sizes = ", ".join(f"{k} = {with_std(p['value'], p['std'], p['unit'])}" for k, p in effect["parameters"].items())
+    rivals = [f"{effect_words(r['name'], r['acts_on'])} {percent(r['after'])}" for r in effect["rivals"]]
+    nearly = f" (nearly as well: {listed(rivals)})" if rivals else ""
+    errs = f"{percent(effect['before'])} to {percent(effect['after'])} on the validation {evidence.parts.of}{nearly}"
+    return "No finding, but a place to look first: ", name, f", {sizes} (± 2 std), takes the error from {errs}."
+
+
 def _share(evidence: Evidence, effect: dict) -> Words:
     """How much of the gap the effect explains by itself, and the next best."""
     ranking = evidence.traced["ranking"]
@@ -172,7 +186,7 @@ def _gain(evidence: Evidence) -> Words:
         return ""
     error = evidence.traced["error"]
     before, after = error["before"]["mean"], error["after"]["mean"]
-    them = "them" if len(evidence.traced["effects"]) > 1 else "it"
+    them = "them" if len(evidence.added) > 1 else "it"
     repeats = OnScreen(("; ", Link("fig-phase", "what repeats in every loop, before and after"))) if shows_phase(evidence) else ""
     error_after = Link("fig-residual", percent(after))
     return f"Fitted with {them}, the declared model errs by ", error_after, f" instead of {percent(before)}", repeats, "."
@@ -190,7 +204,7 @@ def _shifts(evidence: Evidence) -> list[Words]:
         return _bounds(evidence)
     far = {which: sum(abs(s[f"{which}_in_prior_std"]) > 1 for s in shifts.values()) for which in ("before", "after")}
     moved = Link("fig-shifts", "moved by more than one prior standard deviation")
-    added = listed([effect_words(e["name"], e.get("acts_on", "")) for e in evidence.traced["effects"]])
+    added = listed([effect_words(e["name"], e.get("acts_on", "")) for e in evidence.added])
     ended = f", {len(bounded)} to a bound" if bounded else ""
     return [(f"Before adding {added}, {far['before']} of {len(shifts)} parameters ", moved, f"{ended}; after it, {far['after']}.")]
 

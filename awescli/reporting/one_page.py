@@ -89,11 +89,11 @@ def _table(sheet: Sheet, evidence: Evidence, y: float) -> None:
     models.append(("noise alone", percent(evidence.floor["mean"])))
     found = [
         (f"{effect_words(e['name'], e.get('acts_on', ''))}, {name}", with_std(p["value"], p["std"], p["unit"]))
-        for e in (evidence.effects or {}).get("effects", [])
+        for e in (evidence.named if evidence.effects else [])
         for name, p in e["parameters"].items()
     ]
     half = (LEFT + RIGHT) / 2
-    heads = (LEFT, f"mean error {evidence.horizon:g} s ahead, test", models), (half, "found, ± 2 std", found)
+    heads = (LEFT, f"mean error {evidence.horizon:g} s ahead, test", models), (half, "by tracing, ± 2 std", found)
     for x, head, rows in heads:
         if rows:
             sheet.text(x, y, head, fontsize=7.5, weight="bold", va="top")

@@ -38,7 +38,7 @@ def sizes(evidence: Evidence) -> Body:
         (effect_words(e["name"], e.get("acts_on", "")), e.get("doc", ""), name,
          Cell(with_std(p["value"], p["std"], p["unit"]), p["value"]),
          listed([effect_words(r["name"], r.get("acts_on", "")) for r in e["rivals"]]) or "none")
-        for e in evidence.traced["effects"]
+        for e in evidence.named
         for name, p in e["parameters"].items()
     ]  # fmt: skip
     gust = evidence.traced.get("gust_m_s")

@@ -38,7 +38,7 @@ def row(
     scores = _read(plan, results, EVALUATE, "metrics.json")
     if traced:
         found |= {"verdict": traced["verdict"], "effects": [_effect(e) for e in traced["effects"]]}
-    if traced and traced["verdict"] != "not_testable":
+    if traced and traced["error"].get("before"):
         error_of = traced["error"]
         found["error"] = _errors(error_of["horizon_s"], error_of["before"]["mean"], error_of["after"]["mean"], error_of["noise_floor"])
     elif scores:

@@ -34,7 +34,7 @@ def traced_params(model, effects: Mapping[str, Any]) -> dict:
 
     params = describe(model.fit, set(model.problems[0].kite.record), phase_of=phases_of(model.fit.names))
     keys = {key.partition(":")[::2]: key for key in model.keys}
-    for effect in effects["effects"]:
+    for effect in [*effects["effects"], *(effects["by_prediction"] or {}).get("effects", ())]:
         key = keys.get((effect["name"], effect["acts_on"]), effect["name"])
         for short, size in effect["parameters"].items():
             if (row := params["parameters"].get(f"{key}.{short}")) is not None:

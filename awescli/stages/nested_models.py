@@ -114,7 +114,7 @@ def levels_of(context: Context, model: str) -> tuple[dict | None, dict]:
     folder = context.upstream(MADE_BY[model])
     for name in ("effects.json", "metrics.json"):
         found = read_json(folder / name) if folder and (folder / name).is_file() else {}
-        if found.get("verdict") == "not_testable":
+        if found.get("verdict") == "not_testable" and not found.get("by_prediction"):
             return None, {}
         if "processes" in found:
             return found["processes"], found.get("noise_factors", {})

@@ -111,10 +111,10 @@ class TraceResidual(Stage):
             context.progress.note(f"Kinematics alone: {seen['sentence']}.")
         effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), models, predictions, config.horizon)
         scores = {which: scores_of(p, config.horizon) for which, p in predictions.items()}
-        testable = finding.verdict != "not_testable"
-        params = traced_params(finding.model, effects) if testable else read_json(context.made_by("identify") / "params.json")
+        better = finding.verdict != "not_testable" or finding.by_prediction
+        params = traced_params(finding.model, effects) if better else read_json(context.made_by("identify") / "params.json")
         found = with_what_was_found(finding.declaration(), driven, declared)
-        kite = with_sources(found, params, log.name) if testable else identified
+        kite = with_sources(found, params, log.name) if better else identified
         write_json(context.folder / "effects.json", effects)
         write_json(context.folder / "params.json", params)
         write_text(context.folder / KITE_FILE, kite_text(kite))
@@ -179,8 +179,8 @@ def begun(identified: dict, horizon: float, surfaces: str) -> dict:
 
 
 def failure(finding) -> dict:
-    """What the runner reports as a numerical failure, where the flight is not testable."""
-    if finding.verdict != "not_testable":
+    """What the runner reports as a numerical failure, where the flight is not testable and nothing predicts better."""
+    if finding.verdict != "not_testable" or finding.by_prediction:
         return {}
     do = "See identify's metrics.json; free fewer parameters, or begin with shorter horizons (identify.curriculum)."
     return {FAILURE: {"outcome": "not_testable", "what": f"there is no model to trace: {finding.reason}", "do": do}}
@@ -196,9 +196,10 @@ def detectable(effects: dict) -> dict:
 
 def answer_lines(effects: dict, kite_file) -> list[str]:
     """The answer of the stage, in a few lines: all sizes where they fit, else the first of each effect, else the effects' names."""
-    error, left, verdict = effects["error"], effects["left"], effects["verdict"]
+    error, verdict = effects["error"], effects["verdict"]
     before, after = error.get("before", {}).get("mean"), error["after"]["mean"]
-    share = f", {100 * left['share']:.0f} % of what was missing" if left["share"] > 0 else ""
+    left = effects["left"] or {}
+    share = f", {100 * left['share']:.0f} % of what was missing" if left.get("share") else ""
     rest = effects["unexplained"]
     empirical = [shorten(f"empirical: {rest['expression']}", 120, placeholder=" ...")] if rest and rest["expression"] else []
     # a second witness, which asks no model of forces: in full, or in one line
@@ -206,11 +207,17 @@ def answer_lines(effects: dict, kite_file) -> list[str]:
     alone, briefly = ([shorten(t, most, placeholder=" ...") for t in told_alone] for most in (120, WIDTH - 4))
     end = [
         change(before, after, error["noise_floor"]["mean"], error["horizon_s"]),
-        f"left: chi-square {number(left['chi2'])} (1: noise alone){share}",
+        f"left: chi-square {number(left.get('chi2'))} (1: noise alone){share}",
         f"kite file: {kite_file}; report: awes evaluate --report",
     ]
     if verdict == "not_testable":
-        return fitting(TraceResidual.name, ([f"{verdict}: {effects['reason']}", *seen, *end[-1:]] for seen in (alone, briefly)))
+        better = effects.get("by_prediction")
+        better = [f"predicts unseen flight better: {_said(e, 1)}" for e in better["effects"]] if better else []
+        first = [*better, *end[: len(better[:1])]]
+        why = f"{verdict}: {effects['reason']}"
+        versions = [[why, *first, *seen, *end[-1:]] for seen in (alone, briefly)]
+        brief = [shorten(text, 120, placeholder=" ...") for text in (why, *better[:1])]
+        return fitting(TraceResidual.name, [*versions, [*brief, *first[-1:], *briefly, *end[-1:]]])
     if not effects["effects"]:
         says = shorten(f"{verdict}: {effects['reason'] or SAYS[verdict]}", 200, placeholder=" ...")
         short = [shorten(e, WIDTH - 4, placeholder=" ...") for e in empirical]

@@ -91,6 +91,14 @@ class Criteria:
     gusty: float = 0.2
     """[m/s] level of gusts from which on the air is called gusty: what 0.2 m/s do to tension is its 1 % noise."""
 
+    # where no verdict is possible, what predicts better?
+    predicts: float = 0.1
+    """Share of the prediction error on validation loops, and of their chi-square, that an effect must take away to be told as what the
+    model predicts better with. On the measured flights that rules were set on, one effect takes 15 %, all others 4 % and less."""
+    nowhere: float = 25.0
+    """Chi-square per degree of freedom on validation loops of the declared model fitted by output error, beyond which nothing is told: five
+    standard deviations off on average, it is no model of the flight. (A rudder of the wrong sign leaves 52.)"""
+
     # how much is tried?
     competitors: int = 5
     """Candidates that are fitted in a round ..."""

@@ -1,11 +1,13 @@
 """Trace a flight from its declaration to a finding: what the stage, the campaigns and the tests all call."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from awescli.estimation.prediction import predict
 from awescli.flightlog.log import FlightLog
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
+from awescli.tracing.by_prediction import better_by_prediction
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.investigate import Finding, investigate, library_keys
 from awescli.tracing.models import Frame, Levels, TracedFlight, fit_null
@@ -45,6 +47,8 @@ def trace_flight(
     progress("fitting the model as it is declared")
     null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None or also else (levels,))
     error = predict(null.simulator, log, parts.validation, horizon).nrmse()["mean"]
-    return investigate(
-        frame, null, keys, rounds=rounds, null_error=error, identified_error=identified_error, progress=progress
-    )  # fmt: skip
+    finding = investigate(frame, null, keys, rounds=rounds, null_error=error, identified_error=identified_error, progress=progress)
+    if finding.verdict != "not_testable":
+        return finding
+    better = better_by_prediction(frame, dict(start or {}), keys, progress=progress)
+    return replace(finding, model=better.model, by_prediction=better) if better else finding

@@ -13,6 +13,7 @@ from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
 from awescli.physics.kite import can_act, candidates, make_effect
 from awescli.simulation.rollout import Simulator
+from awescli.tracing.by_prediction import ByPrediction
 from awescli.tracing.candidates import variants
 from awescli.tracing.classes import rivals
 from awescli.tracing.constancy import gains_along, steadiness
@@ -63,7 +64,8 @@ class Finding:
     """verdict: see `verdict`; table: of the criteria; probability: cause -> probability; evidence: behind them; model: what is handed on:
     the declared model where nothing was found, one with empirical terms where what is left has no name; implausible: a candidate that
     leads with a size that nothing has, and its model without bounds; roll_gusts: None where there are none; flights: since when and with
-    which size the answer, or the candidate that came nearest to one, holds in each."""
+    which size the answer, or the candidate that came nearest to one, holds in each; by_prediction: with what a model without a verdict
+    predicts better."""
 
     frame: Frame
     verdict: str
@@ -74,6 +76,7 @@ class Finding:
     implausible: tuple[tuple[Tried, FittedModel], ...] = ()
     roll_gusts: RollGusts | None = None
     flights: tuple[InFlight, ...] = ()
+    by_prediction: ByPrediction | None = None
 
     @property
     def null(self) -> FittedModel:
@@ -86,7 +89,7 @@ class Finding:
 
     def before(self) -> Simulator:
         """The declared model at its fit, ready to predict."""
-        return self.null.simulator
+        return self.by_prediction.base.simulator if self.by_prediction else self.null.simulator
 
     def after(self) -> Simulator:
         """The final model, ready to predict."""

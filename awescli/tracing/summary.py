@@ -40,17 +40,19 @@ def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction
     effects = [_effect(finding, key, named, log) for key in named.keys] if named else []
     if finding.verdict == "cannot_tell":
         effects += [_absorbed(finding, s, log) for s in evidence.absorbed[:1]]
-    testable = finding.verdict != "not_testable"
+    testable, better = finding.verdict != "not_testable", _by_prediction(finding, log)
     error = {
-        "horizon_s": horizon, **({"before": before.nrmse()} if testable else {}), "after": after.nrmse(),
+        "horizon_s": horizon, **({"before": before.nrmse()} if testable or better else {}), "after": after.nrmse(),
         "noise_floor": before.noise_floor(), "diverged_before": before.diverged, "diverged_after": after.diverged, "split": "test",
     }  # fmt: skip
-    said = (SENTENCES[finding.verdict], finding.reason, _slip(finding), _began(finding))
+    because = finding.reason if testable or not finding.reason else f"Why: {finding.reason}."
+    said = (SENTENCES[finding.verdict], because, _slip(finding), _began(finding), better["sentence"] if better else "")
     return {
         "verdict": finding.verdict,
         "sentence": " ".join(s for s in said if s),
         "reason": finding.reason or None,
         "effects": effects,
+        "by_prediction": better,
         "ranking": _ranking(finding),
         "unexplained": _unexplained(finding) if finding.verdict == "unexplained" else None,
         "error": error,
@@ -59,11 +61,8 @@ def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction
             finding.table
         ],
         "probability": dict(finding.probability),
-        "chi2": {
-            "train_before": evidence.bare.fit.chi2, "train_after": _alone(finding).fit.chi2,
-            "validation_before": evidence.bare.chi2, "validation_after": _alone(finding).chi2,
-        },
-        "left": left(evidence.rest, evidence.bare.chi2),
+        "chi2": _chi2(finding),
+        "left": left(evidence.rest, evidence.bare.chi2) if testable else None,
         "flights": [_in_flight(finding, f) for f in finding.flights],
         "gust_m_s": max(evidence.gusts.values(), default=0.0),
         "processes": _processes(model), "noise_factors": dict(model.problems[0].factors),
@@ -71,14 +70,24 @@ def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction
         "detectable": {key: size for key, (_, size) in evidence.search.detectable.items()},
         "detectable_units": {key: _unit(finding, key, name) for key, (name, _) in evidence.search.detectable.items()},
         "not_testable": list(evidence.search.rounds[0].untestable) if evidence.search.rounds else [],
-        "parameter_shifts": _shifts(null, model),
+        "parameter_shifts": _shifts(finding.by_prediction.base if finding.by_prediction else null, model),
         "separate": separate(effects),
     }  # fmt: skip
 
 
-def _alone(finding: Finding) -> FittedModel:
-    """What is handed on, without the help of model error."""
-    return finding.model if finding.model is not finding.null else finding.evidence.bare
+def _chi2(finding: Finding) -> dict[str, float]:
+    """Chi-square per degree of freedom of the declared model and of what is handed on, without the help of model error; nothing where
+    neither fits."""
+    if finding.by_prediction:
+        before, after = finding.by_prediction.base, finding.model
+    elif finding.verdict == "not_testable":
+        return {}
+    else:
+        before = finding.evidence.bare
+        after = finding.model if finding.model is not finding.null else before
+    return {
+        "train_before": before.fit.chi2, "train_after": after.fit.chi2, "validation_before": before.chi2, "validation_after": after.chi2,
+    }  # fmt: skip
 
 
 def left(rest: Rest, before: float) -> dict:
@@ -172,6 +181,28 @@ def _absorbed(finding: Finding, absorbed, log: FlightLog) -> dict:
             absorbed.gain},
         ],
     }  # fmt: skip
+
+
+def _by_prediction(finding: Finding, log: FlightLog) -> dict | None:
+    """With what a model without a verdict predicts unseen loops better."""
+    found = finding.by_prediction
+    if found is None:
+        return None
+
+    def named(key: str) -> dict:
+        return _named(make_effect(key, finding.frame.declared))
+
+    better = [
+        {
+            **named(b.key), "parameters": sizes(b.key, found.model, log), "before": b.before, "after": b.after,
+            "rivals": [{**named(key), "after": after} for key, after in sorted(b.rivals.items(), key=lambda r: r[1])],
+        }
+        for b in found.better
+    ]  # fmt: skip
+    sentence = "No verdict, but a place to look first: unseen flight is predicted better with " + " and ".join(
+        " or ".join((b.key, *sorted(b.rivals, key=lambda key: b.rivals[key]))) for b in found.better
+    )
+    return {"effects": better, "chi2": {"before": found.base.chi2, "after": found.model.chi2}, "sentence": f"{sentence}."}
 
 
 def _ranking(finding: Finding) -> list[dict]:

@@ -156,7 +156,7 @@ def data_checks() -> str:
 
 def verdicts() -> str:
     """The six verdicts, the criteria they stand on, and the thresholds with their reasons."""
-    rows = [(f"`{name}`", SENTENCES[name], 3 if name == "not_testable" else 0) for name in verdict.VERDICTS]
+    rows = [(f"`{name}`", SENTENCES[name], "3, or 0 with `by_prediction`" if name == "not_testable" else 0) for name in verdict.VERDICTS]
     pieces = [
         "What they mean for you: [what a verdict means](../explanation/verdict.md).", table(("verdict", "says", "exit code"), rows),
         "## Which criteria make which verdict", text_of(verdict.verdict), "```python\n" + _body(verdict.verdict) + "\n```",

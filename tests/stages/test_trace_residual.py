@@ -17,6 +17,7 @@ from awescli.simulation.campaign_flights import dev_like
 from awescli.stages import STAGES
 from awescli.stages.plan import read_plan
 from awescli.stages.runner import run_plan
+from awescli.tracing import investigate as tracing
 
 PLAN = """
 flight: flight
@@ -70,6 +71,33 @@ def test_an_effect_is_found_and_handed_on(tmp_path):
     assert sum(effects["probability"].values()) == pytest.approx(1.0) and effects["probability"]["sideslip_drag"] > 0.9
     rows = {row["name"]: row for row in effects["criteria"]}
     assert rows["null_as_identified"]["pass"] and isinstance(rows["null_as_identified"]["value"], float)
+
+
+def test_without_a_verdict_what_predicts_better_is_handed_on(tmp_path, monkeypatch):
+    """Guards measured flights: a trace that could not judge (here: is told that it could not) still says with what unseen flight is
+    predicted better, and how much; the kite file and the parameters have it, the stage is no failure, and evaluate's page says it first."""
+    folder = folder_of(tmp_path, {"sideslip_drag": {"k": 2.5}})
+
+    def without_a_verdict(frame, null, keys, **how):
+        found = tracing.investigate(frame, null, keys, **how)
+        table = tuple(replace(c, passed=False) if c.name == "null_converged" else c for c in found.table)
+        return replace(found, verdict="not_testable", table=table, model=null)
+
+    monkeypatch.setattr("awescli.tracing.flight.investigate", without_a_verdict)
+    summary, effects = run(folder), effects_of(folder)
+    assert summary["verdict"] == effects["verdict"] == "not_testable" and "failure" not in summary and effects["effects"] == []
+    (better,) = effects["by_prediction"]["effects"]
+    size = better["parameters"]["k"]
+    assert better["name"] == "sideslip_drag" and abs(size["value"] - 2.5) < 4 * size["std"] and not better["rivals"]
+    assert better["after"] < 0.7 * better["before"] and effects["error"]["after"]["mean"] < 0.7 * effects["error"]["before"]["mean"]
+    assert effects["by_prediction"]["chi2"]["after"] == effects["chi2"]["validation_after"] < effects["chi2"]["validation_before"]
+    assert any(line.startswith("predicts unseen flight better: sideslip_drag on coefficients, k 2.") for line in summary["answer"])
+    kite, params = (folder / "out" / "trace-residual" / n for n in ("kite.yaml", "params.json"))
+    known = read_json(params)["parameters"]["sideslip_drag.k"]
+    assert read_kite(kite).table()["sideslip_drag.k"].value == pytest.approx(size["value"]) and known["std"] == size["std"]
+    plan = read_plan(folder / "stages.yaml", STAGES, {"out": str(folder / "out"), "evaluate.horizon": "2.0", "evaluate.horizons": "[1.0]"})
+    run_plan(plan, STAGES, only=["evaluate"])
+    assert "predicted better with sideslip drag" in (folder / "out" / "evaluate" / "report.html").read_text()
 
 
 def test_nothing_is_found_where_nothing_is_missing(tmp_path):

@@ -143,6 +143,29 @@ class SeenAlone(Checked):
     sentence: Text = Field(description="the same in a sentence")
 
 
+class Predicting(Named):
+    """An effect with which unseen loops are predicted nearly as well."""
+
+    after: Number = Field(description="error on validation loops with it: NRMSE, mean of the states [-]")
+
+
+class PredictsBetter(Named):
+    """An effect with which a model without a verdict predicts unseen loops better."""
+
+    parameters: dict[str, Size] = Field(description="parameter -> its size")
+    before: Number = Field(description="error on validation loops without it: NRMSE, mean of the states [-]")
+    after: Number = Field(description="the same with it [-]")
+    rivals: list[Predicting] = Field(description="others that take away at least half as much")
+
+
+class ByPrediction(Checked):
+    """What a model without a verdict predicts unseen loops better with: a place to look, no finding."""
+
+    effects: list[PredictsBetter] = Field(description="one after the other, in the order in which they came")
+    chi2: dict[str, Number] = Field(description="chi-square per degree of freedom on validation loops, `before` and `after` [-]")
+    sentence: Text = Field(description="the same in a sentence")
+
+
 class Segments(Checked):
     """Where in the flight an answer gains."""
 
@@ -238,6 +261,9 @@ class Effects(Checked):
     not_testable: list[Text] = Field(default=[], description="effects that the free parameters absorb")
     parameter_shifts: dict[str, Shift] = Field(default={}, description="parameter -> where it lies without the answer and with it")
     separate: list[Text] = Field(default=[], description="what to fly to tell rivals apart, a sentence each")
+    by_prediction: ByPrediction | None = Field(
+        default=None, description="where there is no verdict: with which effects unseen loops are predicted better"
+    )
     kinematics: list[SeenAlone] = Field(default=[], description="errors of sensors that show without any model of forces")
 
     @model_validator(mode="after")
