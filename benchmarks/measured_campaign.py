@@ -4,7 +4,8 @@ Real air, real noise, and a declared model that lacks more than what was put in:
 Thor or of Ampyx' AP2 (not in this repository: the options name the folders) with one effect of known size (injection.py), so large that
 3 s predictions change by 4, 2 or 1 times their floor (injected_size.py), or a copy of the record with nothing put in (untouched_copies.py).
 The untouched log holds effects of its own, so answers are scored exactly (exact_scoring.py) by what they say beyond the answer to the
-untouched log. Results go to benchmarks/results/measured/<commit>/, one file a case; the table to benchmarks/results/measured.md.
+untouched log. Named is what the verdict names; where there is none, what predicts unseen flight better; and what kinematics alone see.
+Results go to benchmarks/results/measured/<commit>/, one file a case; the table to benchmarks/results/measured.md.
 """
 
 import argparse
@@ -67,7 +68,7 @@ def run_case(name: str, case: Mapping[str, Any]) -> dict[str, Any]:
         "case": name, **case, **put_in, "cpu_s": round(time.process_time() - clock, 2), "wall_s": round(time.perf_counter() - begin, 2),
         **{key: told.get(key) for key in ("verdict", "reason", "probability", "chi2", "unexplained", "kinematics")},
         "error": {key: value["mean"] for key, value in told["error"].items() if isinstance(value, Mapping)},
-        "effects": told["effects"], "ranking": [f"{r['name']}:{r['acts_on']}" for r in told["ranking"][:3]],
+        "effects": named_by(told), "ranking": [f"{r['name']}:{r['acts_on']}" for r in told["ranking"][:3]],
     }  # fmt: skip
 
 
@@ -107,6 +108,15 @@ def answered(log, kite, parts, settings) -> dict[str, Any]:
     return summary(finding, log, settings.horizon, before, after) | {"kinematics": kinematics(log)}
 
 
+def named_by(told: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The effects that effects.json names: of the verdict, or of prediction where there is none; those of kinematics after them."""
+    named = [*told["effects"], *(told["by_prediction"] or {}).get("effects", ())]
+    known = {(e["name"], e["acts_on"]) for e in named}
+    alone = [k for k in told["kinematics"] if (k["name"], k["acts_on"]) not in known]
+    sizes = ({"size": {"value": k["size"], "std": k["std"]}} for k in alone)
+    return named + [{"name": k["name"], "acts_on": k["acts_on"], "rivals": [], "parameters": s} for k, s in zip(alone, sizes, strict=True)]
+
+
 def seen_alone(log) -> dict[str, Any]:
     """What kinematics alone says of a log, in the form of an answer: `found` where it names something, with all that it measured."""
     from awescli.flightlog.reconstruction.flight_path import reconstruct
@@ -128,12 +138,15 @@ def _key_of(name: str, target: str | None, channels: Iterable[str]) -> str:
 def beyond(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> Answer:
     """What an answer names that the answer to the untouched flight does not: other effects, and the same ones with sizes that lie outside
     of each other's joint 95 % interval. Where nothing is left of what was named, the answer says nothing new."""
-    if result["verdict"] in ("failed", "not_testable"):
-        return Answer(result["verdict"])
+    if result["verdict"] == "failed":
+        return Answer("failed")
     known = {(e["name"], e["acts_on"]): e["parameters"] for e in untouched.get("effects", ())}
     new = [e for e in result.get("effects", ()) if not _same_size(e["parameters"], known.get((e["name"], e["acts_on"])))]
     if new:
-        return answer_of({"verdict": result["verdict"], "effects": new})
+        of = {True: "cannot_tell", False: "found"}[result["verdict"] == "cannot_tell" or any(e["rivals"] for e in new)]
+        return answer_of({"verdict": of, "effects": new})
+    if result["verdict"] == "not_testable":
+        return Answer("not_testable")
     fresh = not result.get("effects") and result["verdict"] == "unexplained" and untouched.get("verdict") != "unexplained"
     return Answer("unexplained" if fresh else "none")
 
@@ -167,7 +180,7 @@ def _size(told: Mapping[str, Any], result: Mapping[str, Any]) -> Mapping[str, An
     """Value and standard deviation of the injected parameter in an answer."""
     name, _, target = result["key"].partition(":")
     found = (e["parameters"] for e in told.get("effects", ()) if e["name"] == name and target in ("", e["acts_on"]))
-    return next((p[result["parameter"]] for p in found if result["parameter"] in p), None)
+    return next((p[n] for p in found for n in (result["parameter"], "size") if n in p), None)
 
 
 def table(results: Iterable[Mapping[str, Any]]) -> str:
@@ -182,7 +195,8 @@ def table(results: Iterable[Mapping[str, Any]]) -> str:
     lines = [
         "# Effects put into measured flights", "",
         f"`python benchmarks/measured_campaign.py --thor FOLDER --ap2 FOLDER`, by commit {commits}; scored exactly, by what is said beyond",
-        "the answer to the untouched log:", "",
+        "the answer to the untouched log. Named is what the verdict names or, without one, what predicts better; what kinematics see too.",
+        "",
         *(f"- {flight}: `{r['verdict']}`, {_named(r) or 'no names'}" for flight, r in untouched.items()), "",
         f"| flight | set | cases | {' | '.join(OUTCOMES)} | sizes inside their 95 % interval |", "|" + "---|" * (4 + len(OUTCOMES)),
     ]  # fmt: skip

@@ -31,6 +31,9 @@ OWN = said("found", BIAS, set="untouched", case="thor-untouched")
          "among rivals"),
         (said("unexplained", **PUT_IN), "unexplained"),
         (said("not_testable", **PUT_IN), "silent"),
+        (said("not_testable", LAG, BIAS, **PUT_IN), "right"),
+        (said("not_testable", {**LAG, "rivals": [{"name": "actuator_delay", "acts_on": "aileron"}]}, **PUT_IN), "among rivals"),
+        (said("unexplained", effect("air_density", "atmosphere", c=1.1), **PUT_IN), "wrong"),
         (said("failed", **PUT_IN), "failed"),
         (said("found", effect("actuator_lag", "elevator", tau=0.1), **PUT_IN), "wrong"),
         (said("found", BIAS, set="copy", copy="first 70 %"), "right"),
@@ -42,6 +45,15 @@ OWN = said("found", BIAS, set="untouched", case="thor-untouched")
 def test_only_what_is_new_counts(result, outcome):
     """Guards the judgement: what the untouched flight shows too, in the same size, is neither right nor wrong; a further name is wrong."""
     assert campaign.scored(result, OWN) == outcome
+
+
+def test_what_predicts_better_and_what_kinematics_see_is_named_too():
+    """Guards answers without a verdict: every name that a user would read counts, once."""
+    seen = {"name": "airspeed_scale", "acts_on": "airspeed", "size": 0.95, "std": 0.01}
+    twice = {"name": "actuator_lag", "acts_on": "aileron", "size": 0.12, "std": 0.01}
+    told = campaign.named_by({"effects": [], "by_prediction": {"effects": [LAG]}, "kinematics": [seen, twice]})
+    assert told == [LAG, effect("airspeed_scale", "airspeed", size=0.95)]
+    assert campaign.named_by({"effects": [BIAS], "by_prediction": None, "kinematics": []}) == [BIAS]
 
 
 def test_an_effect_that_was_there_before_must_have_grown_by_what_was_put_in():
