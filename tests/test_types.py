@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-WHOLE = ("api", "artifacts", "cli")
+WHOLE = ("api", "artifacts", "cli", "tracing")
 """Rooms in which every argument and every result has its type."""
 
 

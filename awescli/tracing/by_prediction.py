@@ -6,7 +6,7 @@ unseen loops of validation say with which one the model predicts better. That is
 what is missing. It is where to look first, and its worth is told on test loops like any other.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from awescli.estimation.prediction import predict
 from awescli.estimation.staged_fit import fit_levels
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.models import FittedModel, Frame
+from awescli.tracing.models import FittedModel, Frame, Say
 from awescli.tracing.screen import Score, Screening, screen
 from awescli.tracing.search import plausible
 
@@ -45,7 +45,7 @@ class ByPrediction:
 
 def better_by_prediction(
     frame: Frame, start: Mapping[str, float], keys: Sequence[str], criteria: Criteria = CRITERIA,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = lambda text: None,
 ) -> ByPrediction | None:  # fmt: skip
     """Effects of `keys` that take away much of the prediction error on validation loops, one after the other; None where there is none, or
     where the declared model, fitted from `start`, is nowhere near the flight."""

@@ -8,15 +8,16 @@ and J the information that is left when the other free parameters have absorbed 
 Where that is little, B is fitted instead of A, and the evidence decides.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from awescli.notation.parameters import Parameter
 from awescli.physics.kite import make_effect
-from awescli.tracing.candidates import variants
+from awescli.tracing.candidates import Variant, variants
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.models import FittedModel, Frame, fit_instead
+from awescli.tracing.models import FittedModel, Frame, Say, fit_instead
 from awescli.tracing.screen import CandidateColumns, Score, firm, informed
 from awescli.tracing.search import plausible, refined
 
@@ -33,7 +34,7 @@ class Rival:
 
 def rivals(
     frame: Frame, final: FittedModel, keys: Sequence[str], gains: Mapping[str, float], beaten: Sequence[str] = (),
-    close: Sequence[str] = (), criteria: Criteria = CRITERIA, progress: Callable[[str], None] = lambda text: None,
+    close: Sequence[str] = (), criteria: Criteria = CRITERIA, progress: Say = lambda text: None,
 ) -> dict[str, tuple[Rival, ...]]:  # fmt: skip
     """Accepted effect -> what the flights cannot tell from it, nearest first. gains: of the accepted effects (`Search.gains`), which say
     how far they must lead; beaten: effects that have lost to it by their own fit and need not be tried again; close: those that have not,
@@ -59,11 +60,11 @@ def rivals(
     return found
 
 
-def _rows(frame: Frame, key: str):
+def _rows(frame: Frame, key: str) -> dict[str, Parameter]:
     return {p.name: p for p in make_effect(key, frame.declared).rows()}
 
 
-def _near(final: FittedModel, key: str, every, columns: CandidateColumns, H: np.ndarray) -> list[Score]:
+def _near(final: FittedModel, key: str, every: Sequence[Variant], columns: CandidateColumns, H: np.ndarray) -> list[Score]:
     """For each other effect the variant that would leave least: a score whose `drop` is what it leaves; what it leaves first."""
     names = final.fit.names
     own = [i for i, n in enumerate(names) if n.startswith(f"{key}.")]

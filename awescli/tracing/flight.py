@@ -5,12 +5,13 @@ from dataclasses import replace
 
 from awescli.estimation.prediction import predict
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.split import Split
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 from awescli.tracing.by_prediction import better_by_prediction
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.investigate import Finding, investigate, library_keys
-from awescli.tracing.models import Frame, Levels, TracedFlight, fit_null
+from awescli.tracing.models import Frame, Levels, Say, TracedFlight, fit_null
 
 CURRICULUM = (1.0, 2.5)
 """[s] horizons fitted before the whole one: a guess that is 30 % off cannot follow the flight for five seconds."""
@@ -19,7 +20,7 @@ CURRICULUM = (1.0, 2.5)
 def trace_flight(
     declared: KiteDeclaration,
     log: FlightLog,
-    parts,
+    parts: Split,
     *,
     horizon: float = 5.0,
     curriculum: Sequence[float] = CURRICULUM,
@@ -32,7 +33,7 @@ def trace_flight(
     also: Sequence[TracedFlight] = (),
     per_flight: Sequence[str] = (),
     closes: Callable[[Kite], Callable] | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = lambda text: None,
 ) -> Finding:
     """The finding on a flight cut into `parts` (train, validation, test; test is not touched).
 

@@ -1,6 +1,6 @@
 """From a fitted declared model to a finding: search the library, see what is left, what else would do, and let the criteria decide."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from awescli.tracing.classes import rivals
 from awescli.tracing.constancy import gains_along, steadiness
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import AbsorbedEffect, Evidence
-from awescli.tracing.models import FittedModel, Frame, fit_added, fit_beyond, fit_without_process
+from awescli.tracing.models import FittedModel, Frame, Say, fit_added, fit_beyond, fit_without_process
 from awescli.tracing.rest import Rest, channels_of, gusts_of, repetition_of_gusts, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, Tried, search
@@ -102,7 +102,7 @@ class Finding:
 
 def investigate(
     frame: Frame, null: FittedModel, keys: Sequence[str], *, rounds: int = CRITERIA.effects, null_error: float | None = None,
-    identified_error: float | None = None, criteria: Criteria = CRITERIA, progress: Callable[[str], None] = lambda text: None,
+    identified_error: float | None = None, criteria: Criteria = CRITERIA, progress: Say = lambda text: None,
 ) -> Finding:  # fmt: skip
     """Trace what the fitted declared model lacks."""
     bare, rest = rest_of(frame, null)

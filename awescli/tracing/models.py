@@ -18,12 +18,12 @@ from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite, make_effect
 from awescli.simulation.rollout import Simulator
 
+Say = Callable[[str], None]
+"""Tells the user what is being done."""
 QUICK = (2, 2.0)
 """Rounds of levels and tolerance [deviance] of a fit that tells candidates apart, with the slope of the model before (`laplace`) ..."""
 WHOLE = (5, 0.2)
 """... and of one that is fitted to the end."""
-
-
 NEAR = 4.0
 """Shift (its square, in standard deviations) that validation may ask of the parameters before it is judged anew there: the linearisation
 holds."""
@@ -105,7 +105,9 @@ class FittedModel:
     deviance: float
 
     @classmethod
-    def of(cls, keys, strengths, fitted: JointFit, problems: Sequence[EstimationProblem]) -> "FittedModel":
+    def of(
+        cls, keys: Sequence[str], strengths: Sequence[str], fitted: JointFit, problems: Sequence[EstimationProblem]
+    ) -> "FittedModel":  # fmt: skip
         """The model with its validation loops judged."""
         judged = tuple(judge(p, f.parameters) for p, f in zip(problems, fitted.flights, strict=True))
         train, validation = (np.concatenate([by_segment(f) for f in fits]) for fits in (fitted.flights, judged))
@@ -328,8 +330,9 @@ def fit_without_process(frame: Frame, model: FittedModel, kind: str) -> FittedMo
 
 
 def _fitted(
-    frame: Frame, base: FittedModel, keys, strengths, values: Mapping[str, float], how, alone: bool = False, beyond: Sequence[str] = ()
-) -> FittedModel:
+    frame: Frame, base: FittedModel, keys: Sequence[str], strengths: Sequence[str], values: Mapping[str, float], how: tuple[int, float],
+    alone: bool = False, beyond: Sequence[str] = (),
+) -> FittedModel:  # fmt: skip
     rounds, tolerance = how
     problems, tables, owns, slopes = [], [], [], []
     for raw, before, fitted in zip(frame.problems(keys), base.problems, base.fit.flights, strict=True):

@@ -6,8 +6,10 @@ from scipy.signal import welch
 from awescli.estimation.prediction import Prediction, predict
 from awescli.flightlog.clocks import clock_offset
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.loops import Loops
 from awescli.flightlog.phases import range_rate
 from awescli.flightlog.smoothing import local_quadratic
+from awescli.flightlog.split import Split
 from awescli.notation.frames import dot, rotate_back
 from awescli.notation.quantities import SURFACES
 from awescli.physics.rigid_body import force_for, moment_for
@@ -22,7 +24,9 @@ RATE_WINDOW = 0.3
 """[s] window of the local quadratic that gives angular accelerations."""
 
 
-def residual_study(simulator: Simulator, log: FlightLog, parts, loops, ahead: Prediction, horizon: float) -> tuple[dict, dict]:
+def residual_study(
+    simulator: Simulator, log: FlightLog, parts: Split, loops: Loops, ahead: Prediction, horizon: float
+) -> tuple[dict, dict]:  # fmt: skip
     """(summary for effects.json, arrays for residuals.npz) of one model on the whole flight. ahead: its prediction of the test loops,
     `horizon` seconds long.
 
@@ -78,7 +82,7 @@ def equation_error(simulator: Simulator, log: FlightLog) -> tuple[dict, dict]:
     return {n: float(np.sqrt(np.mean(s[good] ** 2))) for n, s in series.items()}, {f"equation_{n}": s for n, s in series.items()}
 
 
-def loop_averaged(short: Prediction, loops) -> tuple[dict, dict]:
+def loop_averaged(short: Prediction, loops: Loops) -> tuple[dict, dict]:
     """(channel -> share of the innovation's variance that repeats from loop to loop, channel -> mean over loops by phase bin).
 
     What repeats is physics or a sensor; what does not is turbulence or noise. The share is freed of what averaging leaves of noise.

@@ -5,7 +5,7 @@ Over a second a model stays near the flight, its model error at work, and what a
 is not where the effect is large.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,14 +14,14 @@ from scipy import stats
 from awescli.estimation.fit import relaxed
 from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.problem import EstimationProblem, build
-from awescli.notation.parameters import Parameter
+from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.notation.quantities import OUTPUTS
 from awescli.physics.kite import make_effect
 from awescli.simulation.rollout import Columns
 from awescli.simulation.scores import error
 from awescli.tracing.candidates import Variant, variants
 from awescli.tracing.criteria import CRITERIA
-from awescli.tracing.models import FittedModel, Frame
+from awescli.tracing.models import FittedModel, Frame, TracedFlight
 
 SHORT = 1.0
 """[s] of the segments that are screened."""
@@ -49,7 +49,7 @@ class Score:
     def key(self) -> str:
         return self.variant.key
 
-    def start(self, rows, share: float = 1.0) -> tuple[dict[str, float], dict[str, float]]:
+    def start(self, rows: Mapping[str, Parameter], share: float = 1.0) -> tuple[dict[str, float], dict[str, float]]:
         """(strengths, shapes): full name -> value to begin a fit from, inside the bounds of the parameters `rows`; share: of the one-step
         estimate."""
         strengths = {}
@@ -124,13 +124,14 @@ def informed(
     return whole, gradient
 
 
-def _rows(frame: Frame, key: str):
+def _rows(frame: Frame, key: str) -> Sequence[Parameter]:
     return make_effect(key, frame.declared).rows()
 
 
 def _says(
-    flight, problem: EstimationProblem, table, added, keys, columns: "CandidateColumns", horizon: float
-) -> tuple[np.ndarray, np.ndarray]:
+    flight: TracedFlight, problem: EstimationProblem, table: ParameterTable, added: Sequence[str], keys: Sequence[str],
+    columns: "CandidateColumns", horizon: float,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """(H, b) of the model's parameters and all candidates' columns, from one flight in segments of `horizon` seconds."""
     simulator = flight.simulator((*added, *keys))
     rows = simulator.kite.parameters
@@ -189,7 +190,10 @@ class CandidateColumns:
         return np.concatenate(found, axis=-1) if found else np.zeros((*misfit.observed.measured.shape, 0))
 
 
-def _scored(every, columns: CandidateColumns, joint, gradient, whole, rows, abrupt) -> Screening:
+def _scored(
+    every: Sequence[Variant], columns: CandidateColumns, joint: np.ndarray, gradient: np.ndarray, whole: np.ndarray,
+    rows: dict[str, Parameter], abrupt: Collection[str],
+) -> Screening:  # fmt: skip
     found: dict[str, list[Score]] = {}
     untestable = []
     for variant in every:
@@ -217,7 +221,7 @@ def _scored(every, columns: CandidateColumns, joint, gradient, whole, rows, abru
     return Screening(tuple(sorted(best, key=lambda s: -s.drop)), tuple(untestable), joint, rows)
 
 
-def _reach(p, variant: Variant, name: str) -> float:
+def _reach(p: Parameter, variant: Variant, name: str) -> float:
     """How far a strength may plausibly go from null (in probes for a secant)."""
     reach = max(p.upper - p.value, p.value - p.lower)
     return reach / abs(variant.at[name]) if variant.secant else reach

@@ -1,7 +1,7 @@
 """Search the library: screen all effects, fit the best ones, accept the likeliest where it beats "something else", again; then go back
 over what was accepted."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from awescli.notation.present import present
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.models import FittedModel, Frame, fit_added, fit_on, fit_swapped, fit_without
+from awescli.tracing.models import FittedModel, Frame, Say, fit_added, fit_on, fit_swapped, fit_without
 from awescli.tracing.screen import Score, Screening, holm, screen
 
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
@@ -88,7 +88,7 @@ class Search:
 
 def search(
     frame: Frame, null: FittedModel, keys: Sequence[str], *, rounds: int, criteria: Criteria = CRITERIA,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = lambda text: None,
 ) -> Search:  # fmt: skip
     """Search the effects `keys` for what the fitted model `null` lacks."""
     model, record, detectable = null, [], {}
@@ -149,7 +149,7 @@ def _detectable(screening: Screening) -> dict[str, tuple[str, float]]:
     return found
 
 
-def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Criteria, progress) -> tuple[Tried, ...]:
+def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Criteria, progress: Say) -> tuple[Tried, ...]:
     """Fit those that the screening puts first."""
     scores = screening.scores
     if not scores:
@@ -217,7 +217,7 @@ def _failed(before: FittedModel, after: FittedModel) -> bool:
 
 
 def _best(
-    frame: Frame, here: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress
+    frame: Frame, here: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress: Say
 ) -> tuple[FittedModel | None, tuple[Tried, ...]]:
     """(the likeliest model of those that are admissible, fitted to the end, shapes included; what was tried, with those that were)."""
     leaders = sorted((t for t in tried if t.model is not None and t.gain > criteria.decisive), key=lambda t: -t.gain)
@@ -277,7 +277,7 @@ def crowded(tried: Sequence[Tried]) -> bool:
 
 
 def _base_revisited(
-    frame: Frame, base: FittedModel, best: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress
+    frame: Frame, base: FittedModel, best: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress: Say
 ) -> tuple[FittedModel, FittedModel | None, tuple[Tried, ...]]:
     """(base, best, tried), the base fitted anew from where the best candidate led, without it: a fit that had stopped short of its optimum
     would make every candidate look good that happens to carry it on."""
@@ -290,7 +290,7 @@ def _base_revisited(
     return again, best if admissible(again, best, criteria) else None, tried
 
 
-def _revisited(frame: Frame, final: FittedModel, record: list[Round], criteria: Criteria, progress) -> tuple[FittedModel, list[Round]]:
+def _revisited(frame: Frame, final: FittedModel, record: list[Round], criteria: Criteria, progress: Say) -> tuple[FittedModel, list[Round]]:
     """One backward pass: in each earlier round the close ones may take the winner's place in the final model, which holds what later rounds
     found; and an effect that is worth nothing any more goes."""
     record = list(record)

@@ -7,11 +7,14 @@ import numpy as np
 
 from awescli.estimation.prediction import Prediction
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.loops import Loops
+from awescli.flightlog.split import Split
 from awescli.notation.quantities import UNITS
 from awescli.physics.disturbances import DISTURBANCE_UNITS
 from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
 from awescli.simulation.rollout import Simulator
+from awescli.tracing.evidence import AbsorbedEffect
 from awescli.tracing.investigate import Finding
 from awescli.tracing.models import FittedModel
 from awescli.tracing.residuals import residual_study
@@ -168,7 +171,7 @@ def _effect(finding: Finding, key: str, model: FittedModel, log: FlightLog) -> d
     }  # fmt: skip
 
 
-def _absorbed(finding: Finding, absorbed, log: FlightLog) -> dict:
+def _absorbed(finding: Finding, absorbed: AbsorbedEffect, log: FlightLog) -> dict:
     effect = make_effect(absorbed.key, finding.frame.declared)
     mine = sizes(absorbed.key, absorbed.model, log)
     bound = finding.null.table[absorbed.parameter]
@@ -302,8 +305,9 @@ def _began(finding: Finding) -> str:
 
 
 def residual_arrays(
-    log: FlightLog, parts, loops, models: Mapping[str, Simulator], predictions: Mapping[str, Mapping[str, Prediction]], horizon: float
-) -> tuple[dict, dict[str, np.ndarray]]:
+    log: FlightLog, parts: Split, loops: Loops, models: Mapping[str, Simulator], predictions: Mapping[str, Mapping[str, Prediction]],
+    horizon: float,
+) -> tuple[dict, dict[str, np.ndarray]]:  # fmt: skip
     """(summaries before and after, arrays of residuals.npz). models, predictions: "before" and "after" -> simulator, part -> prediction.
 
     Arrays: <part>_<which>_<channel> (K, N+1) prediction errors, <part>_first (K,); study_<which>_<series> of `residuals.residual_study`.
