@@ -5,7 +5,20 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from awescli.artifacts.forms.parameters import Level
-from awescli.artifacts.forms.words import Before, Channels, Checked, Number, Numbers, OrAbsent, Parts, Predicted, Spread, Text, Word
+from awescli.artifacts.forms.words import (
+    Before,
+    Channels,
+    Checked,
+    Duration,
+    Number,
+    Numbers,
+    OrAbsent,
+    Parts,
+    Predicted,
+    Spread,
+    Text,
+    Word,
+)
 
 
 class Size(Checked):
@@ -83,7 +96,7 @@ class Shift(Checked):
 class Errors(Checked):
     """Errors on loops that took no part in the choice; the same channels in all three."""
 
-    horizon_s: Number = Field(description="length of a prediction [s]")
+    horizon_s: Duration = Field(description="length of a prediction [s]")
     split: Text = Field(default="test", description="part of the flight that they are of")
     diverged_before: int = Field(default=0, description="predictions of it that diverged, before; they count with their last error")
     diverged_after: int = Field(default=0, description="likewise, after")
@@ -197,9 +210,9 @@ class Repeats(Checked):
 class Left(Checked):
     """What the answer leaves unexplained."""
 
-    chi2: Number | None = Field(default=None, description="squared errors over noise per degree of freedom [-]; 1: noise")
+    chi2: Spread | None = Field(default=None, description="squared errors over noise per degree of freedom [-]; 1: noise")
     share: Number | None = Field(default=None, description="share of the declared model's misfit that is left beyond noise [-]")
-    channels: dict[str, Number | None] = Field(default={}, description="channel -> the same as chi2 [-]")
+    channels: dict[str, Spread | None] = Field(default={}, description="channel -> the same as chi2 [-]")
     worth: Number | None = Field(default=None, description="fall of the deviance by model error, were it let in [-]")
     levels: dict[str, Any] = Field(default={}, description="force or moment -> level of that model error")
     repeats: Repeats | None = Field(default=None, description="what of it repeats from loop to loop; nothing where too few loops show it")
@@ -246,9 +259,7 @@ class Effects(Checked):
         default={}, description="the residual without the answer's effects, and with them"
     )
     criteria: list[Criterion] = Field(default=[], description="what the verdict stands on")
-    probability: Numbers = Field(
-        default={}, description="cause -> its probability, `none` and `something_else` among them; they sum to one [-]"
-    )
+    probability: Numbers = Field(description="cause -> its probability, `none` and `something_else` among them; they sum to one [-]")
     chi2: dict[str, Number | None] = Field(
         default={}, description="part and model (train_before, ...) -> squared errors over noise per degree of freedom [-]; 1: noise"
     )
@@ -276,6 +287,6 @@ class Effects(Checked):
 class Traced(Predicted):
     """metrics.json of trace-residual."""
 
-    horizon_s: Number = Field(default=0.0, description="length of a prediction [s]")
+    horizon_s: Duration = Field(default=0.0, description="length of a prediction [s]")
     nrmse: Parts | None = Field(default=None, description="errors of the model with the answer's effects")
     before: Before | None = Field(default=None, description="errors without them")

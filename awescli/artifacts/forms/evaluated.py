@@ -4,13 +4,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from awescli.artifacts.forms.words import Channels, Checked, Horizon, Interval, Loops, Number, OrAbsent, Parts, Text, Word
+from awescli.artifacts.forms.words import Channels, Checked, Duration, Horizon, Interval, Loops, Number, OrAbsent, Parts, Spread, Text, Word
 
 
 class Ahead(Checked):
     """Errors so far ahead, on test loops."""
 
-    horizon_s: Number = Field(default=0.0, description="how far ahead [s]")
+    horizon_s: Duration = Field(default=0.0, description="how far ahead [s]")
     predictions: int = Field(description="predictions of this length")
     diverged_predictions: int = Field(description="those that diverged; they count with their last error")
     nrmse: Channels = Field(description="channel -> NRMSE, and their `mean` [-]")
@@ -116,14 +116,14 @@ class Scored(Checked):
     """All scores of one model."""
 
     outcome: Text = Field(default="scored", description="scored, or why there are no scores")
-    horizon_s: Number = Field(default=0.0, description="seconds predicted ahead in `nrmse` [s]")
+    horizon_s: Duration = Field(default=0.0, description="seconds predicted ahead in `nrmse` [s]")
     nrmse: Parts = Field(description="errors `horizon_s` ahead, part by part")
     divergence_rate: dict[str, Number | None] = Field(default={}, description="part -> share of predictions that diverged [-]")
     predictions: dict[str, int] = Field(default={}, description="part -> predictions that were made")
     diverged_predictions: dict[str, int] = Field(default={}, description="part -> those that diverged; they count with their last error")
     rmse: dict[str, Number | None] = Field(default={}, description="channel -> root mean square error on test [SI unit of the channel]")
     r2: dict[str, Number | None] = Field(default={}, description="channel -> coefficient of determination on test [-]")
-    theil: dict[str, Number | None] = Field(
+    theil: dict[str, Annotated[Spread, Field(le=1)] | None] = Field(
         default={}, description="channel -> Theil's inequality coefficient on test (Jategaonkar, ch. 11) [-]"
     )
     by_horizon: dict[Horizon, Ahead] = Field(description="seconds ahead -> errors on test; as many as fit into a stretch of it")
@@ -189,7 +189,7 @@ class WindProfile(Checked):
 class Scores(Checked):
     """metrics.json of evaluate: a block for every model that there is."""
 
-    horizon_s: Number = Field(description="seconds predicted ahead in `nrmse` [s]")
+    horizon_s: Duration = Field(description="seconds predicted ahead in `nrmse` [s]")
     surfaces: Literal["recorded", "controller"] = Field(
         default="recorded", description="recorded: set-points replayed; controller: the loop closed"
     )

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from awescli.artifacts.forms.words import Before, Channels, Checked, Number, Numbers, Parts, Predicted, Text
+from awescli.artifacts.forms.words import Before, Channels, Checked, Duration, Number, Numbers, Parts, Predicted, Text
 
 
 class History(Checked):
@@ -44,7 +44,7 @@ class Compared(Checked):
 class Training(Predicted):
     """metrics.json of train-hybrid."""
 
-    horizon_s: Number = Field(default=0.0, description="length of a prediction in `nrmse` [s]")
+    horizon_s: Duration = Field(default=0.0, description="length of a prediction in `nrmse` [s]")
     nrmse: Parts | None = Field(default=None, description="errors of the model that is handed on")
     before: Before | None = Field(default=None, description="errors of physics alone")
     gate: bool = Field(default=True, description="whether the network is used only where validation proves it")
@@ -63,7 +63,7 @@ class Training(Predicted):
         default=None, description="share of validation samples with an input outside its training range [-]"
     )
     history: History | None = Field(default=None, description="the course of the training")
-    sentence: Text = Field(default="", description="whether the network is used and why, in a sentence")
+    sentence: Text = Field(description="whether the network is used and why, in a sentence")
     comparison: Compared | None = Field(default=None, description="optimisers side by side, where the plan asks for it")
     validation: Validated | None = Field(default=None, description="what the decision stands on")
     ensemble: Ensemble | None = Field(default=None, description="of several members, where the plan asks for them")

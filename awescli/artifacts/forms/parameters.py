@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from awescli.artifacts.forms.words import Before, Checked, Interval, Number, Numbers, Parts, Predicted, Spread, Text, Word
+from awescli.artifacts.forms.words import Before, Checked, Duration, Interval, Number, Numbers, Parts, Predicted, Spread, Text, Word
 
 
 class Level(Checked):
@@ -58,7 +58,7 @@ class Fit(Predicted):
     starts: Starts | None = Field(default=None, description="fits from several starts, where the plan asks for them")
     flights: dict[str, OfFlight] = Field(default={}, description="flight -> what it says, where several were fitted together")
     horizon_asked_s: Number | None = Field(default=None, description="horizon of the plan, where the flight allowed only a shorter one [s]")
-    horizon_s: Number = Field(description="length of a segment [s]")
+    horizon_s: Duration = Field(description="length of a segment [s]")
     nrmse: Parts = Field(description="errors of the fitted model")
     outputs: list[Word] = Field(description="measured channels that were fitted")
     processes: dict[str, Level] = Field(description="process -> its estimated level")

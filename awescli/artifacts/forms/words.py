@@ -4,9 +4,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Spread = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-"""A standard deviation."""
+Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e15, le=1e15)]
+"""Nothing that awes measures or estimates is larger."""
+Spread = Annotated[float, Field(allow_inf_nan=False, ge=0, le=1e15)]
+"""What is never negative: a standard deviation, an error, a chi-square."""
+Duration = Annotated[float, Field(allow_inf_nan=False, ge=0, le=1e5)]
+"""A prediction's length [s]."""
 Text = str
 Numbers = dict[str, Number]
 Interval = Annotated[list[Number], Field(min_length=2, max_length=2)] | None
@@ -29,7 +32,7 @@ OrAbsent = BeforeValidator(_not_null)
 """Of `Annotated[X | None, OrAbsent]`: a key that may be left out, and is never null where it is there."""
 Word = Annotated[str, Field(pattern="^[A-Za-z0-9_]+$")]
 """A name that also becomes part of a file's name."""
-Channels = Annotated[Numbers, AfterValidator(_with_mean)]
+Channels = Annotated[dict[str, Spread], AfterValidator(_with_mean)]
 """Channel -> NRMSE, and their `mean`."""
 Horizon = Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?$")]
 """Seconds ahead, as a key."""
@@ -67,7 +70,7 @@ class Parts(Checked):
 class Before(Checked):
     """Errors of the model that a stage began with, on the same predictions."""
 
-    horizon_s: Number = Field(description="length of a prediction [s]")
+    horizon_s: Duration = Field(description="length of a prediction [s]")
     nrmse: Parts = Field(description="errors, part by part")
     diverged_predictions: dict[str, int] = Field(
         default={}, description="part -> predictions that diverged; they count with their last error"
