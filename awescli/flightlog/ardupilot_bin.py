@@ -7,6 +7,7 @@ Angles are in degrees, accelerations are specific force. Of several instances (I
 import contextlib
 import io
 import struct
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -135,7 +136,7 @@ def _messages(path: Path, names: tuple[str, ...]) -> dict[str, dict[str, np.ndar
     return {kind: dict(zip(columns[kind], np.array(table, dtype=float).T, strict=True)) for kind, table in rows.items()}
 
 
-def _unix(messages) -> float:
+def _unix(messages: Mapping[str, Mapping[str, np.ndarray]]) -> float:
     """Unix time [s] at stamp 0, from the receiver's week and time of week; 0 where the log has no fix."""
     fields = messages.get("GPS", {})
     if not {"GWk", "GMS"} <= fields.keys() or not (known := np.flatnonzero(fields["GWk"] > 0)).size:
@@ -144,7 +145,7 @@ def _unix(messages) -> float:
     return float(GPS_EPOCH + 604800 * fields["GWk"][k] + fields["GMS"][k] / 1000 - LEAP_SECONDS - fields["TimeUS"][k] * MICRO)
 
 
-def _gnss(path: Path, messages) -> dict[str, Channel]:
+def _gnss(path: Path, messages: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, Channel]:
     """Position and velocity of the receiver where it has a fix in three dimensions."""
     fields = messages.get("GPS")
     if fields is None or not (good := fields["Status"] >= 3).any():

@@ -122,7 +122,9 @@ def euler_angles_of(q0: np.ndarray, q1: np.ndarray, q2: np.ndarray, q3: np.ndarr
     )
 
 
-def local_ned(latitude: np.ndarray, longitude: np.ndarray, height: np.ndarray, origin: tuple[float, float, float]):
+def local_ned(
+    latitude: np.ndarray, longitude: np.ndarray, height: np.ndarray, origin: tuple[float, float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(p_n, p_e, p_d), each (N,) m, from geodetic positions [rad, rad, m], by the radii of curvature at the origin (WGS 84)."""
     a, e2 = 6378137.0, 6.69437999014e-3
     lat, lon, high = origin

@@ -1,6 +1,6 @@
 """Do the signals tell one story? Each check is one physical identity between signals, averaged over a second against noise."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -180,11 +180,11 @@ def _range(log: FlightLog) -> Signal:
     return np.sqrt(log["p_n"] ** 2 + log["p_e"] ** 2 + log["p_d"] ** 2)
 
 
-def _rms(log: FlightLog, errors, where: Signal) -> float:
+def _rms(log: FlightLog, errors: Iterable[Signal], where: Signal) -> float:
     """Root mean square length of an error vector averaged over AVERAGE, where asked."""
     return float(np.sqrt(sum((moving_average(e, _width(log))[where] ** 2).mean() for e in errors)))
 
 
-def _size(signals, where: Signal) -> float:
+def _size(signals: Iterable[Signal], where: Signal) -> float:
     """Root mean square length of a vector where asked."""
     return float(np.sqrt(sum((x[where] ** 2).mean() for x in signals)))

@@ -6,9 +6,10 @@ SEMI_MAJOR = 6378137.0
 """[m] of the WGS84 ellipsoid (NIMA TR8350.2)."""
 FLATTENING = 1 / 298.257223563
 ECCENTRICITY2 = FLATTENING * (2 - FLATTENING)
+Place = float | np.ndarray
 
 
-def earth_fixed(latitude, longitude, altitude) -> np.ndarray:
+def earth_fixed(latitude: Place, longitude: Place, altitude: Place) -> np.ndarray:
     """Earth-centred, earth-fixed coordinates (3, ...) [m] of latitude, longitude [rad] and height above the ellipsoid [m]."""
     s, c = np.sin(latitude), np.cos(latitude)
     normal = SEMI_MAJOR / np.sqrt(1 - ECCENTRICITY2 * s * s)
@@ -21,7 +22,9 @@ def earth_fixed(latitude, longitude, altitude) -> np.ndarray:
     )
 
 
-def ned_from_geodetic(latitude, longitude, altitude, origin: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def ned_from_geodetic(
+    latitude: np.ndarray, longitude: np.ndarray, altitude: np.ndarray, origin: tuple[float, float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(north, east, down), each (N,) [m], of latitude, longitude [rad], altitude [m] (N,) from `origin` (the same three).
 
     The axes are those of the tangent plane at the origin, as a range and an elevation seen from there are.

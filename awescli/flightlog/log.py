@@ -27,7 +27,7 @@ class WindRecord:
     down: np.ndarray
     density: np.ndarray | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("time", "height", "speed", "direction", "down", "density"):
             values = getattr(self, name)
             if values is not None and not np.isfinite(values).all():
@@ -63,7 +63,7 @@ class FlightLog:
     causes: Mapping[str, np.ndarray] = field(default_factory=dict)
     fresh: Mapping[str, np.ndarray] = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for table, known in ((self.measured, MEASURED), (self.inputs, INPUTS)):
             for name, signal in table.items():
                 if name not in known:

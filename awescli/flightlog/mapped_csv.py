@@ -1,6 +1,7 @@
 """Any CSV -> FlightLog through the mapping of a flight.yaml (flight_file.py): columns, units, signs, frames, clocks."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -58,7 +59,7 @@ def read_mapped(found: FlightFiles, max_gap: float = 0.2) -> FlightLog:
     return uniform_log(RawFlight(name, start, seconds, signals, str(path), groups, late, wind, tuple(notes), spikes), max_gap)
 
 
-def _places(path, mapping: FlightFile) -> dict[str, tuple[str, str]]:
+def _places(path: Path, mapping: FlightFile) -> dict[str, tuple[str, str]]:
     """Quantity -> (where it comes from, the column that stands for it)."""
     places = {q: (f"{path}: column {c.column}", c.column) for q, c in mapping.signals.items()}
     places |= {q: (f"{path}: columns {', '.join(m.of)}", next(iter(m.of))) for q, m in mapping.mix.items()}

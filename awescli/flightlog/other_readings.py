@@ -95,7 +95,7 @@ def _axes_of_rates(log: FlightLog, where: np.ndarray) -> Iterator[Check]:
     yield _judged("axes of the rates", misfit, "Misfit of p, q, r with what the Euler angles do, as a share of the rates")
 
 
-def _body_rates(turn: Mapping[str, np.ndarray], angle: Mapping[str, np.ndarray], signs: tuple[int, int, int]):
+def _body_rates(turn: Mapping[str, np.ndarray], angle: Mapping[str, np.ndarray], signs: tuple[int, int, int]) -> tuple[np.ndarray, ...]:
     """Body rates from Euler rates (Beard & McLain, eq. 3.3), the angles with other signs."""
     phi, theta = signs[0] * angle["phi"], signs[1] * angle["theta"]
     d_phi, d_theta, d_psi = (s * turn[n] for s, n in zip(signs, ("phi", "theta", "psi"), strict=True))

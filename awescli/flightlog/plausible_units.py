@@ -112,14 +112,15 @@ def check_units(
         raise errors[0] if len(errors) == 1 else BadInputs(errors)
 
 
+Signals = Mapping[str, np.ndarray]
 Finding = tuple[str, str, str]  # quantity, the unit it looks like, why
 
 
-def _speed(s) -> np.ndarray | None:
+def _speed(s: Signals) -> np.ndarray | None:
     return np.sqrt(s["v_n"] ** 2 + s["v_e"] ** 2 + s["v_d"] ** 2) if {"v_n", "v_e", "v_d"} <= s.keys() else None
 
 
-def _turned(s) -> float:
+def _turned(s: Signals) -> float:
     """Range of the unwrapped course over ground while flying [rad]."""
     speed = _speed(s)
     if speed is None:
@@ -128,7 +129,7 @@ def _turned(s) -> float:
     return float(np.ptp(np.unwrap(np.arctan2(s["v_e"][flying], s["v_n"][flying])))) if flying.size > 50 else 0.0
 
 
-def _angles(s) -> list[Finding]:
+def _angles(s: Signals) -> list[Finding]:
     """Angles in deg read as rad exceed what there is; in rad read as deg they stay within 6.4 deg while the course goes round."""
     size = {n: float(np.nanpercentile(np.abs(s[n]), 99.5)) for n in ("phi", "theta", "psi", "alpha", "beta") if n in s}
     most = {"phi": 2 * np.pi + 0.2, "theta": STEEPEST, "psi": 2 * np.pi + 0.2, "alpha": STEEPEST, "beta": STEEPEST}
@@ -142,7 +143,7 @@ def _angles(s) -> list[Finding]:
     return found
 
 
-def _counts_turns(s) -> bool:
+def _counts_turns(s: Signals) -> bool:
     """Does the heading move as fast as the course over ground, sample by sample, and only goes on counting where others wrap?"""
     speed = _speed(s)
     if speed is None:
@@ -162,7 +163,7 @@ def _apart(seconds: np.ndarray, apart: float) -> tuple[np.ndarray, np.ndarray]:
     return i[near], j[near]
 
 
-def _rates(s, seconds: np.ndarray) -> list[Finding]:
+def _rates(s: Signals, seconds: np.ndarray) -> list[Finding]:
     """Body rates against what the Euler angles do: a factor of 57 is a unit."""
     if not {"phi", "theta", "psi", "p", "q", "r"} <= s.keys():
         return []
@@ -189,7 +190,7 @@ def _rates(s, seconds: np.ndarray) -> list[Finding]:
     return []
 
 
-def _positions(s, seconds: np.ndarray) -> list[Finding]:
+def _positions(s: Signals, seconds: np.ndarray) -> list[Finding]:
     """Way over ground against speed; tether length against range."""
     found: list[Finding] = []
     speed = _speed(s)
@@ -215,7 +216,7 @@ def _positions(s, seconds: np.ndarray) -> list[Finding]:
     return found
 
 
-def _height(s) -> list[Finding]:
+def _height(s: Signals) -> list[Finding]:
     """A flying kite is above its winch: p_d < 0."""
     speed = _speed(s)
     if speed is None or "p_d" not in s:
@@ -228,7 +229,7 @@ def _height(s) -> list[Finding]:
     return []
 
 
-def _airspeed(s) -> list[Finding]:
+def _airspeed(s: Signals) -> list[Finding]:
     """Pitot against speed over ground, in fast flight, where the wind is the smaller part."""
     speed = _speed(s)
     if speed is None or "V_a" not in s:
@@ -242,7 +243,7 @@ def _airspeed(s) -> list[Finding]:
     return [("V_a", unit, f"the airspeed is {ratio:.2g} times the speed over ground")] if unit else []
 
 
-def _tension(s) -> list[Finding]:
+def _tension(s: Signals) -> list[Finding]:
     """Tension per dynamic pressure is an area, and the wing has only so much of it."""
     airspeed = s.get("V_a") if "V_a" in s else _speed(s)
     if "tension" not in s or airspeed is None:
@@ -256,7 +257,7 @@ def _tension(s) -> list[Finding]:
     return []
 
 
-def _surfaces(s) -> list[Finding]:
+def _surfaces(s: Signals) -> list[Finding]:
     """Surfaces that never leave +-1 deg do not turn a kite; those beyond +-90 deg do not exist."""
     there = [n for n in CONTROL_SURFACES if n in s]
     size = {n: float(np.nanmax(np.abs(s[n]))) for n in there}

@@ -7,6 +7,7 @@ quaternion body to NED, accelerations are specific force.
 import contextlib
 import io
 import struct
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from awescli.flightlog.autopilot import TRAVEL, Autopilot, Channel, assembled, e
 from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.notation.errors import BadInput
 
+Topics = Mapping[str, Mapping[str, np.ndarray]]
+"""Topic -> field -> samples."""
 MICRO = 1e-6
 
 POSITION = "vehicle_local_position"
@@ -107,7 +110,7 @@ def _topics(path: Path, names: tuple[str, ...]) -> dict[str, dict[str, np.ndarra
     return topics
 
 
-def _unix(topics) -> float:
+def _unix(topics: Topics) -> float:
     """Unix time [s] at stamp 0, from the receiver's clock; 0 where the log has none."""
     utc = _first(topics, ((t, "time_utc_usec") for t in ("vehicle_gps_position", "sensor_gps")))
     if utc is None or not (utc.values > 0).any():
@@ -116,14 +119,14 @@ def _unix(topics) -> float:
     return float(utc.values[first] * MICRO - utc.stamps[first])
 
 
-def _channel(topics, topic: str, field: str) -> Channel | None:
+def _channel(topics: Topics, topic: str, field: str) -> Channel | None:
     fields = topics.get(topic, {})
     if field not in fields:
         return None
     return Channel(fields["timestamp"] * MICRO, np.asarray(fields[field], dtype=float))
 
 
-def _first(topics, sources) -> Channel | None:
+def _first(topics: Topics, sources: Iterable[tuple[str, str]]) -> Channel | None:
     """The first channel that the log has and that holds a number."""
     found = (_channel(topics, topic, field) for topic, field in sources)
     return next((c for c in found if c is not None and np.isfinite(c.values).any()), None)
@@ -134,7 +137,7 @@ def _put(channels: dict[str, Channel], name: str, channel: Channel | None) -> No
         channels[name] = channel
 
 
-def _commands(topics, notes: list[str], silent: bool) -> dict[str, Channel]:
+def _commands(topics: Topics, notes: list[str], silent: bool) -> dict[str, Channel]:
     """Set-points by their conventional channels. silent: a flight.yaml says what counts, and knows."""
     for group in COMMANDS:
         found = {q: c for q, (t, f) in group.items() if (c := _channel(topics, t, f)) is not None}
@@ -148,7 +151,7 @@ def _commands(topics, notes: list[str], silent: bool) -> dict[str, Channel]:
     return {}
 
 
-def _gnss(path: Path, topics) -> dict[str, Channel]:
+def _gnss(path: Path, topics: Topics) -> dict[str, Channel]:
     """Position and velocity of the receiver; degrees since v1.14, integers of 1e-7 deg and mm before."""
     fields = topics.get("vehicle_gps_position") or topics.get("sensor_gps")
     if fields is None:
@@ -162,7 +165,7 @@ def _gnss(path: Path, topics) -> dict[str, Channel]:
     return {n: Channel(stamps, v) for n, v in zip(("p_n", "p_e", "p_d", "v_n", "v_e", "v_d"), (*position, *velocity), strict=True)}
 
 
-def _wind(topics, channels: dict[str, Channel]) -> WindRecord | None:
+def _wind(topics: Topics, channels: dict[str, Channel]) -> WindRecord | None:
     """The estimator's wind, at the mean height of flight; None where the log has none."""
     for topic in WIND:
         north, east = (_channel(topics, topic, f"windspeed_{a}") for a in ("north", "east"))

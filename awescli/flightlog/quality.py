@@ -109,7 +109,7 @@ def data_quality(
         *reading_checks(log, airborne),
         *further,
     )
-    ranges = part_ranges(loop_ranges(log, loops.bounds), loops.bounds, parts) if parts else ()
+    ranges = part_ranges(loop_ranges(log, loops.bounds), loops.bounds, parts.stretches) if parts else ()
     if parts:
         checks += (ranges_check(ranges),)
     channels = []

@@ -1,6 +1,6 @@
 """How far each loop of a flight goes, and whether one part of it leaves what another has flown."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,6 +21,7 @@ FARTHEST = 1.2
 DEG = np.pi / 180
 
 Kind = Literal["amplitude", "level"]
+Stretches = Iterable[tuple[int, int]]
 
 
 @dataclass(frozen=True)
@@ -79,9 +80,9 @@ def loop_ranges(log: FlightLog, bounds: np.ndarray) -> tuple[LoopRanges, ...]:
     return tuple(found)
 
 
-def part_ranges(ranges: Sequence[LoopRanges], bounds: np.ndarray, parts) -> tuple[PartRanges, ...]:
-    """The ranges of the parts (`split.Split`) of a flight whose loops (L, 2) were dealt to them; none where a part holds none of these."""
-    train, validation, test = (_inside(bounds, getattr(parts, name)) for name in ("train", "validation", "test"))
+def part_ranges(ranges: Sequence[LoopRanges], bounds: np.ndarray, parts: Sequence[Stretches]) -> tuple[PartRanges, ...]:
+    """The ranges of a flight whose loops (L, 2) were dealt to three parts: train, validation, test; none where one holds none of them."""
+    train, validation, test = (_inside(bounds, stretches) for stretches in parts)
     if not (train.any() and validation.any() and test.any()):
         return ()
     return tuple(
@@ -116,7 +117,7 @@ def ranges_check(rows: Sequence[PartRanges]) -> Check:
     return Check("ranges", reach, "times", FARTHEST, reach <= FARTHEST, sentence + beyond)
 
 
-def _quantities(log: FlightLog):
+def _quantities(log: FlightLog) -> Iterator[tuple[str, str, Kind, np.ndarray, float]]:
     """(name, unit, kind, signal (N,), least) of what is compared, in the unit shown."""
     for name, rate in (("p", "roll rate"), ("q", "pitch rate"), ("r", "yaw rate")):
         if name in log:
@@ -143,6 +144,6 @@ def _range(signal: np.ndarray, valid: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _inside(bounds: np.ndarray, stretches) -> np.ndarray:
+def _inside(bounds: np.ndarray, stretches: Stretches) -> np.ndarray:
     """(L,) which loops lie in half-open sample ranges."""
     return np.array([any(a <= first and last <= b for a, b in stretches) for first, last in bounds], dtype=bool)

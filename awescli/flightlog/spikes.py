@@ -1,7 +1,8 @@
 """Spikes: one or two samples that leap away and come back, faster than anything that flies, and numbers that no sensor reports, however
 many in a row. Found before units are judged, then missing."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -54,7 +55,7 @@ def without_spikes(signals: Mapping[str, np.ndarray], rows: np.ndarray) -> tuple
     return clean, found
 
 
-def usual(x: np.ndarray, shares):
+def usual(x: np.ndarray, shares: float | Sequence[float]) -> Any:
     """Quantiles of x (N,), from at most ENOUGH evenly spaced samples: a scale needs no more, and hours of flight have many."""
     return np.quantile(x[:: max(1, x.size // ENOUGH)], shares)
 

@@ -28,6 +28,11 @@ class Split:
     counts: tuple[int, int, int]
     of: str
 
+    @property
+    def stretches(self) -> tuple[tuple[Range, ...], ...]:
+        """Those of train, validation and test, in this order."""
+        return self.train, self.validation, self.test
+
 
 def split(
     loops: Loops,

@@ -107,7 +107,7 @@ def _known(channels: dict[str, Channel]) -> dict[str, Channel]:
     return result
 
 
-def _gnss(path: Path, struct: dict, stamps: np.ndarray, count: int, origin) -> dict[str, Channel]:
+def _gnss(path: Path, struct: dict, stamps: np.ndarray, count: int, origin: tuple[float, float, float]) -> dict[str, Channel]:
     """Position and velocity of the receiver, at the samples at which it gave a new fix."""
     week = _field(path, struct, "GPS_TOW", count)
     new = np.flatnonzero(np.diff(week, prepend=week[0]) != 0)

@@ -49,12 +49,12 @@ def test_the_check_names_what_the_test_part_reaches():
     """Guards the sentence: with the widest loops at the end, a chronological test reaches three times train's rudder rate, which is
     2 pi / 2 s times the deflection; the balanced one stays inside."""
     log, loops = flown(late=3.0)
-    rows = part_ranges(loop_ranges(log, loops.bounds), loops.bounds, split(loops, order="chronological"))
+    rows = part_ranges(loop_ranges(log, loops.bounds), loops.bounds, split(loops, order="chronological").stretches)
     rate = next(row for row in rows if row.name == "rudder rate")
     assert rate.train[1] == pytest.approx(np.rad2deg(0.1) * np.pi, rel=0.05) and rate.test_reach == pytest.approx(3.0, rel=0.05)
     check = ranges_check([rate])
     assert (check.name, check.ok) == ("ranges", False) and "Test reaches 3.0 times the rudder rate that train flew" in check.sentence
-    balanced = part_ranges(loop_ranges(log, loops.bounds), loops.bounds, split(loops, log=log))
+    balanced = part_ranges(loop_ranges(log, loops.bounds), loops.bounds, split(loops, log=log).stretches)
     assert ranges_check([r for r in balanced if r.name.startswith("rudder")]).ok
     assert next(r for r in balanced if r.name == "rudder rate").train[1] == pytest.approx(3 * np.rad2deg(0.1) * np.pi, rel=0.05)
 
@@ -63,7 +63,7 @@ def test_a_level_is_told_by_its_ranges():
     """Guards the other kind of sentence: where a line only gets longer, a chronological test part flies a length that train did not."""
     log, loops = flown()
     log = replace(log, inputs={**log.inputs, "tether_length": 200 + 4 * log.time})
-    rows = part_ranges(loop_ranges(log, loops.bounds), loops.bounds, split(loops, order="chronological"))
+    rows = part_ranges(loop_ranges(log, loops.bounds), loops.bounds, split(loops, order="chronological").stretches)
     check = ranges_check([r for r in rows if r.name == "tether length"])
     assert not check.ok and "Test flies tether length 312 to 360 m, train 200 to 280 m" in check.sentence
 

@@ -312,7 +312,7 @@ def test_the_page_says_how_long_a_free_flight_is_compared_with_unseen_loops():
 def test_the_page_compares_the_ranges_of_the_parts():
     """Guards the table and the named check: who reads a test error sees what train flew."""
     whole = evidence()
-    ranges = part_ranges(loop_ranges(whole.log, whole.loops.bounds), whole.loops.bounds, whole.parts)
+    ranges = part_ranges(loop_ranges(whole.log, whole.loops.bounds), whole.loops.bounds, whole.parts.stretches)
     quality = replace(whole.quality, ranges=ranges, checks=(*whole.quality.checks, ranges_check(ranges)))
     text = own(page(replace(whole, quality=quality)))
     links_lead_somewhere(text)

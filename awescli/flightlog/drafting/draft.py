@@ -9,7 +9,7 @@ import numpy as np
 
 from awescli.flightlog.drafting.attitude import ANGLES, find_attitude, find_rates, turned_forward
 from awescli.flightlog.drafting.clock import clock
-from awescli.flightlog.drafting.line import FAR, find_line, winch_height, winch_place
+from awescli.flightlog.drafting.line import FAR, Line, find_line, winch_height, winch_place
 from awescli.flightlog.drafting.path import POSITION, Alternative, find_path
 from awescli.flightlog.drafting.pool import Entry, Pool, pool_of
 from awescli.flightlog.drafting.rest import Rest, find_rest
@@ -96,7 +96,9 @@ def _order(name: str) -> int:
     return known.index(name) if name in known else len(known)
 
 
-def _from_the_winch(pool: Pool, seconds: np.ndarray, found: Alternative | None):
+def _from_the_winch(pool: Pool, seconds: np.ndarray, found: Alternative | None) -> tuple[
+    dict[str, Entry], np.ndarray | None, tuple[float, float, float] | None, Line, tuple[str, ...]
+]:  # fmt: skip
     """(entries of the position, position (3, N) from the winch or None, origin of a geodetic one, the line, notes). Positions that count
     from elsewhere are moved to where they are as far as the line is long."""
     if found is None:
@@ -167,7 +169,9 @@ def _needed(signals: Mapping[str, Entry], parts: Mapping[str, Entry], wind: Weat
     return tuple(missing)
 
 
-def _unused(pool: Pool, time: Entry, signals, parts, rest: Rest, wind: Weather | None) -> tuple[str, ...]:
+def _unused(
+    pool: Pool, time: Entry, signals: Mapping[str, Entry], parts: Mapping[str, Entry], rest: Rest, wind: Weather | None
+) -> tuple[str, ...]:  # fmt: skip
     """Columns that nothing was made of."""
     own = (wind.entries or {}).values() if wind is not None and wind.file is None else ()
     used = {time.column, *(e.column for e in (*signals.values(), *parts.values(), *own)), *(c for _, c, _ in rest.left)}

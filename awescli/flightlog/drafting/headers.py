@@ -1,6 +1,7 @@
 """What a column's header says: a quantity, a unit, a sign. `VN(ft/s)`, `Alt [ft]`, `airspeed_kt`, `gyro_x`, `rudder_cmd`."""
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from awescli.flightlog.unit_words import units_spelled
@@ -54,7 +55,7 @@ def readings(column: str, weather: bool = False) -> list[Reading]:
     return list(first.values())
 
 
-def _parses(column: str):
+def _parses(column: str) -> Iterator[tuple[tuple[str, ...], Sequence[str] | None]]:
     """(words of the name, units that the rest may mean; None where there is no rest) of every way to cut a header."""
     match = _BRACKETS.match(column)
     if match and match[1].strip() and (units := units_spelled(match[2])):
@@ -68,7 +69,7 @@ def _parses(column: str):
                 yield whole[:-count], units
 
 
-def _tails(text: str):
+def _tails(text: str) -> Iterator[str]:
     """The text, and what stands behind its last `/` or `.`: loggers put the message's name first."""
     yield text
     tail = re.split(r"[/.:]", text)[-1]

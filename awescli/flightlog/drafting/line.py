@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from awescli.flightlog.drafting.headers import Reading
 from awescli.flightlog.drafting.pool import Entry, Pool, entry, units_for
 
 LENGTHS, SPEEDS = ("m", "ft", "km", "cm"), ("m/s", "ft/s", "m/min", "ft/min", "km/h", "kt", "mm/s", "cm/s")
@@ -46,7 +47,7 @@ def _deviation(x: np.ndarray) -> float:
     return float(np.median(np.abs(x - np.median(x))))
 
 
-def _unit_of_length(reading, values: np.ndarray, distance: np.ndarray | None) -> str:
+def _unit_of_length(reading: Reading, values: np.ndarray, distance: np.ndarray | None) -> str:
     """The unit in the header, else the one that makes the line as long as the kite is far."""
     units = units_for(reading, LENGTHS)
     if distance is None or len(units) == 1:
@@ -55,7 +56,7 @@ def _unit_of_length(reading, values: np.ndarray, distance: np.ndarray | None) ->
     return min(units, key=lambda u: abs(math.log(max(ratio, 1e-9) / Entry("", u).si(np.ones(1), "m")[0])))
 
 
-def _reeling(pool: Pool, reading, seconds: np.ndarray, length: np.ndarray | None) -> tuple[Entry, list[str]]:
+def _reeling(pool: Pool, reading: Reading, seconds: np.ndarray, length: np.ndarray | None) -> tuple[Entry, list[str]]:
     """Unit and sign of the reel-out speed by how the length grows, over a second."""
     values = reading.meaning.sign * pool.values[reading.column]
     units = units_for(reading, SPEEDS)

@@ -79,7 +79,9 @@ def _line(pool: Pool) -> float | None:
     return float(np.nanmedian(entry(reading, reading.unit).si(pool.values[reading.column], "m")))
 
 
-def _compared(positions, velocities, seconds: np.ndarray, angles: Angles | None, line: float | None):
+def _compared(
+    positions: Sequence[Alternative], velocities: Sequence[Alternative], seconds: np.ndarray, angles: Angles | None, line: float | None
+) -> Iterator[tuple[float, float, Alternative, Alternative]]:
     """(score, share of the speed that is missed, position, velocity): the velocity is the change of position, the kite flies above its
     winch, as far as the line is long, and goes where it points."""
     along = [forwardness(angles, v.ned) if angles is not None else 1.0 for v in velocities]
@@ -138,7 +140,9 @@ def _triple(pool: Pool, names: Sequence[str], kind: str) -> tuple[list[Reading],
     return None
 
 
-def _cartesian(pool: Pool, chosen, frames, names, usual, si: str) -> Iterator[Alternative]:
+def _cartesian(
+    pool: Pool, chosen: Sequence[Reading], frames: Sequence[str], names: Sequence[str], usual: Sequence[str], si: str
+) -> Iterator[Alternative]:
     """Three columns in every frame, and in every unit where headers name none."""
     unnamed = [r for r in chosen if r.unit is None]
     units = units_for(unnamed[0], usual) if unnamed else ("",)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -95,7 +96,7 @@ def _stamps(path: Path, name: str) -> np.ndarray | None:
         return None
 
 
-def entry(reading: Reading, unit: str, why: str = "", **how) -> Entry:
+def entry(reading: Reading, unit: str, why: str = "", **how: Any) -> Entry:
     """The entry of a column, with the sign that its name gives it."""
     return Entry(reading.column, unit, reading.meaning.sign, why=why, **how)
 

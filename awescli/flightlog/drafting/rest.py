@@ -1,11 +1,12 @@
 """Surfaces, airspeed, flow angles, load and accelerometers: units and meaning, as far as header and numbers tell."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from awescli.flightlog.drafting.headers import Reading
 from awescli.flightlog.drafting.pool import Entry, Pool, entry, high
 from awescli.flightlog.units import GRAVITY
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
@@ -66,13 +67,13 @@ def find_rest(pool: Pool, seconds: np.ndarray, velocity: np.ndarray | None, angl
     return Rest(entries, (*left, *more), accelerations, notes)
 
 
-def _command(pool: Pool, quantity: str):
+def _command(pool: Pool, quantity: str) -> Reading | None:
     """A surface's column: what was asked for before what was reached."""
     found = [r for r in pool.of(quantity) if np.isfinite(pool.values[r.column]).any()]
     return min(found, key=lambda r: (not r.meaning.command, r.meaning.reached, r.rank), default=None)
 
 
-def _unit_of_surfaces(pool: Pool, readings) -> str | None:
+def _unit_of_surfaces(pool: Pool, readings: Collection[Reading]) -> str | None:
     """All surfaces come in one unit: that of a header, else deg where one goes further than rad can; None where it may be a share."""
     if named := [r.unit for r in readings if r.unit]:
         return named[0]
@@ -80,11 +81,11 @@ def _unit_of_surfaces(pool: Pool, readings) -> str | None:
     return "deg" if size > MOST_DEFLECTION else "rad" if size < 0.75 else None
 
 
-def _is_pulse(pool: Pool, reading) -> bool:
+def _is_pulse(pool: Pool, reading: Reading) -> bool:
     return PULSE[0] < float(np.nanmedian(pool.values[reading.column])) < PULSE[1]
 
 
-def _surface(pool: Pool, reading, unit: str | None) -> Entry | str:
+def _surface(pool: Pool, reading: Reading, unit: str | None) -> Entry | str:
     """The entry of a surface, or why it has none. unit: of its neighbours."""
     size = high(pool.values[reading.column])
     if _is_pulse(pool, reading):
@@ -100,7 +101,7 @@ def _surface(pool: Pool, reading, unit: str | None) -> Entry | str:
     return replace(line, assumed="; ".join(said))
 
 
-def _airspeed(pool: Pool, reading, velocity: np.ndarray | None) -> Entry:
+def _airspeed(pool: Pool, reading: Reading, velocity: np.ndarray | None) -> Entry:
     """Unit by the header, else the one that comes nearest to the speed over ground."""
     if reading.unit or velocity is None:
         return replace(entry(reading, reading.unit or "m/s"), assumed="" if reading.unit else "unit")
@@ -110,7 +111,9 @@ def _airspeed(pool: Pool, reading, velocity: np.ndarray | None) -> Entry:
     return replace(entry(reading, unit), assumed="unit by the speed over ground, which wind blurs")
 
 
-def _accelerations(pool: Pool, seconds, velocity, angles):
+def _accelerations(
+    pool: Pool, seconds: np.ndarray, velocity: np.ndarray | None, angles: Mapping[str, np.ndarray] | None
+) -> tuple[tuple[tuple[str, str, str], str, str] | None, tuple[tuple[str, str, str], ...], tuple[str, ...]]:
     """((columns, unit, measures) or None, what was left out and why, notes): accelerometers show the acceleration minus gravity, filters
     of an autopilot may have put it back."""
     chosen = pool.all(("a_x", "a_y", "a_z"))

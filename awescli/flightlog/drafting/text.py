@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from awescli.flightlog.drafting.draft import Draft
@@ -54,7 +54,7 @@ def draft_text(draft: Draft, folder: Path) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _vector(name: str, signals: Mapping[str, Entry], quantities, frame: str) -> str | None:
+def _vector(name: str, signals: Mapping[str, Entry], quantities: Sequence[str], frame: str) -> str | None:
     """One line for three columns of one unit in one frame; None where they need a line each."""
     found = [signals[q] for q in quantities if q in signals]
     if len(found) < len(quantities) or any(e.offset or e.scale != 1.0 for e in found) or len({e.unit for e in found}) > 1:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from awescli.flightlog.drafting.clock import clock
+from awescli.flightlog.drafting.headers import Reading
 from awescli.flightlog.drafting.pool import Entry, Pool, also, entry, high, pool_of
 from awescli.flightlog.kitemill_wind import REQUIRED
 from awescli.flightlog.table import read_header
@@ -102,7 +103,7 @@ def _parts(pool: Pool, position: np.ndarray | None) -> tuple[dict[str, Entry], t
     return entries, tuple(left), tuple(notes)
 
 
-def _first(pool: Pool, quantity: str):
+def _first(pool: Pool, quantity: str) -> Reading | None:
     """The likeliest column that holds a value; weather may stand still."""
     return next((r for r in pool.of(quantity) if np.isfinite(pool.values[r.column]).any()), None)
 
@@ -122,7 +123,7 @@ def _from(line: Entry, values: np.ndarray, position: np.ndarray | None) -> tuple
     return line, [sentence if along > 0.3 else f"CHECK: {sentence}"]
 
 
-def _of_the_gas_law(pool: Pool, temperature, pressure) -> dict[str, Entry]:
+def _of_the_gas_law(pool: Pool, temperature: Reading | None, pressure: Reading | None) -> dict[str, Entry]:
     """Temperature and pressure, where both have plausible units."""
     found = {}
     for part, reading, si, units, limits in (

@@ -124,7 +124,10 @@ def _wind_shapes(G: np.ndarray, motion: Motion, wind: np.ndarray | None, higher:
     return shapes | {name: np.einsum("nmi,ni->nm", G, way * higher[:, None]) for name, way in more.items()}
 
 
-def _identity(name: str, motion: Motion, error, shapes: Mapping[str, np.ndarray], H, seen, laws, priors, asks) -> Identity:
+def _identity(
+    name: str, motion: Motion, error: np.ndarray, shapes: Mapping[str, np.ndarray], H: np.ndarray, seen: np.ndarray, laws: tuple[Law, ...],
+    priors: dict[str, float], asks: tuple[tuple[str, dict[str, float]], ...],
+) -> Identity:  # fmt: skip
     """channels: V_a, or the vanes there are."""
     channels = ("V_a",) if name == "airspeed" else tuple(c for c in ("alpha", "beta") if c in motion.log)
     least = 0.02 if name == "airspeed" else 0.0005

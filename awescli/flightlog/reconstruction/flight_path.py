@@ -192,7 +192,9 @@ IDENTITIES: tuple[tuple[str, tuple[str, ...], Callable, Callable], ...] = (
 """What is compared, the signals it needs, and how."""
 
 
-def _error(s: Solution, column: str, name: str, acts_on: tuple[str, ...], unit: str, matters: str = "", target: str | None = None):
+def _error(
+    s: Solution, column: str, name: str, acts_on: tuple[str, ...], unit: str, matters: str = "", target: str | None = None
+) -> SensorError:
     return SensorError(name, target, acts_on, s.values[column], s.std[column], unit, MATTERS[matters or name])
 
 

@@ -138,7 +138,9 @@ def velocity_of_acceleration(motion: Motion) -> Identity:
     return replace(found, white_by_differences=True, white=white, known=(*(Known(w, KNOWN) for w in white), *found.known[len(white) :]))
 
 
-def _identity(name, channels, series: Series, laws, drifts, least: float) -> Identity:
+def _identity(
+    name: str, channels: tuple[str, ...], series: Series, laws: Sequence[Law], drifts: dict[str, tuple[str, ...]], least: float
+) -> Identity:
     white = tuple(max(_first_white(series, i), least) for i in range(len(channels)))
     known = [Known(w, 1.5) for w in white] + [Known(law.level, 0.5 if law.walks else WIDE) for law in laws]
     known += [Known(law.memory, WIDE) for law in laws if not law.walks]

@@ -1,6 +1,6 @@
 """Levels and memories of noise, by the restricted likelihood, with what is known of them beforehand."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +67,7 @@ def estimate_levels(
     return Levels(white_found, laws_found, _spread(cost, best), 2 * float(found.fun))
 
 
-def _spread(cost, x: np.ndarray, step: float = 0.02) -> np.ndarray:
+def _spread(cost: Callable[[np.ndarray], float], x: np.ndarray, step: float = 0.02) -> np.ndarray:
     """Standard deviations of log levels, from the curvature of the cost; infinite where it has none."""
     k, steps = len(x), step * np.eye(len(x))
     at = cost(x)
