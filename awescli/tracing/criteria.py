@@ -30,10 +30,6 @@ class Criteria:
     per_parameter: float = 2.0
     """Deviance that each strength costs beside (Akaike)."""
 
-    second_error: float = 0.5
-    """Share of what the first error of an instrument gained that a second one of the same instrument must gain: less, and it may only mend
-    the form of the first. In JSBSim an error of the pitot linear in sideslip, fitted by its square, left a quarter of that to a scale."""
-
     # is it what is missing?
     floor_error: float = 0.02
     """Relative error of the noise floor: a chi-square per degree of freedom within 1 +- this is at the floor, for noise is known no better
