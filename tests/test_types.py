@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-WHOLE = ("api", "artifacts", "cli", "flightlog", "tracing")
+WHOLE = ("api", "artifacts", "cli", "export", "flightlog", "notation", "reporting", "tracing")
 """Rooms in which every argument and every result has its type."""
 
 

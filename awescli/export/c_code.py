@@ -3,7 +3,7 @@
 Printed from the recorded programs; a network's layers are loops over a table of its weights, stepping is the template `stepping.c`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from awescli.export.c_expressions import body, constant
@@ -166,7 +166,7 @@ def _literal(text: str) -> str:
     return comment(text).replace('"', "'")
 
 
-def _values(name: str, signals: Sequence[Signal], describe) -> str:
+def _values(name: str, signals: Sequence[Signal], describe: Callable[[Signal], str]) -> str:
     said = [comment(f"{i}: {s.name} [{s.unit}] {describe(s)}") for i, s in enumerate(signals)]
     rows = "".join(f"    {constant(s.value or 0.0)}, /* {text} */\n" for s, text in zip(signals, said, strict=True))
     return f"const double {name}[] = {{\n{rows or '    0.0' + chr(10)}}};\n"

@@ -7,6 +7,8 @@ x = states, then the held set-points. CasADi differentiates them; `select` is if
 """
 
 from collections.abc import Callable, Mapping
+from types import ModuleType
+from typing import Any
 
 from awescli.engine.record import record
 from awescli.export.json_tables import json_files
@@ -17,6 +19,9 @@ from awescli.notation.errors import BadInput
 from awescli.notation.quantities import OUTPUTS, SURFACES
 from awescli.simulation.stepping import Stepping
 
+Symbol = Any
+"""A casadi.SX; the module is loaded where it is asked for."""
+
 
 def casadi_files(model: ExportedModel) -> dict[str, str]:
     """`derivative.casadi`, ..., and the tables of names and values."""
@@ -25,7 +30,7 @@ def casadi_files(model: ExportedModel) -> dict[str, str]:
     return files | json_files(model)
 
 
-def _text(function) -> str:
+def _text(function: Any) -> str:
     """What `casadi.Function.load` reads."""
     import casadi as ca
 
@@ -63,7 +68,10 @@ def casadi_functions(model: ExportedModel) -> Mapping[str, object]:
     return functions | ({"law": law} if law else {})
 
 
-def _stepped(ca, model: ExportedModel, f, hold, x, u, u_next, sp, sp_next, c):
+def _stepped(
+    ca: ModuleType, model: ExportedModel, f: Callable, hold: Callable, x: Symbol, u: Symbol, u_next: Symbol, sp: Symbol, sp_next: Symbol,
+    c: Symbol,
+) -> Symbol:  # fmt: skip
     """x one sample later: classical Runge-Kutta steps, inputs linear, set-points held as `Stepping` says."""
     n_s, stepping = len(model.states), Stepping.between(model.dt, model.longest, model.declaration.set_point_rate)
     h = model.dt / stepping.substeps
@@ -85,7 +93,7 @@ def _stepped(ca, model: ExportedModel, f, hold, x, u, u_next, sp, sp_next, c):
     return x
 
 
-def _network(ca, model: ExportedModel) -> Callable | None:
+def _network(ca: ModuleType, model: ExportedModel) -> Callable | None:
     """The network as a function of what it sees: what `learning.correction` says, recorded."""
     correction = model.correction
     if correction is None:
@@ -96,7 +104,7 @@ def _network(ca, model: ExportedModel) -> Callable | None:
     return ca.Function("network", [s], [ca.vertcat(*_replayed(ca, program, None, s=s))], ["s"], ["n"])
 
 
-def _replayed(ca, program: Program, network: Callable | None, **blocks) -> list:
+def _replayed(ca: ModuleType, program: Program, network: Callable | None, **blocks: Symbol) -> list:
     """The outputs of a program whose input vectors are expressions."""
     of = {
         "add": lambda a, b: a + b, "sub": lambda a, b: a - b, "mul": lambda a, b: a * b, "div": lambda a, b: a / b, "neg": lambda a: -a,

@@ -13,6 +13,7 @@ from awescli.export.model import ExportedModel
 from awescli.export.programs import values_of
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import STATES, SURFACES
+from awescli.physics.kite import Kite
 
 AIRSPEED = 25.0
 """[m/s] at which the coefficients are read: they depend on it only where an effect makes them."""
@@ -64,7 +65,7 @@ def curves(model: ExportedModel, angles: list[float]) -> dict[str, list[float]]:
     return found
 
 
-def _coefficients(physics, x, values: Mapping, u) -> list:
+def _coefficients(physics: Kite, x: list, values: Mapping, u: list) -> list:
     inputs = [u[0] if name == "density" else 150.0 if name == "tether_length" else 0.0 for name in physics.input_names]
     c = [values.get(name, 0.0) for name in physics.parameter_names]
     # lags have settled

@@ -9,6 +9,7 @@ from awescli.export.programs import Programs, record_programs
 from awescli.export.words import Signal, input_signal, output_signal, set_point_signal, state_signal
 from awescli.learning.correction import Correction, HybridKite
 from awescli.notation.quantities import OUTPUTS, STATES, SURFACES, UNITS
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 
 
@@ -44,7 +45,7 @@ class ExportedModel:
     provenance: Mapping = field(default_factory=dict)
 
     @property
-    def declaration(self):
+    def declaration(self) -> KiteDeclaration:
         """The kite file of what flies."""
         return self.kite.declaration
 

@@ -3,6 +3,7 @@
 Every one of them is shown to the user as one message without a traceback; the class decides the exit code.
 """
 
+from collections.abc import Iterable
 from difflib import get_close_matches
 
 
@@ -45,7 +46,7 @@ class NumericalFailure(AwesError):
         super().__init__(what, where, do)
 
 
-def did_you_mean(name: str, known) -> str:
+def did_you_mean(name: str, known: Iterable[str]) -> str:
     """The nearest known name, or the list of them: the `do` of an error about an unknown name."""
     known = sorted(str(k) for k in known)
     close = get_close_matches(str(name), known, n=1)

@@ -4,6 +4,7 @@ Names are compared without case, spaces and punctuation, so that `Roll Rate`, `r
 """
 
 import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -161,7 +162,7 @@ def meanings(name: tuple[str, ...], weather: bool = False) -> list[Meaning]:
     return list(dict.fromkeys(found))
 
 
-def nearest_quantity(name: str, known) -> str:
+def nearest_quantity(name: str, known: Iterable[str]) -> str:
     """The `do` of an error about an unknown quantity: the one that people call so, else the nearest name."""
     for meaning in meanings(words(name)):
         if meaning.quantity in known:
@@ -184,7 +185,7 @@ def _table(weather: bool) -> dict[str, tuple[tuple[str, int], ...]]:
     return {name: tuple(rows) for name, rows in found.items()}
 
 
-def _readings(name: tuple[str, ...]):
+def _readings(name: tuple[str, ...]) -> Iterator[tuple[int, tuple[str, ...]]]:
     """(words dropped, words left): the name itself, then without numbers, then without idle words, from either end."""
     yield 0, name
     bare = tuple(w for w in name if not w.isdigit())

@@ -28,7 +28,7 @@ class Parameter:
     source: str = ""
     std: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.lower <= self.value <= self.upper:
             raise BadInput(
                 f"value {self.value:g} of '{self.name}' is outside its bounds [{self.lower:g}, {self.upper:g}]",
@@ -66,7 +66,7 @@ class ParameterTable(Mapping[str, Parameter]):
     def __len__(self) -> int:
         return len(self._rows)
 
-    def __contains__(self, name) -> bool:
+    def __contains__(self, name: object) -> bool:
         return name in self._rows
 
     @property

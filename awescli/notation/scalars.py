@@ -5,11 +5,16 @@ methods (torch and the engine do); everything else goes to numpy.
 """
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
+Scalar = Any
+"""A float, an array, a torch tensor, or a scalar that the engine records."""
 
-def _method_or_numpy(method: str, numpy_name: str | None = None):
+
+def _method_or_numpy(method: str, numpy_name: str | None = None) -> Callable[[Scalar], Scalar]:
     of_array = getattr(np, numpy_name or method)
     of_float = getattr(math, method, None)
 
@@ -32,14 +37,14 @@ tanh = _method_or_numpy("tanh")
 asin = _method_or_numpy("asin", "arcsin")
 
 
-def atan2(y, x):
+def atan2(y: Scalar, x: Scalar) -> Scalar:
     """Angle of the point (x, y) [rad]."""
     if hasattr(y, "atan2"):
         return y.atan2(x)
     return math.atan2(y, x) if isinstance(y, (float, int)) and isinstance(x, (float, int)) else np.arctan2(y, x)
 
 
-def select(positive, then, otherwise):
+def select(positive: Scalar, then: Scalar, otherwise: Scalar) -> Scalar:
     """`then` where `positive` > 0, else `otherwise`. The derivative is that of the chosen side."""
     if hasattr(positive, "select"):
         # a torch.Tensor has a method of this name that means something else
@@ -57,11 +62,11 @@ def select(positive, then, otherwise):
     return np.where(positive > 0, then, otherwise)
 
 
-def maximum(a, b):
+def maximum(a: Scalar, b: Scalar) -> Scalar:
     """The larger of a and b; at a tie, b."""
     return select(a - b, a, b)
 
 
-def absolute(x):
+def absolute(x: Scalar) -> Scalar:
     """|x| with derivative sign(x), -1 at 0."""
     return select(x, x, -x)

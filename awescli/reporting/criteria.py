@@ -41,5 +41,5 @@ def _cause(name: str) -> str:
     return CAUSES.get(name) or listed(parts)
 
 
-def _shown(value) -> str:
+def _shown(value: float | str) -> str:
     return value if isinstance(value, str) else number(float(value))

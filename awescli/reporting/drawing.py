@@ -5,11 +5,13 @@ Only what the page's figures are made of is known here; anything else raises Key
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import XAxis, YAxis
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure as Sheet
 from matplotlib.patches import Rectangle
@@ -49,7 +51,7 @@ def drawn(figure: Figure, colours: Mapping[str, str], shared: Mapping[str, np.nd
         return {kind: _saved(sheet, kind) for kind in ("png", "svg")}
 
 
-def on_axes(axes, figure: Figure, colours: Mapping[str, str], shared: Mapping[str, np.ndarray]) -> None:
+def on_axes(axes: Any, figure: Figure, colours: Mapping[str, str], shared: Mapping[str, np.ndarray]) -> None:
     """What the figure shows, into axes that are there; for a figure in space they are of matplotlib's 3d kind."""
     looked_up = _Names(colours, shared)
     data, layout = looked_up.of(list(figure.data)), looked_up.of(dict(figure.layout))
@@ -102,7 +104,7 @@ class _Names:
 # --- in the plane ---------------------------------------------------------------------------------------------------------
 
 
-def _plane(axes, data: list[dict], layout: dict) -> None:
+def _plane(axes: Axes, data: list[dict], layout: dict) -> None:
     """Lines, marks, bars, shapes and notes of a figure with an x and a y axis."""
     x_axis, y_axis = layout.get("xaxis", {}), layout.get("yaxis", {})
     places = [_categories(data, layout, which) for which in "xy"]
@@ -113,7 +115,7 @@ def _plane(axes, data: list[dict], layout: dict) -> None:
         if trace["type"] == "bar":
             _bars(axes, trace, x, y, bars.index(trace), len(bars))
         elif trace["type"] == "scatter":
-            if trace.get("fill") == "tonexty":
+            if trace.get("fill") == "tonexty" and before is not None:
                 axes.fill_between(x, before, y, color=trace["fillcolor"], linewidth=0)
             _trace(axes, trace, x, y)
         else:
@@ -147,7 +149,7 @@ def _numbers(values: Sequence, place: dict[str, int] | None) -> np.ndarray:
     return np.array([math.nan if v is None else v for v in values], dtype=float)
 
 
-def _trace(axes, trace: dict, x: np.ndarray, y: np.ndarray) -> None:
+def _trace(axes: Axes, trace: dict, x: np.ndarray, y: np.ndarray) -> None:
     """A line, marks, or both."""
     look = _look(trace)
     if trace.get("visible", True) is not True:
@@ -172,7 +174,7 @@ def _look(trace: dict) -> dict:
     return look | {"label": trace["name"] if shown else "_"}
 
 
-def _bars(axes, trace: dict, x: np.ndarray, y: np.ndarray, which: int, count: int) -> None:
+def _bars(axes: Axes, trace: dict, x: np.ndarray, y: np.ndarray, which: int, count: int) -> None:
     """One of `count` groups of upright bars, with its numbers where the page writes them."""
     width = 0.75 / count
     drawn = axes.bar(x + (which - (count - 1) / 2) * width, y, width * 0.94, color=trace["marker"]["color"], label=trace["name"])
@@ -180,7 +182,7 @@ def _bars(axes, trace: dict, x: np.ndarray, y: np.ndarray, which: int, count: in
         axes.bar_label(drawn, trace["text"], fontsize=7, padding=1)
 
 
-def _axis(axis, set_limits, wanted: dict, place: dict[str, int] | None) -> None:
+def _axis(axis: XAxis | YAxis, set_limits: Callable, wanted: dict, place: dict[str, int] | None) -> None:
     """Title, scale, ticks and range of an axis."""
     axis.set_label_text(wanted.get("title", {}).get("text", ""))
     if place is not None:
@@ -202,17 +204,17 @@ def _axis(axis, set_limits, wanted: dict, place: dict[str, int] | None) -> None:
         axis.set_inverted(True)
 
 
-def _log(axis) -> None:
+def _log(axis: XAxis | YAxis) -> None:
     (axis.axes.set_xscale if axis.axis_name == "x" else axis.axes.set_yscale)("log")
 
 
-def _within(axis, wanted: dict) -> list[float]:
+def _within(axis: XAxis | YAxis, wanted: dict) -> list[float]:
     """The ticks that fall between the ends of what is drawn."""
     low, high = sorted(axis.get_view_interval())
     return [t for t in wanted["tickvals"] if low <= t <= high]
 
 
-def _shape(axes, shape: dict) -> None:
+def _shape(axes: Axes, shape: dict) -> None:
     """A rectangle or a line, each way in data or in shares of the axes."""
     ways = [axes.transAxes if shape.get(f"{which}ref") == "paper" else axes.transData for which in "xy"]
     transform = blended_transform_factory(*ways)
@@ -229,7 +231,7 @@ def _shape(axes, shape: dict) -> None:
 # --- in space -------------------------------------------------------------------------------------------------------------
 
 
-def _space(axes, data: list[dict], scene: dict) -> None:
+def _space(axes: Any, data: list[dict], scene: dict) -> None:
     """Paths in space at one scale, seen as the page shows them first."""
     for trace in data:
         if trace["type"] != "scatter3d":

@@ -2,6 +2,7 @@
 
 import io
 import textwrap
+from typing import Any
 
 import matplotlib
 from matplotlib.figure import Figure as Sheet
@@ -58,7 +59,7 @@ def _words(sheet: Sheet, evidence: Evidence) -> float:
     return y
 
 
-def _lines(sheet: Sheet, y: float, text: str, size: float, letters: int, indent: str = "", **look) -> float:
+def _lines(sheet: Sheet, y: float, text: str, size: float, letters: int, indent: str = "", **look: Any) -> float:
     """A text broken over lines from y down; returns where the next begins."""
     for row in textwrap.wrap(text, letters, subsequent_indent=indent):
         sheet.text(LEFT, y, row, fontsize=size, va="top", **look)

@@ -9,6 +9,7 @@ import io
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -68,13 +69,13 @@ def coordinates(figure: Figure) -> tuple[str, list[str]]:
     return "xy", [h or ("category" if way == "x" or titles[0] else figure.title) for way, h in zip("xy", heads, strict=True)]
 
 
-def _looked_up(values, shared: Mapping[str, np.ndarray]) -> list:
+def _looked_up(values: Any, shared: Mapping[str, np.ndarray]) -> list:
     if isinstance(values, str):
         values = shared[values[1:]]
     return values.tolist() if isinstance(values, np.ndarray) else list(values)
 
 
-def _cell(value):
+def _cell(value: float | str | None) -> float | str:
     if isinstance(value, str):
         return value
     return "" if value is None or not math.isfinite(value) else float(value)

@@ -1,6 +1,6 @@
 """Power and energy per phase and per cycle, measured and predicted by every model, with intervals: a table."""
 
-from awescli.reporting.evidence import Evidence
+from awescli.reporting.evidence import Document, Evidence
 from awescli.reporting.marks import Body, Cell, Group, Paragraph, table
 from awescli.reporting.power import KILO, powers
 from awescli.reporting.words import number
@@ -32,11 +32,11 @@ def phase_table(evidence: Evidence) -> Body:
     return Group(TABLE, "Power per phase and cycle", (Paragraph(note, "soft"), table(head, rows)))
 
 
-def _phase(row) -> str:
+def _phase(row: Document) -> str:
     return row["phase"]
 
 
-def _cycle(row) -> str:
+def _cycle(row: Document) -> str:
     return f"cycle {row['cycle']}, {100 * row['unseen_share']:.0f} % unseen"
 
 
@@ -44,7 +44,7 @@ def _kilo(value: float) -> Cell:
     return Cell(number(value * KILO), value * KILO)
 
 
-def _mean(row) -> Cell:
+def _mean(row: Document) -> Cell:
     """Mean power with its interval."""
     interval = row.get("interval_W")
     between = f" ({number(interval[0] * KILO)} to {number(interval[1] * KILO)})" if interval else ""

@@ -1,7 +1,7 @@
 """Figures as plotly.js data: plain dicts, drawn by page.js, and by paper.py for papers; colours are @names, shared axes $names."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import Any
@@ -9,6 +9,10 @@ from typing import Any
 import numpy as np
 
 from awescli.reporting.marks import Grid
+
+Position = float | np.ndarray
+Values = np.ndarray | Sequence | str
+"""Numbers or words along an axis; a text beginning with $ names an array that figures share."""
 
 MOST_POINTS = 2500
 """Samples of one line at most: more than a screen has pixels."""
@@ -99,29 +103,29 @@ def with_gaps(values: np.ndarray, step: int = 1) -> np.ndarray:
     return np.hstack([thin, np.full((len(thin), 1), np.nan)]).reshape(-1)
 
 
-def line(x, y, name: str, colour: str, **more) -> dict:
+def line(x: Values, y: Values, name: str, colour: str, **more: Any) -> dict:
     """A line."""
     style = {"color": colour, "width": more.pop("width", LINE)} | ({"dash": more.pop("dash")} if "dash" in more else {})
     return {"type": "scatter", "mode": "lines", "x": x, "y": y, "name": name, "line": style, **more}
 
 
-def dots(x, y, name: str, colour: str, *, size: float = 9, symbol: str = "circle", **more) -> dict:
+def dots(x: Values, y: Values, name: str, colour: str, *, size: float = 9, symbol: str = "circle", **more: Any) -> dict:
     """Markers."""
     marker = {"color": colour, "size": size, "symbol": symbol} | more.pop("marker", {})
     return {"type": "scatter", "mode": "markers", "x": x, "y": y, "name": name, "marker": marker, **more}
 
 
-def bars(x, y, name: str, colour: str, **more) -> dict:
+def bars(x: Values, y: Values, name: str, colour: str, **more: Any) -> dict:
     """Upright bars."""
     return {"type": "bar", "x": x, "y": y, "name": name, "marker": {"color": colour}, **more}
 
 
-def axis(title: str, **more) -> dict:
+def axis(title: str, **more: Any) -> dict:
     """An axis with its quantity and unit."""
     return {"title": {"text": title}, **more}
 
 
-def strip(x0, x1, y0, y1, colour: str) -> dict:
+def strip(x0: Position, x1: Position, y0: Position, y1: Position, colour: str) -> dict:
     """A coloured bar across part of an axis, at heights 0..1 of the plot."""
     return {"type": "rect", "xref": "x", "yref": "paper", "x0": x0, "x1": x1, "y0": y0, "y1": y1, "fillcolor": colour, "line": {"width": 0}}
 
@@ -134,7 +138,7 @@ def swatch(name: str, colour: str, prefix: str = "") -> dict:
     }  # fmt: skip
 
 
-def log_axis(title: str, *shown) -> dict:
+def log_axis(title: str, *shown: Iterable[float | None]) -> dict:
     """A logarithmic axis for the values shown, with its numbers in full: plotly's own short ticks (2, 5) want explaining."""
     values = np.array([v for some in shown for v in some if v is not None and v > 0], dtype=float)
     low, high = (values.min(), values.max()) if len(values) else (1.0, 1.0)
@@ -145,7 +149,7 @@ def log_axis(title: str, *shown) -> dict:
     return axis(title, type="log", tickvals=ticks, ticktext=[f"{t:g}" for t in ticks])
 
 
-def scene(east, north, up, *, winch: bool = False) -> dict:
+def scene(east: np.ndarray, north: np.ndarray, up: np.ndarray, *, winch: bool = False) -> dict:
     """East, north and up at one scale, in metres, seen from the side of the line from the winch to the middle of the path."""
     points = [np.append(v, 0.0) if winch else np.asarray(v) for v in (east, north, up)]
     low, high = (np.array([f(p) for p in points]) for f in (np.nanmin, np.nanmax))

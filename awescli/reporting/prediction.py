@@ -5,7 +5,7 @@ import numpy as np
 from awescli.flightlog.split import PARTS
 from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES
-from awescli.reporting.evidence import Evidence
+from awescli.reporting.evidence import Document, Evidence
 from awescli.reporting.marks import Body, Cell, Folded, Group, Heading, Keys, Paragraph, Section, table
 from awescli.reporting.plots import LINE, Figure, Shared, axis, dots, grid, hover, line, log_axis, scene, stride, strip, swatch, with_gaps
 from awescli.reporting.published import published
@@ -128,7 +128,7 @@ def horizons(evidence: Evidence) -> Group:
     return Group("tab-horizon", "", (note, table(("model", *words), rows), more, fell))
 
 
-def _lost(block) -> Cell:
+def _lost(block: Document | None) -> Cell:
     """diverged of all predictions of a horizon."""
     return Cell(f"{block['diverged_predictions']} of {block['predictions']}", block["diverged_predictions"]) if block else Cell("–")
 

@@ -1,6 +1,8 @@
 """Pumping cycles that a model flew: what each phase and cycle earned, and the power curve of every model."""
 
-from awescli.reporting.evidence import Evidence
+from collections.abc import Sequence
+
+from awescli.reporting.evidence import Document, Evidence
 from awescli.reporting.marks import Body, Cell, Group, table
 from awescli.reporting.plots import Figure, axis, line
 from awescli.reporting.words import COLOURS, number
@@ -15,7 +17,7 @@ def cycles(evidence: Evidence) -> Body:
     return (cycle_table(flown["phases"], flown["cycles"]) if flown.get("phases") else "", power_curve(evidence))
 
 
-def earned(flown) -> str:
+def earned(flown: Document) -> str:
     """What the cycles earned, in a sentence."""
     whole = flown["cycles"]
     if not whole:
@@ -27,7 +29,7 @@ def earned(flown) -> str:
     return f"{what}; measured cycles: {', '.join(number(w * KILO) for w in measured)} kW." if measured else f"{what}."
 
 
-def cycle_table(phases, whole) -> Group:
+def cycle_table(phases: Sequence[Document], whole: Sequence[Document]) -> Group:
     """A row for each phase, then one for each whole cycle."""
     rows = [
         (

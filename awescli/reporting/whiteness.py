@@ -3,6 +3,8 @@
 The innovation is the error of predictions half a second ahead, one after the other; of noise alone its spectrum is flat.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from awescli.reporting.evidence import Evidence
@@ -30,7 +32,7 @@ def what_is_left(evidence: Evidence) -> Body:
     return table(("channel", "χ² over noise", "repeats before", "repeats after"), rows) if rows else ""
 
 
-def _share(value: float | None, words) -> Cell:
+def _share(value: float | None, words: Callable[[float | None], str]) -> Cell:
     return Cell(words(value), value)
 
 

@@ -1,6 +1,8 @@
 """The kite as a wind sensor: speed and direction against height that the fitted model and the pitot say, beside the station."""
 
-from awescli.reporting.evidence import Evidence
+from collections.abc import Sequence
+
+from awescli.reporting.evidence import Document, Evidence
 from awescli.reporting.marks import Body
 from awescli.reporting.plots import Figure, axis, dots, grid, line
 from awescli.reporting.words import COLOURS
@@ -22,7 +24,7 @@ def wind_profile(evidence: Evidence) -> Body:
     return grid([_panel(evidence, found, *quantity, note if i == 0 else "") for i, quantity in enumerate(quantities)])
 
 
-def _panel(evidence: Evidence, found, name: str, key: str, title: str, note: str) -> Figure:
+def _panel(evidence: Evidence, found: Document, name: str, key: str, title: str, note: str) -> Figure:
     rows, colour = found["rows"], COLOURS[found["model"]]
     heights = [row["height_m"] for row in rows]
     data = [line([row[f"station_{key}"] for row in rows], heights, "station, as declared", COLOURS["measured"], width=2)]
@@ -35,6 +37,6 @@ def _panel(evidence: Evidence, found, name: str, key: str, title: str, note: str
     )
 
 
-def _with_bars(rows, key: str, std: str, label: str, colour: str) -> dict:
+def _with_bars(rows: Sequence[Document], key: str, std: str, label: str, colour: str) -> dict:
     bars = dict(array=[HALF * row[std] for row in rows], thickness=1.4, width=0, color=colour)
     return dots([row[key] for row in rows], [row["height_m"] for row in rows], label, colour, size=7, error_x=bars)

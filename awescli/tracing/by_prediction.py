@@ -17,7 +17,7 @@ from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.models import FittedModel, Frame, Say
 from awescli.tracing.screen import Score, Screening, screen
-from awescli.tracing.search import plausible
+from awescli.tracing.search import mends, plausible
 
 TIGHT = 0.1
 """Chi-square that a fit need not gain any more."""
@@ -57,7 +57,7 @@ def better_by_prediction(
     for _ in range(criteria.effects):
         progress("predicting with candidates")
         before = error_of(frame, model)
-        screening = screen(frame, model, [k for k in keys if k not in model.keys])
+        screening = screen(frame, model, [k for k in keys if k not in model.keys and not mends(frame, (*model.keys, k))])
         tried = [_with(frame, model, screening, s) for s in entered(frame, screening, criteria)]
         errors = {m.keys[-1]: error_of(frame, m) for m in tried if _sound(model, m, criteria)}
         if not errors or min(errors.values()) > (1 - criteria.predicts) * before:

@@ -102,7 +102,7 @@ def search(
         if best is not None and crowded(tried):
             model, best, tried = _base_revisited(frame, model, best, tried, criteria, progress)
             null = null if record else model
-        if best is not None and mends(frame, best):
+        if best is not None and mends(frame, best.keys):
             best = None
         record.append(Round(model.light(), tried, best.keys[-1] if best else "", screening.untestable))
         if best is None:
@@ -121,12 +121,12 @@ def admissible(before: FittedModel, after: FittedModel, criteria: Criteria = CRI
     return bool(gain >= least and gain - loudest >= criteria.decisive and before.unseen > after.unseen)
 
 
-def mends(frame: Frame, model: FittedModel) -> bool:
-    """Is the last effect of a model a further error of an instrument that has one already? It may be there, or mend the form of the first.
-    A pitot that is off linearly with sideslip, fitted by its square, left a scale more than half of its gain (JSBSim). Forces alone do not
-    say which, so it is not named; kinematics may name both."""
-    *earlier, last = (make_effect(key, frame.declared).instrument for key in model.keys)
-    return bool(last) and last in earlier
+def mends(frame: Frame, keys: Sequence[str]) -> bool:
+    """Is the last of `keys` a further error of a sensor or an actuator that has one already? It may be there, or mend the form of the
+    first. A pitot that is off linearly with sideslip, fitted by its square, left a scale more than half of its gain; play in a linkage left
+    a delay (JSBSim). Forces alone do not say which, so it is not named; kinematics may name both errors of a sensor."""
+    *earlier, last = ((e.instrument, e.target) for e in (make_effect(key, frame.declared) for key in keys))
+    return bool(last[0]) and last in earlier
 
 
 def plausible(model: FittedModel, key: str) -> bool:

@@ -108,16 +108,17 @@ def test_a_loss_of_lift_is_timed_from_wherever_it_is_probed(at, within):
     assert found["lift_drift.step"].value == pytest.approx(-0.06, abs=0.01)
 
 
-def test_of_one_instrument_one_error():
+def test_of_one_sensor_or_actuator_one_error():
     """Guards a pitot whose error is linear in sideslip (JSBSim) against a second name: the library's square of sideslip left to a scale of
     the same pitot up to half of what it gained itself. An error of another instrument stays, and so does what is none of an instrument."""
     frame = SimpleNamespace(declared=DEVELOPMENT)
 
     def mends(*keys):
-        return searching.mends(frame, SimpleNamespace(keys=keys))
+        return searching.mends(frame, keys)
 
     assert mends("pitot_position_error", "airspeed_scale") and mends("airspeed_lag", "sideslip_drag", "airspeed_scale")
     assert not mends("airspeed_scale") and not mends("pitot_position_error", "heading_bias")
+    assert mends("surface_backlash:rudder", "actuator_delay:rudder") and not mends("actuator_lag:rudder", "actuator_lag:elevator")
     assert not mends("surface_bias:yaw", "sideslip_drag") and not mends("pitot_position_error", "airspeed_scale", "sideslip_drag")
 
 

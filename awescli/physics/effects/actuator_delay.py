@@ -21,6 +21,7 @@ class ActuatorDelay(Effect):
     doc = "pure delay of a surface"
     parameters = (Parameter("tau", 0.0, "s", 0.0, 0.5, source="0.05-0.2 s"),)
     targets = SURFACES
+    instrument = "actuator"
     states = ("x1", "x2")
     start_spread = (0.05, 0.5)
     units = ("target", "target/s")

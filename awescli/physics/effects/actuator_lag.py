@@ -27,6 +27,7 @@ class ActuatorLag(Effect):
         Parameter("inertia", 0.0, "-", 0.0, 0.25, source="from first order to critical damping; gives form only"),
     )
     targets = SURFACES
+    instrument = "actuator"
     states = ("deflection", "speed")
     start_spread = (0.05, 0.5)
     units = ("target", "target/s")

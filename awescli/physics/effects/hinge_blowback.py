@@ -16,6 +16,7 @@ class HingeBlowback(Effect):
     doc = "deflection lost with dynamic pressure"
     parameters = (Parameter("k", 0.0, "1/Pa", 0.0, 1e-3, source="10-30 % at 50 m/s"),)
     targets = CONTROL_SURFACES
+    instrument = "actuator"
 
     def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         return {**deflections, self.target: deflections[self.target] / (1 + own.k * at.dynamic_pressure)}

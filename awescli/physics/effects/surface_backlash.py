@@ -28,6 +28,7 @@ class SurfaceBacklash(Effect):
     doc = "play in a linkage: the surface follows only beyond it"
     parameters = (Parameter("width", 0.0, "rad", 0.0, 0.15, source="play of 0.5-3 deg"),)
     targets = CONTROL_SURFACES
+    instrument = "actuator"
     states = ("remembered",)
     units = ("target",)
 

@@ -16,6 +16,7 @@ class SurfaceDeadBand(Effect):
     doc = "play in a linkage: deflections within the band are lost"
     parameters = (Parameter("d", 0.0, "rad", 0.0, 0.1, source="play of 0.5-2 deg"),)
     targets = CONTROL_SURFACES
+    instrument = "actuator"
     probes = {"d": (0.01, 0.03)}
 
     def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
