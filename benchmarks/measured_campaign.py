@@ -137,11 +137,16 @@ def _key_of(name: str, target: str | None, channels: Iterable[str]) -> str:
 
 def beyond(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> Answer:
     """What an answer names that the answer to the untouched flight does not: other effects, and the same ones with sizes that lie outside
-    of each other's joint 95 % interval. Where nothing is left of what was named, the answer says nothing new."""
+    of each other's joint 95 % interval. An effect that changes its place with a rival says the same. Where nothing is left of what was
+    named, the answer says nothing new."""
     if result["verdict"] == "failed":
         return Answer("failed")
-    known = {(e["name"], e["acts_on"]): e["parameters"] for e in untouched.get("effects", ())}
-    new = [e for e in result.get("effects", ()) if not _same_size(e["parameters"], known.get((e["name"], e["acts_on"])))]
+    known = {_key(e): e["parameters"] for e in untouched.get("effects", ())}
+    swapped = {_alike(e, r) for e in untouched.get("effects", ()) for r in e["rivals"]}
+    new = [
+        e for e in result.get("effects", ())
+        if not _same_size(e["parameters"], known.get(_key(e))) and not any(_alike(r, e) in swapped for r in e["rivals"])
+    ]  # fmt: skip
     if new:
         of = {True: "cannot_tell", False: "found"}[result["verdict"] == "cannot_tell" or any(e["rivals"] for e in new)]
         return answer_of({"verdict": of, "effects": new})
@@ -149,6 +154,15 @@ def beyond(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> Answer:
         return Answer("not_testable")
     fresh = not result.get("effects") and result["verdict"] == "unexplained" and untouched.get("verdict") != "unexplained"
     return Answer("unexplained" if fresh else "none")
+
+
+def _key(effect: Mapping[str, Any]) -> tuple[str, str]:
+    return effect["name"], effect["acts_on"]
+
+
+def _alike(effect: Mapping[str, Any], rival: Mapping[str, Any]) -> tuple[tuple[str, str], tuple[str, str]]:
+    """Which effect led which rival."""
+    return _key(effect), _key(rival)
 
 
 def _same_size(sizes: Mapping[str, Any], known: Mapping[str, Any] | None) -> bool:

@@ -65,6 +65,14 @@ def test_an_effect_that_was_there_before_must_have_grown_by_what_was_put_in():
     assert campaign.inside(said("none", **PUT_IN), before) is None
 
 
+def test_an_effect_that_changes_its_place_with_a_rival_says_nothing_new():
+    rival, lag = ({"name": name, "acts_on": "aileron"} for name in ("actuator_delay", "actuator_lag"))
+    before = said("not_testable", {**effect("actuator_delay", "aileron", tau=0.12), "rivals": [lag]})
+    put_in = {**PUT_IN, "key": "actuator_lag:elevator"}
+    assert campaign.scored(said("not_testable", {**LAG, "rivals": [rival]}, **put_in), before) == "silent"
+    assert campaign.scored(said("not_testable", LAG, **put_in), before) == "wrong"
+
+
 def test_the_table_counts_what_was_said(tmp_path):
     told = campaign.table([OWN, said("found", LAG, **PUT_IN), said("none", case="thor-y", set="copy", copy="every second")])
     assert "| thor | full | 1 | 1 |  |  |  |  |  |  | 1 of 1 |" in told and "| thor-x | tau = 0.1 | 4.00 | right | found |" in told
