@@ -10,6 +10,7 @@ from awescli.artifacts.forms.words import (
     Channels,
     Checked,
     Duration,
+    Misfit,
     Number,
     Numbers,
     OrAbsent,
@@ -175,7 +176,7 @@ class ByPrediction(Checked):
     """What a model without a verdict predicts unseen loops better with: a place to look, no finding."""
 
     effects: list[PredictsBetter] = Field(description="one after the other, in the order in which they came")
-    chi2: dict[str, Number] = Field(description="chi-square per degree of freedom on validation loops, `before` and `after` [-]")
+    chi2: dict[str, Misfit] = Field(description="chi-square per degree of freedom on validation loops, `before` and `after` [-]")
     sentence: Text = Field(description="the same in a sentence")
 
 
@@ -210,9 +211,9 @@ class Repeats(Checked):
 class Left(Checked):
     """What the answer leaves unexplained."""
 
-    chi2: Spread | None = Field(default=None, description="squared errors over noise per degree of freedom [-]; 1: noise")
+    chi2: Misfit | None = Field(default=None, description="squared errors over noise per degree of freedom [-]; 1: noise")
     share: Number | None = Field(default=None, description="share of the declared model's misfit that is left beyond noise [-]")
-    channels: dict[str, Spread | None] = Field(default={}, description="channel -> the same as chi2 [-]")
+    channels: dict[str, Misfit | None] = Field(default={}, description="channel -> the same as chi2 [-]")
     worth: Number | None = Field(default=None, description="fall of the deviance by model error, were it let in [-]")
     levels: dict[str, Any] = Field(default={}, description="force or moment -> level of that model error")
     repeats: Repeats | None = Field(default=None, description="what of it repeats from loop to loop; nothing where too few loops show it")
@@ -260,7 +261,7 @@ class Effects(Checked):
     )
     criteria: list[Criterion] = Field(default=[], description="what the verdict stands on")
     probability: Numbers = Field(description="cause -> its probability, `none` and `something_else` among them; they sum to one [-]")
-    chi2: dict[str, Number | None] = Field(
+    chi2: dict[str, Misfit | None] = Field(
         default={}, description="part and model (train_before, ...) -> squared errors over noise per degree of freedom [-]; 1: noise"
     )
     gust_m_s: Number | None = Field(default=None, description="strongest gusts that the flight shows, one standard deviation [m/s]")

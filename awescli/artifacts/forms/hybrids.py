@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from awescli.artifacts.forms.words import Before, Channels, Checked, Duration, Number, Numbers, Parts, Predicted, Text
+from awescli.artifacts.forms.words import Before, Channels, Checked, Duration, Misfit, Number, Numbers, Parts, Predicted, Text
 
 
 class History(Checked):
@@ -30,7 +30,7 @@ class Validated(Checked):
         description="mean squared error of physics and of the hybrid, standard error of their difference, and the gain that is needed [-]; "
         "in units of what physics leaves",
     )
-    chi2: dict[str, Number | None] = Field(
+    chi2: dict[str, Misfit | None] = Field(
         default={}, description="the same four of chi-square with gusts and drift integrated out [-]; 1: noise"
     )
 

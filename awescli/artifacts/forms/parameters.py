@@ -4,7 +4,21 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from awescli.artifacts.forms.words import Before, Checked, Duration, Interval, Number, Numbers, Parts, Predicted, Spread, Text, Word
+from awescli.artifacts.forms.words import (
+    Before,
+    Checked,
+    Duration,
+    Finite,
+    Interval,
+    Misfit,
+    Number,
+    Numbers,
+    Parts,
+    Predicted,
+    Spread,
+    Text,
+    Word,
+)
 
 
 class Level(Checked):
@@ -21,7 +35,7 @@ class Starts(Checked):
 
     starts: int = Field(description="how many there were; the first from the declared values")
     same_optimum: int = Field(description="how many led to the optimum that was kept")
-    cost_above_best: list[Number] = Field(description="cost of each above the best [-]")
+    cost_above_best: list[Finite] = Field(description="cost of each above the best [-]")
     outcomes: list[Text] = Field(description="how each ended, in a word")
     largest_distance_within_optimum_std: Number = Field(
         description="largest distance of a parameter among those of the same optimum [standard deviations of the fit]"
@@ -41,20 +55,16 @@ class Fit(Predicted):
     """metrics.json of identify."""
 
     outcome: Text = Field(description="how the fit ended, in a word")  # pyright: ignore[reportIncompatibleVariableOverride]
-    chi2: Number = Field(
-        description="squared errors over noise, per degree of freedom, of the model unaided [-]; 1: noise"
-    )
+    chi2: Misfit = Field(description="squared errors over noise, per degree of freedom, of the model unaided [-]; 1: noise")
     method: Literal["filter error", "output error"] = Field(
         description="filter error: gusts, drift and model error integrated out; output error: without them"
     )
     surfaces: Literal["recorded", "controller"] = Field(description="recorded: set-points replayed; controller: the loop closed")
-    chi2_with_processes: Number | None = Field(default=None, description="chi2 of the model with its processes integrated out [-]")
+    chi2_with_processes: Misfit | None = Field(default=None, description="chi2 of the model with its processes integrated out [-]")
     weights: Literal["noise", "range"] = Field(default="noise", description="what an error of a channel was counted in")
     initial: Before | None = Field(default=None, description="errors of the declared model")
-    cost_history: list[Number] = Field(default=[], description="cost, iteration by iteration, over all horizons [-]")
-    kkt_residual: Number | None = Field(
-        default=None, description="how far the fit is from the conditions of an optimum [-]; 0: it is one"
-    )
+    cost_history: list[Finite] = Field(default=[], description="cost, iteration by iteration, over all horizons [-]")
+    kkt_residual: Finite | None = Field(default=None, description="how far the fit is from the conditions of an optimum [-]; 0: it is one")
     starts: Starts | None = Field(default=None, description="fits from several starts, where the plan asks for them")
     flights: dict[str, OfFlight] = Field(default={}, description="flight -> what it says, where several were fitted together")
     horizon_asked_s: Number | None = Field(default=None, description="horizon of the plan, where the flight allowed only a shorter one [s]")

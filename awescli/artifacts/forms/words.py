@@ -7,7 +7,11 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e15, le=1e15)]
 """Nothing that awes measures or estimates is larger."""
 Spread = Annotated[float, Field(allow_inf_nan=False, ge=0, le=1e15)]
-"""What is never negative: a standard deviation, an error, a chi-square."""
+"""What is never negative: a standard deviation, a length."""
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+"""What knows no bounds where a model diverges: a cost, its slope."""
+Misfit = Annotated[float, Field(allow_inf_nan=False, ge=0)]
+"""What is never negative, and knows no upper bound where a model diverges: an error, a chi-square."""
 Duration = Annotated[float, Field(allow_inf_nan=False, ge=0, le=1e5)]
 """A prediction's length [s]."""
 Text = str
@@ -32,7 +36,7 @@ OrAbsent = BeforeValidator(_not_null)
 """Of `Annotated[X | None, OrAbsent]`: a key that may be left out, and is never null where it is there."""
 Word = Annotated[str, Field(pattern="^[A-Za-z0-9_]+$")]
 """A name that also becomes part of a file's name."""
-Channels = Annotated[dict[str, Spread], AfterValidator(_with_mean)]
+Channels = Annotated[dict[str, Misfit], AfterValidator(_with_mean)]
 """Channel -> NRMSE, and their `mean`."""
 Horizon = Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?$")]
 """Seconds ahead, as a key."""
