@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-WHOLE = ("api", "artifacts", "cli", "export", "flightlog", "notation", "reporting", "tracing")
+WHOLE = tuple("api artifacts cli control engine export flightlog learning notation physics reporting simulation tracing".split())
 """Rooms in which every argument and every result has its type."""
 
 

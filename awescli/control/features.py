@@ -3,14 +3,14 @@
 The same source runs on floats, on arrays (N,) and on recorded scalars: only + - * / and `notation.scalars`, no branching on values.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from awescli.control.pattern import Pattern, arc, distance, place, position, tangent_velocity, velocity_ned
 from awescli.notation.errors import BadInput, did_you_mean
-from awescli.notation.frames import cross, dot, rotate, rotation_body_to_ned
+from awescli.notation.frames import Vector, cross, dot, rotate, rotation_body_to_ned
 from awescli.notation.quantities import STATES, UNITS
-from awescli.notation.scalars import atan2, cos, sin, sqrt
+from awescli.notation.scalars import Scalar, atan2, cos, sin, sqrt
 
 
 @dataclass(frozen=True)
@@ -29,15 +29,15 @@ class Feature:
     periodic: bool = False
 
 
-def _speed(z):
+def _speed(z: Mapping[str, Scalar]) -> Scalar:
     return sqrt(z["u"] * z["u"] + z["v"] * z["v"] + z["w"] * z["w"])
 
 
-def _horizontal(z):
+def _horizontal(z: Mapping[str, Scalar]) -> Scalar:
     return sqrt(z["p_n"] * z["p_n"] + z["p_e"] * z["p_e"])
 
 
-def _course(z):
+def _course(z: Mapping[str, Scalar]) -> Vector:
     """(right, up, norm): velocity in the tangent plane against the local horizontal and the local meridian [m/s]."""
     (n, e, d), (v_n, v_e, v_d) = position(z), velocity_ned(z)
     h, length = _horizontal(z), distance(z)
@@ -46,19 +46,19 @@ def _course(z):
     return right, up, sqrt(right * right + up * up + 1e-12)
 
 
-def _line(z, axis: int):
+def _line(z: Mapping[str, Scalar], axis: int) -> Scalar:
     """Component of body axis 0, 1, 2 along the line, winch to kite: the attitude against the line, wherever the kite is."""
     R = rotation_body_to_ned(z["phi"], z["theta"], z["psi"])
     return dot(tuple(row[axis] for row in R), position(z)) / distance(z)
 
 
-def turn_rate(z):
+def turn_rate(z: Mapping[str, Scalar]) -> Scalar:
     """Rotation of the kite about the line, positive outward [rad/s]: what a rudder makes, wherever the kite is and however it is banked."""
     R = rotation_body_to_ned(z["phi"], z["theta"], z["psi"])
     return dot(rotate(R, (z["p"], z["q"], z["r"])), position(z)) / distance(z)
 
 
-def _crab(z):
+def _crab(z: Mapping[str, Scalar]) -> Scalar:
     """Crab angle (Beard & McLain, section 2.4) in the tangent plane, (-pi, pi]: from the course to the nose, positive to the right as the
     winch sees it. The wind across and the sideslip in one, without an air data probe."""
     R = rotation_body_to_ned(z["phi"], z["theta"], z["psi"])
@@ -68,13 +68,13 @@ def _crab(z):
     return atan2(dot(cross(velocity, nose), line) / length, along)
 
 
-def _downwind(z):
+def _downwind(z: Mapping[str, Scalar]) -> Scalar:
     """Azimuth of the kite from the downwind direction, (-pi, pi]; z['wind_direction'] is where the wind comes FROM."""
     s, c = -sin(z["wind_direction"]), -cos(z["wind_direction"])
     return atan2(c * z["p_e"] - s * z["p_n"], c * z["p_n"] + s * z["p_e"])
 
 
-def _course_error(z, pattern):
+def _course_error(z: Mapping[str, Scalar], pattern: Pattern) -> Scalar:
     outward, around = tangent_velocity(z, pattern)
     return atan2(outward, around)
 
@@ -135,14 +135,14 @@ pulls across it. A line that reels out takes the kite beyond the known loops, so
 the flights that the method was developed on those two lowered the error there by a tenth."""
 
 
-def check_features(names) -> None:
+def check_features(names: Sequence[str]) -> None:
     """Raise BadInput for the first unknown name."""
     for name in names:
         if name not in FEATURES:
             raise BadInput(f"unknown feature '{name}'", do=did_you_mean(name, FEATURES))
 
 
-def evaluate(names, z, pattern: Pattern | None) -> tuple:
+def evaluate(names: Sequence[str], z: Mapping[str, Scalar], pattern: Pattern | None) -> tuple:
     """The features `names` at z: a tuple of scalars (floats, arrays or recorded scalars, as z holds)."""
     for name in names:
         for key in FEATURES[name].needs:

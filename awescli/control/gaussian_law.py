@@ -1,11 +1,12 @@
 """GaussianLaw: a sum of Gaussians of the standardised features plus an affine part: docs/equations.md (19)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from awescli.control.law import Law
-from awescli.notation.scalars import exp, select
+from awescli.notation.scalars import Scalar, exp, select
 
 LOWEST_EXPONENT = -50.0
 """exp(-50) = 2e-22: nothing beside 1, and far above the denormals that make a processor slow."""
@@ -30,7 +31,7 @@ class GaussianLaw(Law):
         g = 1.0 / (2.0 * float(self.width) ** 2)
         return 2.0 * g * self.centres, -g * (self.centres**2).sum(axis=1), g
 
-    def outputs(self, x):
+    def outputs(self, x: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
         slope, offset, g = self._exponents()
         slope, offset = slope.tolist(), offset.tolist()
         common = sum((xj * xj for xj in x), 0.0) * (-g)
@@ -50,10 +51,10 @@ class GaussianLaw(Law):
             result.append(y)
         return tuple(result)
 
-    def outputs_of_matrix(self, X):
+    def outputs_of_matrix(self, X: np.ndarray) -> np.ndarray:
         return design(X, self.centres, self.width) @ np.concatenate([self.coefficients, self.affine], axis=1).T
 
-    def own_arrays(self):
+    def own_arrays(self) -> dict[str, np.ndarray]:
         return {"centres": self.centres, "width": np.array(self.width), "coefficients": self.coefficients, "affine": self.affine}
 
 

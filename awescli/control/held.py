@@ -12,7 +12,7 @@ class Held:
     law: Any
     hold: Mapping[str, float]
 
-    def __getattr__(self, name: str):
+    def __getattr__(self, name: str) -> Any:
         return getattr(self.law, name)
 
     def deflections(self, z: Mapping) -> dict:

@@ -6,7 +6,7 @@ A member of the family fills `outputs` (and may fill `outputs_of_matrix`, its fa
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -16,13 +16,21 @@ from awescli.flightlog.log import FlightLog
 from awescli.notation.angles import mean_direction
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import SURFACES
-from awescli.notation.scalars import select
+from awescli.notation.scalars import Scalar, select
 
 
-def clamp(x, lower: float, upper: float):
+def clamp(x: Scalar, lower: float, upper: float) -> Scalar:
     """x held within [lower, upper]."""
     x = select(x - lower, x, lower)
     return select(upper - x, x, upper)
+
+
+class Commands(Protocol):
+    """Whatever commands surfaces from the state: an identified law, one of path following, one that is held or amplified."""
+
+    def deflections(self, z: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """surface -> set-point [rad] at the state z."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +57,7 @@ class Law(ABC):
     delay_s: float = 0.0
     metrics: Mapping = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         # plain floats: a numpy scalar would make numpy the first to answer when it meets a recorded scalar
         for name in ("centre", "scale"):
             object.__setattr__(self, name, tuple(float(x) for x in getattr(self, name)))

@@ -1,10 +1,12 @@
 """LinearLaw: an affine map of the standardised features; the baseline every other law must beat."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from awescli.control.law import Law
+from awescli.notation.scalars import Scalar
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,7 +17,7 @@ class LinearLaw(Law):
 
     affine: np.ndarray
 
-    def outputs(self, x):
+    def outputs(self, x: Sequence[Scalar]) -> tuple[Scalar, ...]:
         result = []
         for b in self.affine.tolist():
             y = b[0]
@@ -24,8 +26,8 @@ class LinearLaw(Law):
             result.append(y)
         return tuple(result)
 
-    def outputs_of_matrix(self, X):
+    def outputs_of_matrix(self, X: np.ndarray) -> np.ndarray:
         return self.affine[:, 0] + X @ self.affine[:, 1:].T
 
-    def own_arrays(self):
+    def own_arrays(self) -> dict[str, np.ndarray]:
         return {"affine": self.affine}

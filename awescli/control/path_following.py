@@ -12,13 +12,13 @@ the circle itself needs; the rudder is what holds that rate of turn, plus feedba
     rudder = k_feedforward r*_hat + k_rate (r*_hat - r_hat)                     r_hat = r b / 2V, as the yaw coefficients count it
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from awescli.control.pattern import Pattern, arc, distance, position, tangent_velocity
 from awescli.notation.frames import dot, rotate, rotation_body_to_ned
 from awescli.notation.quantities import STATES, SURFACES
-from awescli.notation.scalars import atan2, sqrt, tanh
+from awescli.notation.scalars import Scalar, atan2, sqrt, tanh
 
 SLOWEST = 5.0
 """[m/s] ground speed below which rates are no longer scaled by 1/V: a floor that keeps the law smooth near hover."""
@@ -42,7 +42,7 @@ class PathFollowing:
     limit: float = 0.44
     trims: dict = field(default_factory=dict)
 
-    def deflections(self, z) -> dict:
+    def deflections(self, z: Mapping[str, Scalar]) -> dict:
         """surface -> set-point [rad] at the state z (mapping of STATES to scalars); the interface of `control.law.Law`."""
         return {name: self._rudder(z) if name == "rudder" else self.trims.get(name, 0.0) for name in SURFACES}
 
@@ -51,7 +51,7 @@ class PathFollowing:
         deflections = self.deflections(dict(zip(STATES, x, strict=False)))
         return [deflections[name] for name in SURFACES]
 
-    def _rudder(self, z):
+    def _rudder(self, z: Mapping[str, Scalar]) -> Scalar:
         pattern = self.pattern
         outward, around = tangent_velocity(z, pattern)
         speed = sqrt(outward * outward + around * around + SLOWEST * SLOWEST)

@@ -5,6 +5,7 @@ units in the last place for |x| < 1e5 (tests/engine compare with libm). They rou
 """
 
 import math
+from collections.abc import Sequence
 
 from awescli.engine.record import Scalar, Tape
 
@@ -23,7 +24,7 @@ _ATAN_Q = (1.0, 2.485846490142306297962e1, 1.650270098316988542046e2, 4.32881060
            4.853903996359136964868e2, 1.945506571482613964425e2)  # fmt: skip
 
 
-def _polynomial(x: Scalar, coefficients) -> Scalar:
+def _polynomial(x: Scalar, coefficients: Sequence[float]) -> Scalar:
     total = x.tape.constant(coefficients[0])
     for c in coefficients[1:]:
         total = total * x + c
@@ -55,19 +56,19 @@ def _sine_at(x: Scalar, ahead: float) -> Scalar:
     return (quarter - 1.5).select(-value, value)
 
 
-def _sin():
+def _sin() -> tuple[Tape, int]:
     tape = Tape()
     (x,) = tape.inputs("a", 1)
     return tape, _sine_at(x, 0.0).index
 
 
-def _cos():
+def _cos() -> tuple[Tape, int]:
     tape = Tape()
     (x,) = tape.inputs("a", 1)
     return tape, _sine_at(x, 1.0).index
 
 
-def _exp():
+def _exp() -> tuple[Tape, int]:
     tape = Tape()
     (x,) = tape.inputs("a", 1)
     x = (x - 709.0).select(709.0, x)
@@ -80,7 +81,7 @@ def _exp():
     return tape, (e * tape.put(("power_of_two", n.index))).index
 
 
-def _atan2():
+def _atan2() -> tuple[Tape, int]:
     tape = Tape()
     y, x = tape.inputs("a", 2)
     ay, ax = y.select(y, -y), x.select(x, -x)

@@ -14,7 +14,7 @@ lane they would fill the second). The network is `n` inputs -> tanh layers -> `m
 weights: per layer W (out, in) by rows, then b (out). constants: mean, 1/deviation, middle, 1/half (n each), scale (m), 1/width.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -106,7 +106,7 @@ class _Writer(Printer):
         e = self.op("fadd", self.exp(self.op("fmul", a, self.number(2.0))), self.number(1.0))
         return self.op("fsub", self.number(1.0), self.op("fdiv", self.number(2.0), e))
 
-    def sums(self, inputs: list[str], count: int, weight_at, start) -> list[str]:
+    def sums(self, inputs: list[str], count: int, weight_at: Callable[[int, int], int], start: Callable[[int], str]) -> list[str]:
         """[start(i) + sum_j weight(i, j) inputs[j] for i], a few i side by side."""
         out = []
         for first in range(0, count, TOGETHER):

@@ -6,7 +6,7 @@ Removing the vertex with the fewest such joins first keeps the number of multipl
 """
 
 import heapq
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from awescli.engine.record import Scalar, Tape
 
@@ -110,7 +110,7 @@ def jacobian(tape: Tape, outputs: list[int], wrt: list[int]) -> dict[tuple[int, 
     return entries
 
 
-def _resolve(output: int, out_of, wrt: set[int]) -> dict[int, Scalar]:
+def _resolve(output: int, out_of: Mapping[int, Mapping[int, Scalar]], wrt: set[int]) -> dict[int, Scalar]:
     """Partials of an output with respect to inputs, following edges through outputs that feed other outputs."""
     total: dict[int, Scalar] = {}
     for predecessor, partial in out_of.get(output, {}).items():

@@ -156,11 +156,11 @@ class Body(Printer):
         super().__init__(Tape(), lanes)
         self.block = "entry"
 
-    def whole(self, op: str, a, b) -> str:
+    def whole(self, op: str, a: int | str, b: int | str) -> str:
         """add, mul, sub ... of two whole numbers"""
         return self.line(f"{op} i64 {a}, {b}")
 
-    def row(self, pointer: str, index) -> str:
+    def row(self, pointer: str, index: int | str) -> str:
         """Address of row `index` behind an address."""
         return self.line(f"getelementptr {self.type}, ptr {pointer}, i64 {index}")
 
@@ -173,7 +173,7 @@ class Body(Printer):
         self.block = name
 
     @contextmanager
-    def loop(self, count) -> Iterator[str]:
+    def loop(self, count: int | str) -> Iterator[str]:
         """for i in range(count): the index is what `as` names."""
         i, number = self.fresh(), self._count
         before, place = self.block, len(self.lines) + 2

@@ -86,7 +86,7 @@ def _engine_source() -> str:
     return hashlib.sha256(b"".join((here / name).read_bytes() for name in names)).hexdigest()
 
 
-def _machine():
+def _machine() -> llvm.TargetMachine:
     global _target_machine
     if _target_machine is None:
         llvm.initialize_native_target()
@@ -103,7 +103,7 @@ def _made_for() -> str:
     return f"{llvm.llvm_version_info}{llvm.get_default_triple()}{llvm.get_host_cpu_name()}{features}"
 
 
-def _compile(text: str | Callable[[], str], key: str = ""):
+def _compile(text: str | Callable[[], str], key: str = "") -> llvm.ExecutionEngine:
     """The engine that holds the functions of an IR text. key: what decides the text, where it is known without printing it."""
     machine = _machine()
     key = hashlib.sha256(f"{key or text}{_made_for()}".encode()).hexdigest()
@@ -118,7 +118,7 @@ def _compile(text: str | Callable[[], str], key: str = ""):
     return engine
 
 
-def _emit(text: str, machine) -> bytes:
+def _emit(text: str, machine: llvm.TargetMachine) -> bytes:
     """Optimised machine code of an IR text, as an object file."""
     module = llvm.parse_assembly(text)
     module.triple, module.data_layout = machine.triple, str(machine.target_data)

@@ -10,7 +10,7 @@ import os
 import re
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -121,7 +121,7 @@ def _opened(make: bool) -> Iterator[int | None]:
             os.close(place)
 
 
-def _private(found: os.stat_result, kind) -> bool:
+def _private(found: os.stat_result, kind: Callable[[int], bool]) -> bool:
     """Of the asked kind, the user's own, and written by nobody else."""
     return kind(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 

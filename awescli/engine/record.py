@@ -5,6 +5,7 @@ Equal expressions are recorded once (hash-consing), constants are folded, so wha
 
 import math
 from collections.abc import Callable, Sequence
+from typing import NoReturn
 
 _FOLD: dict[str, Callable[..., float]] = {
     "add": lambda a, b: a + b,
@@ -55,7 +56,7 @@ class Tape:
         return simpler if simpler is not None else self.put((op, *(a.index for a in args)))
 
 
-def _simplify(op, args, values):
+def _simplify(op: str, args: Sequence["Scalar"], values: Sequence[float | None]) -> "Scalar | None":
     """x + 0, x * 1 and their like; None where there is nothing simpler. x * 0 is 0: the tape holds finite numbers."""
     if op == "add":
         return args[1] if values[0] == 0 else args[0] if values[1] == 0 else None
@@ -86,37 +87,37 @@ class Scalar:
     def __init__(self, tape: Tape, index: int):
         self.tape, self.index = tape, index
 
-    def _lift(self, other) -> "Scalar":
+    def _lift(self, other: "Scalar | float") -> "Scalar":
         return other if isinstance(other, Scalar) else self.tape.constant(other)
 
-    def __add__(self, o):
+    def __add__(self, o: "Scalar | float") -> "Scalar":
         return self.tape.operate("add", self, self._lift(o))
 
-    def __radd__(self, o):
+    def __radd__(self, o: "Scalar | float") -> "Scalar":
         return self.tape.operate("add", self._lift(o), self)
 
-    def __sub__(self, o):
+    def __sub__(self, o: "Scalar | float") -> "Scalar":
         return self.tape.operate("sub", self, self._lift(o))
 
-    def __rsub__(self, o):
+    def __rsub__(self, o: "Scalar | float") -> "Scalar":
         return self.tape.operate("sub", self._lift(o), self)
 
-    def __mul__(self, o):
+    def __mul__(self, o: "Scalar | float") -> "Scalar":
         return self.tape.operate("mul", self, self._lift(o))
 
-    def __rmul__(self, o):
+    def __rmul__(self, o: "Scalar | float") -> "Scalar":
         return self.tape.operate("mul", self._lift(o), self)
 
-    def __truediv__(self, o):
+    def __truediv__(self, o: "Scalar | float") -> "Scalar":
         return self.tape.operate("div", self, self._lift(o))
 
-    def __rtruediv__(self, o):
+    def __rtruediv__(self, o: "Scalar | float") -> "Scalar":
         return self.tape.operate("div", self._lift(o), self)
 
-    def __neg__(self):
+    def __neg__(self) -> "Scalar":
         return self.tape.operate("neg", self)
 
-    def __pow__(self, n: int):
+    def __pow__(self, n: int) -> "Scalar":
         if not isinstance(n, int) or n < 0:
             raise TypeError("a recorded scalar takes whole, non-negative powers; write exp(a * log(x)) for others")
         result = self.tape.constant(1.0)
@@ -124,38 +125,38 @@ class Scalar:
             result = result * self
         return result
 
-    def __bool__(self):
+    def __bool__(self) -> NoReturn:
         raise TypeError("a recorded scalar has no truth value; branch with notation.scalars.select")
 
-    def sqrt(self):
+    def sqrt(self) -> "Scalar":
         return self.tape.operate("sqrt", self)
 
-    def sin(self):
+    def sin(self) -> "Scalar":
         return self.tape.operate("sin", self)
 
-    def cos(self):
+    def cos(self) -> "Scalar":
         return self.tape.operate("cos", self)
 
-    def tan(self):
+    def tan(self) -> "Scalar":
         return self.sin() / self.cos()
 
-    def exp(self):
+    def exp(self) -> "Scalar":
         return self.tape.operate("exp", self)
 
-    def log(self):
+    def log(self) -> "Scalar":
         return self.tape.operate("log", self)
 
-    def tanh(self):
+    def tanh(self) -> "Scalar":
         # 1 - 2 / (exp(2x) + 1): saturates at +-1 without overflow trouble
         return 1.0 - 2.0 / ((2.0 * self).exp() + 1.0)
 
-    def asin(self):
+    def asin(self) -> "Scalar":
         return self.tape.operate("atan2", self, (1.0 - self * self).sqrt())
 
-    def atan2(self, x):
+    def atan2(self, x: "Scalar | float") -> "Scalar":
         return self.tape.operate("atan2", self, self._lift(x))
 
-    def select(self, then, otherwise):
+    def select(self, then: "Scalar | float", otherwise: "Scalar | float") -> "Scalar":
         return self.tape.operate("select", self, self._lift(then), self._lift(otherwise))
 
 

@@ -86,7 +86,7 @@ def _say(name: str, bounds: np.ndarray, dt: float) -> str:
 
 
 def left_out_in_words(out: tuple[LeftOut, ...]) -> str:
-    """"; 3 left out: 2 slack line, 1 no excitation"; empty where nothing is."""
+    """ "; 3 left out: 2 slack line, 1 no excitation"; empty where nothing is."""
     reasons = Counter(o.reason for o in out)
     return f"; {len(out)} left out: {', '.join(f'{n} {reason}' for reason, n in reasons.items())}" if out else ""
 

@@ -59,4 +59,3 @@ def _causes(log: FlightLog, first: int, last: int) -> str:
     }
     named = sorted((cause for cause, n in inside.items() if n), key=lambda cause: -inside[cause])
     return ", ".join(named[:3]) or "unknown"
-

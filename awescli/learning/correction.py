@@ -11,10 +11,10 @@ from awescli.learning.network_inputs import check_inputs, inputs_of_instant
 from awescli.notation.errors import BadInput
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.notation.quantities import OUTPUTS, STATES
-from awescli.notation.scalars import exp, maximum, tanh
+from awescli.notation.scalars import Scalar, exp, maximum, tanh
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.disturbances import GUSTS, even
-from awescli.physics.instant import Instant, Number
+from awescli.physics.instant import Instant
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 
@@ -43,7 +43,7 @@ class Correction:
     scale: np.ndarray
     width: float = 0.3
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_inputs(self.inputs)
         sizes = dict.fromkeys(("mean", "deviation", "middle", "half"), len(self.inputs))
         for name, size in {**sizes, "scale": len(CORRECTED), "weights": weight_count(self.sizes)}.items():
@@ -121,7 +121,9 @@ def initial_weights(sizes: Sequence[int], seed: int) -> np.ndarray:
     return weights
 
 
-def evaluate(inputs, correction: Correction, weights=None):
+def evaluate(
+    inputs: Sequence[Scalar], correction: Correction, weights: Sequence[Scalar] | np.ndarray | None = None
+) -> tuple[list[Scalar], Scalar]:
     """Corrections of the six derivatives for a list of inputs, of any kind of scalar. Returns (list of 6, fade).
 
     weights: (n,) scalars that stand in for the correction's own (recorded parameters).
@@ -153,7 +155,7 @@ def evaluate(inputs, correction: Correction, weights=None):
 class CorrectedInstant(Instant):
     """An instant of the physics with what the network adds: the six corrections, and its fade outside the states it was trained on."""
 
-    fade: Number = field(init=False, repr=False)
+    fade: Scalar = field(init=False, repr=False)
     correction: tuple = field(init=False, repr=False)
 
     @classmethod
@@ -182,7 +184,7 @@ class HybridKite:
         self.constraints, self.tether = kite.constraints, kite.tether
         self.record, self.start_spread, self.own_in_phase = kite.record, kite.start_spread, kite.own_in_phase
 
-    def instant(self, x, u, c) -> CorrectedInstant:
+    def instant(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> CorrectedInstant:
         """The instant of the physics, its derivative corrected; `at.correction` holds the six corrections."""
         own = len(self.kite.parameter_names)
         at = CorrectedInstant.of(self.kite.instant(x, u, c[:own]))
@@ -193,19 +195,19 @@ class HybridKite:
         at.correction, at.derivative = tuple(corrections), tuple(derivative)
         return at
 
-    def derivative(self, x, u, c) -> list:
+    def derivative(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> list:
         """d/dt of the 12 states and the effects' states."""
         at = self.instant(x, u, c)
         return [*at.derivative, *(rate for e in self.effects for rate in e.rates(at, e.own(at)))]
 
-    def outputs(self, x, u, c) -> list:
+    def outputs(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> list:
         """As `Kite.outputs`; the correction of (u, v, w) is an acceleration and shows in a_x, a_y, a_z."""
         reported = self.kite.outputs(x, u, c[: len(self.kite.parameter_names)])
         for place, value in zip(ACCELERATIONS, self.instant(x, u, c).correction[:3], strict=True):
             reported[place] = reported[place] + value
         return reported
 
-    def initial(self, x, u, c) -> list:
+    def initial(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> list:
         return self.kite.initial(x, u, c[: len(self.kite.parameter_names)])
 
     def with_values(self, values: Mapping[str, float]) -> "HybridKite":
@@ -220,7 +222,7 @@ class HybridKite:
         other.kite = self.kite.with_rows(other.parameters[name] for name in self.kite.parameters)
         return other
 
-    def declare(self, keys: Sequence[str], free: Sequence[str] = (), table: ParameterTable | None = None):
+    def declare(self, keys: Sequence[str], free: Sequence[str] = (), table: ParameterTable | None = None) -> KiteDeclaration:
         """The declaration of the physics; the correction has no place in a kite file."""
         own = self.kite.parameters if table is None else ParameterTable(table[n] for n in self.kite.parameter_names)
         return self.kite.declare(keys, free, own)
@@ -240,7 +242,9 @@ def of_physics(law: Callable, kite: "Kite | HybridKite") -> Callable:
     return lambda x, u, c: law(x, u, c[:own])
 
 
-def kite_from_artifact(description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, heights) -> Kite | HybridKite:
+def kite_from_artifact(
+    description: Mapping, arrays: Mapping[str, np.ndarray], declaration: KiteDeclaration, heights: Sequence[float] | np.ndarray
+) -> Kite | HybridKite:
     """The kite that train-hybrid left, for a wind known at `heights` [m]; plain physics where nothing was learned."""
     correction, kite = Correction.from_arrays(arrays, description), Kite(declaration, heights)
     return kite if correction.is_zero else HybridKite(kite, correction)

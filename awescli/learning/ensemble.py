@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.split import Range
 from awescli.learning.correction import Correction, HybridKite
 from awescli.learning.training import State, Trained, TrainingConfig, train
 from awescli.physics.kite import Kite
@@ -28,7 +29,8 @@ class Ensemble:
         return tuple(m.correction for m in self.members)
 
 
-def train_ensemble(kite: Kite, log: FlightLog, train_ranges, validation_ranges, config: TrainingConfig, members: int,
+def train_ensemble(kite: Kite, log: FlightLog, train_ranges: Sequence[Range], validation_ranges: Sequence[Range], config: TrainingConfig,
+    members: int,
                    progress: Callable[[str, float], None] = lambda text, cost: None, *, law: Callable | None = None,
                    resume: Callable[[int], State | None] = lambda member: None,
                    checkpoint: Callable[[int, State], None] = lambda member, state: None) -> Ensemble:  # fmt: skip

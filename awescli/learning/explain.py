@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.split import Range
 from awescli.learning.correction import CORRECTED, ROWS, Correction, evaluate
 from awescli.learning.normalisation import input_signals, instants, samples_of
 from awescli.physics.kite import Kite
@@ -71,7 +72,14 @@ def dictionary(log: FlightLog, kite: Kite) -> dict[str, np.ndarray]:
     return {name: v for name, v in signals.items() if name == "1" or v.std() > 1e-9 * max(1.0, np.abs(v).max())}
 
 
-def distil(log: FlightLog, kite: Kite, correction: Correction, train_ranges, validation_ranges, most: int = 3) -> list[Formula]:
+def distil(
+    log: FlightLog,
+    kite: Kite,
+    correction: Correction,
+    train_ranges: Sequence[Range],
+    validation_ranges: Sequence[Range],
+    most: int = 3,
+) -> list[Formula]:
     """The shortest formula per channel: orthogonal matching pursuit on training samples, stopped where validation no longer gains.
 
     `qbar` is the dynamic pressure in 100 Pa. A high R2 with one term is a learned rest that may become a named effect.
@@ -83,7 +91,9 @@ def distil(log: FlightLog, kite: Kite, correction: Correction, train_ranges, val
     return [_pursuit(c, names, A, learned[:, i], train, validation, most) for i, c in enumerate(CORRECTED)]
 
 
-def _pursuit(channel: str, names: Sequence[str], A: np.ndarray, y: np.ndarray, train, validation, most: int) -> Formula:
+def _pursuit(
+    channel: str, names: Sequence[str], A: np.ndarray, y: np.ndarray, train: np.ndarray, validation: np.ndarray, most: int
+) -> Formula:
     spread = float(y[validation].var())
     if spread < 1e-18 or y[train].var() < 1e-18:
         return Formula(channel, (), (), 0.0)
@@ -106,5 +116,5 @@ def _pursuit(channel: str, names: Sequence[str], A: np.ndarray, y: np.ndarray, t
     return best
 
 
-def _r2(y, modelled, spread: float) -> float:
+def _r2(y: np.ndarray, modelled: float | np.ndarray, spread: float) -> float:
     return float(1 - ((y - modelled) ** 2).mean() / spread)

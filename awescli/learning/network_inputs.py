@@ -7,6 +7,7 @@ from awescli.notation.frames import dot, rotate_back
 from awescli.notation.quantities import SURFACES
 from awescli.notation.scalars import asin, cos, sin, sqrt
 from awescli.physics.instant import Instant
+from awescli.physics.kite import Kite
 
 STILL = 1e-6
 """[m2/s2] added under the root of the wind's speed: the root has no slope at zero."""
@@ -60,7 +61,7 @@ OF_LINE = ("elevation", "north", "east", "line_x", "line_y", "line_z", "tether_l
 """What only a kite on a line has, or where only its line gives a meaning: the place on the sphere around the winch."""
 
 
-def inputs_for(kite, names: Sequence[str] | None) -> tuple[str, ...]:
+def inputs_for(kite: Kite, names: Sequence[str] | None) -> tuple[str, ...]:
     """The wanted inputs, or the default ones of a kite on a line, or of one that flies free. Raises BadInput for what the kite lacks."""
     if names is None:
         return DEFAULT_INPUTS if kite.tether else (*(n for n in DEFAULT_INPUTS if n not in OF_LINE), "throttle")
@@ -77,7 +78,7 @@ def check_inputs(names: Sequence[str]) -> None:
             raise BadInput(f"unknown network input '{name}'", do=did_you_mean(name, NETWORK_INPUTS))
 
 
-def network_inputs(kite, names: Sequence[str]) -> Callable:
+def network_inputs(kite: Kite, names: Sequence[str]) -> Callable:
     """(x, u, c) -> the named inputs, from the physics of `kite`: recorded with the derivative, so nothing is computed twice."""
     of_instant = inputs_of_instant(names)
     return lambda x, u, c: of_instant(kite.instant(x, u, c))

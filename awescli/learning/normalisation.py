@@ -7,10 +7,12 @@ from scipy.ndimage import uniform_filter1d
 
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.smoothing import local_quadratic
+from awescli.flightlog.split import Range
 from awescli.learning.correction import ROWS, Correction, initial_weights
 from awescli.learning.network_inputs import check_inputs, inputs_of_instant
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import STATES
+from awescli.physics.instant import Instant
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import inputs_of, setpoints_of
 from awescli.simulation.segments import SMOOTHING, smooth_states
@@ -29,7 +31,9 @@ SMALLEST = (1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)
 """[m/s2, rad/s2] least scale of an output: a model without any residual must not divide by it."""
 
 
-def instants(log: FlightLog, kite: Kite, values: Mapping[str, float] | None = None):
+def instants(
+    log: FlightLog, kite: Kite, values: Mapping[str, float] | None = None
+) -> tuple[Instant, list[np.ndarray], list[np.ndarray], list[float]]:
     """The instant of the physics at every sample of the log (arrays (N,) instead of numbers), at smoothed measured states.
 
     values: parameters that differ from the kite's, within their bounds or not.
@@ -65,7 +69,7 @@ def residual_acceleration(log: FlightLog, kite: Kite) -> np.ndarray:
     return measured - modelled
 
 
-def drifting(log: FlightLog, kite: Kite, names: Sequence[str], train, validation) -> tuple[str, ...]:
+def drifting(log: FlightLog, kite: Kite, names: Sequence[str], train: Sequence[Range], validation: Sequence[Range]) -> tuple[str, ...]:
     """Inputs that leave their training range on the validation flight, or run through the known flight as time does.
 
     Kept, the first would be extrapolated, or let the correction fade everywhere but in training. The others (a line that only gets longer)
@@ -90,7 +94,8 @@ def _order_in_time(signals: np.ndarray) -> np.ndarray:
 
 
 def untrained(
-    log: FlightLog, kite: Kite, ranges, names: Sequence[str], hidden: Sequence[int], seed: int, validation=(), scaling: str = "standard",
+    log: FlightLog, kite: Kite, ranges: Sequence[Range], names: Sequence[str], hidden: Sequence[int], seed: int, 
+    validation: Sequence[Range] = (), scaling: str = "standard",
     fade: bool = True,
 ) -> Correction:  # fmt: skip
     """A null correction normalised on the training ranges; inputs that never change there are left out.
@@ -120,7 +125,7 @@ def untrained(
     return Correction(names, hidden, weights, mean, deviation, middle, half, scale, **({} if fade else {"width": EVERYWHERE}))
 
 
-def outside_share(log: FlightLog, kite: Kite, correction: Correction, ranges) -> float:
+def outside_share(log: FlightLog, kite: Kite, correction: Correction, ranges: Sequence[Range]) -> float:
     """Share of samples in the ranges at which the correction has faded below one half."""
     use = samples_of(ranges, log.valid)
     z = (input_signals(log, kite, correction.inputs)[use] - correction.mean) / correction.deviation

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.split import Range
 from awescli.learning.correction import ROWS, Correction, evaluate
 from awescli.learning.normalisation import input_signals, instants, samples_of
 from awescli.physics.kite import Kite
@@ -51,7 +52,7 @@ class Parametric:
         return float(cost.detach()), gradient.numpy()
 
 
-def parametric(log: FlightLog, kite: Kite, correction: Correction, ranges: Sequence[tuple[int, int]]) -> Parametric:
+def parametric(log: FlightLog, kite: Kite, correction: Correction, ranges: Sequence[Range]) -> Parametric:
     """What the kite's free parameters can do on the samples of the ranges."""
     use = np.flatnonzero(samples_of(ranges, log.valid))[::EVERY]
 

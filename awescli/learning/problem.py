@@ -1,6 +1,6 @@
 """The prediction error that training lowers: cost, and exact gradient, of a network on the segments of a flight."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from awescli.notation.present import present
 from awescli.notation.quantities import ANGLES, STATES
 from awescli.physics.disturbances import GUSTS, even
 from awescli.physics.kite import Kite
-from awescli.simulation.hybrid import CorrectedSimulator, Trainable
+from awescli.simulation.hybrid import CorrectedSimulator, Run, Trainable
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed, noise_std, observe
 
@@ -51,7 +51,8 @@ class Problem:
     """One flight, one kite, one shape of network. `data` cuts segments, `cost` and `gradient` judge weights on them."""
 
     def __init__(
-        self, kite: Kite, log: FlightLog, correction: Correction, warmup: float, *, law=None, step: float | None = None, decay: float = 0.0,
+        self, kite: Kite, log: FlightLog, correction: Correction, warmup: float, *, law: Callable | None = None,
+        step: float | None = None, decay: float = 0.0,
         solver: str = "rk4", parametric: Parametric | None = None, orthogonality: float = 0.0, known_starts: bool = False,
         by_range: bool = False,
     ):  # fmt: skip
@@ -120,7 +121,7 @@ class Problem:
     def values(self, weights: np.ndarray) -> dict[str, float]:
         return {f"network.{i}": float(w) for i, w in enumerate(weights)}
 
-    def _error(self, target: np.ndarray, run) -> tuple[np.ndarray, np.ndarray]:
+    def _error(self, target: np.ndarray, run: Run) -> tuple[np.ndarray, np.ndarray]:
         """Simulated less measured (K, N+1, n_out), 0 beyond a divergence; and which samples (K, N+1) were reached."""
         error = run.outputs - target
         for i, name in enumerate(self.outputs):

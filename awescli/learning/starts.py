@@ -1,5 +1,6 @@
 """What each segment has of its own: its start, and the error of the recorded wind during it. Gauss-Newton with exact sensitivities."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,7 +37,9 @@ def head(observed: Observed, steps: int) -> Observed:
     return Observed(cut, observed.outputs, observed.measured[:, : steps + 1], observed.sigma[:, : steps + 1])
 
 
-def fitted_nuisances(simulator: Simulator, observed: Observed, values=None, wind_std: float = 0.0) -> FittedNuisances:
+def fitted_nuisances(
+    simulator: Simulator, observed: Observed, values: Mapping[str, float] | None = None, wind_std: float = 0.0
+) -> FittedNuisances:
     """Fit the 12 initial states, and with wind_std > 0 [m/s] a constant error of the wind, of each segment to all of its samples.
 
     Always begun from the starts that `observed` holds and null wind, so that the answer depends on the model alone. Segments that
@@ -71,6 +74,6 @@ def fitted_nuisances(simulator: Simulator, observed: Observed, values=None, wind
     return FittedNuisances(Observed(now, observed.outputs, observed.measured, observed.sigma), cost, dof)
 
 
-def estimated_starts(simulator: Simulator, observed: Observed, steps: int, values=None) -> np.ndarray:
+def estimated_starts(simulator: Simulator, observed: Observed, steps: int, values: Mapping[str, float] | None = None) -> np.ndarray:
     """(K, 12) states from which the first `steps` steps of each segment are met best, weighted by the sensor noise."""
     return fitted_nuisances(simulator, head(observed, steps), values).observed.segments.starts

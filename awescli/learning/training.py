@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.split import Range
 from awescli.learning.acceptance import gate, ungated, verdict
 from awescli.learning.comparison import adam_alone
 from awescli.learning.correction import Correction, HybridKite
@@ -143,18 +144,11 @@ class Trained:
 
 
 def train(
-    kite: Kite,
-    log: FlightLog,
-    train_ranges: Sequence[tuple[int, int]],
-    validation_ranges: Sequence[tuple[int, int]],
-    config: TrainingConfig = TrainingConfig(),
-    progress: Callable[[str, float], None] = lambda text, cost: None,
-    *,
-    law: Callable | None = None,
-    state: State | None = None,
-    checkpoint: Callable[[State], None] = lambda state: None,
+    kite: Kite, log: FlightLog, train_ranges: Sequence[Range], validation_ranges: Sequence[Range],
+    config: TrainingConfig = TrainingConfig(), progress: Callable[[str, float], None] = lambda text, cost: None, *,
+    law: Callable | None = None, state: State | None = None, checkpoint: Callable[[State], None] = lambda state: None,
     clock: Callable[[], float] = time.monotonic,
-) -> Trained:
+) -> Trained:  # fmt: skip
     """Learn what the physics of `kite` leaves on the training ranges (half-open samples), judged on the validation ranges.
 
     law: closes the loop as in `Simulator` (None: recorded set-points); state: go on from there; checkpoint(state) after every round.
@@ -192,13 +186,21 @@ def train(
     return _concluded(problem, sets, state, config, correction, dropped, out_of_time, (train_ranges, validation_ranges), clock)
 
 
-def usable_inputs(kite, log: FlightLog, train_ranges, validation_ranges, names) -> tuple[tuple[str, ...], dict[str, str]]:
+def usable_inputs(
+    kite: Kite, log: FlightLog, train_ranges: Sequence[Range], validation_ranges: Sequence[Range], names: Sequence[str]
+) -> tuple[tuple[str, ...], dict[str, str]]:
     """(names to use, left out: name -> reason)"""
     drift = drifting(log, kite, names, train_ranges, validation_ranges)
     return tuple(n for n in names if n not in drift), {n: "leaves its training range on validation, or runs with time" for n in drift}
 
 
-def _usable(horizons, log: FlightLog, train_ranges, validation_ranges, config) -> list[float]:
+def _usable(
+    horizons: Sequence[float],
+    log: FlightLog,
+    train_ranges: Sequence[Range],
+    validation_ranges: Sequence[Range],
+    config: TrainingConfig,
+) -> list[float]:
     """Horizons that fit into the ranges, ascending; at least one."""
 
     def fits(h: float) -> bool:
@@ -221,7 +223,14 @@ def _usable(horizons, log: FlightLog, train_ranges, validation_ranges, config) -
 class _Horizon:
     """Training and validation segments of one horizon. The unit of error is the physics' own on the training segments."""
 
-    def __init__(self, problem: Problem, seconds: float, train_ranges, validation_ranges, null: np.ndarray):
+    def __init__(
+        self,
+        problem: Problem,
+        seconds: float,
+        train_ranges: Sequence[Range],
+        validation_ranges: Sequence[Range],
+        null: np.ndarray,
+    ):
         self.problem, self.seconds = problem, seconds
         steps = max(2, int(round(seconds / problem.log.dt)))
         first = predictions(train_ranges, steps, problem.warmup, max(1, steps // 2), problem.log.valid)
@@ -255,7 +264,7 @@ class _Horizon:
         return min(((w, float(self.validation_costs(w).mean())) for w in points if w is not None), key=lambda found: found[1])
 
 
-def predictions(ranges, steps: int, warmup: int, stride: int, valid: np.ndarray) -> np.ndarray:
+def predictions(ranges: Sequence[Range], steps: int, warmup: int, stride: int, valid: np.ndarray) -> np.ndarray:
     """First predicted samples of segments whose warm-up and horizon lie inside one range and are valid for the most part."""
     found = [np.arange(a + warmup, b - steps - 1, stride) for a, b in ranges]
     first = np.concatenate(found) if found else np.empty(0, int)
@@ -263,7 +272,7 @@ def predictions(ranges, steps: int, warmup: int, stride: int, valid: np.ndarray)
     return first[share > 0.8].astype(int) if len(first) else first.astype(int)
 
 
-def _round(problem: Problem, sets: list[_Horizon], state: State, config: TrainingConfig, seconds) -> State:
+def _round(problem: Problem, sets: list[_Horizon], state: State, config: TrainingConfig, seconds: Callable) -> State:
     """One round of the present phase, and the decision what comes next."""
     second_order = state.phase == len(sets)
     stage = sets[min(state.phase, len(sets) - 1)]
@@ -294,7 +303,9 @@ def _round(problem: Problem, sets: list[_Horizon], state: State, config: Trainin
     return state
 
 
-def _adam(problem: Problem, data: Data, weights, adam: Adam, config: TrainingConfig, place: Sequence[int], watch: Lowest):
+def _adam(
+    problem: Problem, data: Data, weights: np.ndarray, adam: Adam, config: TrainingConfig, place: Sequence[int], watch: Lowest
+) -> tuple[np.ndarray, Adam, float, float, int]:
     """A round of Adam on minibatches of lane groups, drawn by (seed, phase, round): no random state to carry."""
     from awescli.engine.machine import LANES
 
@@ -315,7 +326,10 @@ def _adam(problem: Problem, data: Data, weights, adam: Adam, config: TrainingCon
     return weights, adam, float(np.mean(costs[-max(1, groups // per_batch) :])), spent, diverged
 
 
-def _concluded(problem, sets, state, config, correction, dropped, out_of_time, ranges, clock) -> Trained:
+def _concluded(
+    problem: Problem, sets: Sequence[_Horizon], state: State, config: TrainingConfig, correction: Correction, dropped: Mapping[str, str],
+    out_of_time: bool, ranges: tuple[Sequence[Range], Sequence[Range]], clock: Callable,
+) -> Trained:  # fmt: skip
     """The verdict on the best weights, and the numbers that go with it."""
     last = sets[-1]
     costs = last.validation_costs(state.best)
@@ -339,7 +353,7 @@ def _concluded(problem, sets, state, config, correction, dropped, out_of_time, r
         "horizons": [s.seconds for s in sets], "train_segments": len(last.train_observed.segments.first),
         "validation_segments": len(last.validation_observed.segments.first), "weights": int(correction.weights.size),
         "gradient_evaluations": state.evaluations, "seconds": state.seconds, "left_out_inputs": dict(dropped),
-        "parametric_share": problem.parametric.share(correction.with_weights(state.best)),
+        "parametric_share": present(problem.parametric, "what parameters can do").share(correction.with_weights(state.best)),
         "outside_box_validation": outside_share(problem.log, problem.kite, correction, ranges[1]),
     }  # fmt: skip
     compared = None
@@ -357,7 +371,9 @@ def _nulled(correction: Correction) -> np.ndarray:
     return weights
 
 
-def compare(problem: Problem, last: _Horizon, phase: int, state: State, config: TrainingConfig, correction: Correction, clock):
+def compare(
+    problem: Problem, last: _Horizon, phase: int, state: State, config: TrainingConfig, correction: Correction, clock: Callable
+) -> tuple[dict[str, Correction], dict]:
     """(name -> correction, numbers) of L-BFGS, and of Adam alone from the same start at either limit; see `comparison`."""
     column = {name: i for i, name in enumerate(HISTORY)}
     rows = [row for row in state.history if row[column["phase"]] == phase]

@@ -7,6 +7,7 @@ import numpy as np
 
 from awescli.notation.constraints import LinearConstraint
 from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.notation.scalars import Scalar
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Instant
@@ -34,19 +35,19 @@ class FlightModel(Protocol):
         """(n_e,) standard deviations of the effects' states where a rollout begins."""
         ...
 
-    def instant(self, x, u, c) -> Instant:
+    def instant(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> Instant:
         """One instant, filled."""
         ...
 
-    def derivative(self, x, u, c) -> list:
+    def derivative(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> list:
         """d/dt of the 12 states and the effects' states."""
         ...
 
-    def initial(self, x, u, c) -> list:
+    def initial(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> list:
         """The effects' states at the start of a rollout."""
         ...
 
-    def outputs(self, x, u, c) -> list:
+    def outputs(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> list:
         """What the sensors report and what was commanded."""
         ...
 

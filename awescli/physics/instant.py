@@ -4,42 +4,42 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
-Number = Any
+from awescli.notation.scalars import Scalar
 
 
 class Wind(NamedTuple):
     """Air at the kite: velocity NED [m/s], density [kg/m3], and the roll gust [rad/s]: the gradient of the vertical gust along the span,
     which rolls the wing as a roll rate of minus that would (MIL-F-8785C's p_g)."""
 
-    n: Number
-    e: Number
-    d: Number
-    density: Number
-    roll: Number = 0.0
+    n: Scalar
+    e: Scalar
+    d: Scalar
+    density: Scalar
+    roll: Scalar = 0.0
 
 
 class Body(NamedTuple):
     """Rigid body: mass [kg], extra apparent mass along body z [kg], inertia [kg m2], centre of mass from the reference point [m, FRD]."""
 
-    mass: Number
-    added_z: Number
-    Jx: Number
-    Jy: Number
-    Jz: Number
-    Jxz: Number
-    cg: tuple[Number, Number, Number]
+    mass: Scalar
+    added_z: Scalar
+    Jx: Scalar
+    Jy: Scalar
+    Jz: Scalar
+    Jxz: Scalar
+    cg: tuple[Scalar, Scalar, Scalar]
 
 
 class Coefficients(NamedTuple):
     """Aerodynamic coefficients in wind axes (C_D, C_Y, C_L) and of moments in body axes; CL_alpha_part is C_L(alpha) - C_L(0)."""
 
-    CD: Number
-    CY: Number
-    CL: Number
-    Cl: Number
-    Cm: Number
-    Cn: Number
-    CL_alpha_part: Number = 0.0
+    CD: Scalar
+    CY: Scalar
+    CL: Scalar
+    Cl: Scalar
+    Cm: Scalar
+    Cn: Scalar
+    CL_alpha_part: Scalar = 0.0
 
 
 class Line(NamedTuple):
@@ -49,24 +49,24 @@ class Line(NamedTuple):
     attachment from the reference point [m, FRD], axial stiffness EA [N] (0: inextensible) with damping [N s/m], sag weight [N/m].
     """
 
-    length: Number
-    speed: Number
-    acceleration: Number
-    drag_coefficient: Number
-    lateral_drag: Number
-    attachment: tuple[Number, Number, Number]
-    stiffness: Number
-    damping: Number
-    sag_weight: Number
+    length: Scalar
+    speed: Scalar
+    acceleration: Scalar
+    drag_coefficient: Scalar
+    lateral_drag: Scalar
+    attachment: tuple[Scalar, Scalar, Scalar]
+    stiffness: Scalar
+    damping: Scalar
+    sag_weight: Scalar
 
 
 class Load(NamedTuple):
     """Force [N] and moment about the reference point [N m], body axes; and what answers the kite's own acceleration: the mass [kg] that
     moves with it across the line, but not along it. It resists, and weighs nothing (its weight, if any, is part of `force`)."""
 
-    force: tuple[Number, Number, Number]
-    moment: tuple[Number, Number, Number]
-    mass_across: Number = 0.0
+    force: tuple[Scalar, Scalar, Scalar]
+    moment: tuple[Scalar, Scalar, Scalar]
+    mass_across: Scalar = 0.0
 
 
 @dataclass
@@ -81,25 +81,25 @@ class Instant:
     z: SimpleNamespace
     R: tuple
     v_ned: tuple
-    inputs: dict[str, Number]
-    values: dict[str, Number]
-    setpoints: dict[str, Number]
-    distance: Number
+    inputs: dict[str, Scalar]
+    values: dict[str, Scalar]
+    setpoints: dict[str, Scalar]
+    distance: Scalar
     p_hat: tuple
-    states: dict[str, Number] = field(default_factory=dict)
+    states: dict[str, Scalar] = field(default_factory=dict)
     received: dict[str, Any] = field(default_factory=dict)
-    deflections: dict[str, Number] = field(default_factory=dict)
+    deflections: dict[str, Scalar] = field(default_factory=dict)
     wind: Wind = field(init=False, repr=False)
-    V_a: Number = field(init=False, repr=False)
-    alpha: Number = field(init=False, repr=False)
-    beta: Number = field(init=False, repr=False)
-    air_velocity: tuple[Number, Number, Number] = field(init=False, repr=False)
-    dynamic_pressure: Number = field(init=False, repr=False)
+    V_a: Scalar = field(init=False, repr=False)
+    alpha: Scalar = field(init=False, repr=False)
+    beta: Scalar = field(init=False, repr=False)
+    air_velocity: tuple[Scalar, Scalar, Scalar] = field(init=False, repr=False)
+    dynamic_pressure: Scalar = field(init=False, repr=False)
     body: Body = field(init=False, repr=False)
     coefficients: Coefficients = field(init=False, repr=False)
     line: Line = field(init=False, repr=False)
     applied: Load = field(init=False, repr=False)
     loads: dict[str, Load] = field(default_factory=dict)
-    tension: Number = 0.0
+    tension: Scalar = 0.0
     acceleration: tuple = ()
     derivative: tuple = ()

@@ -13,7 +13,7 @@ from awescli.notation.frames import add, cross, dot, rotate, rotate_back, rotati
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.notation.phases import input_of
 from awescli.notation.quantities import MEASURED, STATES, SURFACES
-from awescli.notation.scalars import sqrt
+from awescli.notation.scalars import Scalar, sqrt
 from awescli.physics.airflow import air_data, declared_wind, wind_vector
 from awescli.physics.declaration import KiteDeclaration, parameter_of
 from awescli.physics.disturbances import DISTURBANCES, FORCES, GUSTS, MOMENTS, PHASE, ROLL_GUST, disturbances
@@ -207,7 +207,7 @@ class Kite:
             value = getattr(e, place)(value, at, e.own(at))
         return value
 
-    def instant(self, x, u, c) -> Instant:
+    def instant(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> Instant:
         """Fill one instant, from the state down to the loads' sum about the reference point."""
         inputs = dict(zip(self.input_names, u, strict=True))
         values = with_those_of_now(dict(zip(self.parameter_names, c, strict=True)), self.own_in_phase, inputs)
@@ -264,17 +264,17 @@ class Kite:
         arm = cross(at.body.cg, surface)
         return tuple(m - a for m, a in zip(at.applied.moment, arm, strict=True))
 
-    def derivative(self, x, u, c) -> list:
+    def derivative(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> list:
         """d/dt of the 12 states and the effects' states (the set-points are held)."""
         at = self.instant(x, u, c)
         return [*at.derivative, *(rate for e in self.effects for rate in e.rates(at, e.own(at)))]
 
-    def initial(self, x, u, c) -> list:
+    def initial(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> list:
         """The effects' states at the start of a rollout, given the 12 states, set-points and inputs there."""
         at = self.instant(x, u, c)
         return [value for e in self.effects for value in e.initial(at, e.own(at))]
 
-    def outputs(self, x, u, c) -> list:
+    def outputs(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> list:
         """What the sensors report and what was commanded, in the order of `quantities.OUTPUTS`."""
         at = self.instant(x, u, c)
         z, a = at.z, at.acceleration

@@ -4,7 +4,7 @@ T = C_T(J) rho n^2 D^4, P = C_P(J) rho n^3 D^5, J = V / (n D), n in revolutions 
 ch. 4.3; the form of the UIUC propeller data base, Brandt & Selig 2011). V is the air's speed along the axis.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -38,7 +38,7 @@ class SpeedLaw(_Frozen):
     full: float | None = Field(None, gt=0, le=1e5, description="law proportional: revolutions per second at full throttle [1/s]")
 
     @model_validator(mode="after")
-    def _complete(self):
+    def _complete(self) -> Self:
         if self.law == "power" and not self.shaft_power:
             raise ValueError("law power needs `shaft_power: [W, W, ...]`, a polynomial in the throttle")
         if self.law == "proportional" and self.full is None:
@@ -64,7 +64,7 @@ class Propeller(_Frozen):
     source: str = Field("", description="where its numbers come from")
 
     @model_validator(mode="after")
-    def _sensible(self):
+    def _sensible(self) -> Self:
         if not any(self.axis):
             raise ValueError("the axis has no direction")
         if not np.isfinite(self.thrust_polynomial).all() or self.power_polynomial[0] <= 0:

@@ -1,11 +1,13 @@
 """Rigid-body motion: loads in, dz/dt out (docs/equations.md (1) to (5))."""
 
-from awescli.notation.frames import add, dot, rotate, scale
-from awescli.notation.scalars import cos, sin
+from types import SimpleNamespace
+
+from awescli.notation.frames import Rotation, Vector, add, dot, rotate, scale
+from awescli.notation.scalars import Scalar, cos, sin
 from awescli.physics.instant import Body, Load
 
 
-def gammas(Jx, Jy, Jz, Jxz):
+def gammas(Jx: Scalar, Jy: Scalar, Jz: Scalar, Jxz: Scalar) -> tuple[Scalar, ...]:
     """Gamma_1..8 (Beard & McLain, Small Unmanned Aircraft, eq. 3.13), for the inertia matrix with -Jxz off the diagonal."""
     G = Jx * Jz - Jxz * Jxz
     return (
@@ -20,7 +22,7 @@ def gammas(Jx, Jy, Jz, Jxz):
     )
 
 
-def acceleration(body: Body, load: Load, along):
+def acceleration(body: Body, load: Load, along: Vector) -> Vector:
     """Inertial acceleration a of the centre of mass [m/s2, body axes]: (m 1 + m_z e_z e_z' + m_l (1 - n n')) a = f.
 
     m_z: air that moves with the wing along body z; m_l: `load.mass_across`, which moves with the kite across the line's direction n
@@ -34,21 +36,21 @@ def acceleration(body: Body, load: Load, along):
     return add(of_f, scale(m_l * dot(along, of_f) / (1 - m_l * dot(along, of_n)), of_n))
 
 
-def force_for(body: Body, load: Load, a, along):
+def force_for(body: Body, load: Load, a: Vector, along: Vector) -> Vector:
     """Force [N] that gives the inertial acceleration a [m/s2, body axes]: (m 1 + m_z e_z e_z' + m_l (1 - n n')) a, see `acceleration`."""
     m, m_l = body.mass, load.mass_across
     own = (m * a[0], m * a[1], (m + body.added_z) * a[2])
     return add(own, scale(m_l, add(a, scale(-dot(along, a), along))))
 
 
-def moment_for(body: Body, rates):
+def moment_for(body: Body, rates: Vector) -> Vector:
     """J rates: moment [N m] that changes the body rates by `rates` [rad/s2] beside what they do of themselves (- J^-1 omega x J omega)."""
     x, y, z = rates
     return body.Jx * x - body.Jxz * z, body.Jy * y, body.Jz * z - body.Jxz * x
 
 
-def state_derivative(z, R, body: Body, acceleration, moment):
-    """dz/dt as a 12-tuple, for the inertial acceleration of the centre of mass and the moment about it, both in body axes. 
+def state_derivative(z: SimpleNamespace, R: Rotation, body: Body, acceleration: Vector, moment: Vector) -> tuple[Scalar, ...]:
+    """dz/dt as a 12-tuple, for the inertial acceleration of the centre of mass and the moment about it, both in body axes.
     docs/equations.md (1) to (4)."""
     u, v, w, p, q, r = z.u, z.v, z.w, z.p, z.q, z.r
     (a_x, a_y, a_z), (m_x, m_y, m_z) = acceleration, moment

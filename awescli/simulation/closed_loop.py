@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Protocol
 
+from awescli.control.law import Commands
 from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
@@ -40,7 +41,7 @@ def loop(law: Steers, kite: FlightModel, wind_direction: float, disturbed: bool 
     return setpoints
 
 
-def with_setpoint_dynamics(declaration: KiteDeclaration, law) -> KiteDeclaration:
+def with_setpoint_dynamics(declaration: KiteDeclaration, law: Commands | None) -> KiteDeclaration:
     """The kite as such a law drives it: a law that was found delayed or limited in rate acts through a delay and a limiter on its surfaces.
 
     A law is a static map; these belong to the way of its set-points. They are the effects actuator_delay and actuator_lag, so they are

@@ -42,22 +42,22 @@ def roll_corner(airspeed: float, span: float) -> float:
     return np.pi * airspeed / (4 * span)
 
 
-def longitudinal(time, a: float):
+def longitudinal(time: np.ndarray, a: float) -> np.ndarray:
     """Correlation over a time difference >= 0 [s]; a = V/L [1/s]."""
     return np.exp(-a * time)
 
 
-def transversal(time, a: float):
+def transversal(time: np.ndarray, a: float) -> np.ndarray:
     """Correlation over a time difference >= 0 [s]; a = V/L [1/s]."""
     return (1 - a * time / 2) * np.exp(-a * time)
 
 
-def _longitudinal(a: float):
+def _longitudinal(a: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(A, B, C) of sqrt(2 a) / (s + a): unit variance; a = V/L [1/s]."""
     return np.array([[-a]]), np.array([[np.sqrt(2 * a)]]), np.array([1.0])
 
 
-def _transversal(a: float):
+def _transversal(a: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(A, B, C) of sqrt(a) (a + sqrt(3) s) / (s + a)^2: unit variance; controller form."""
     return np.array([[0.0, 1.0], [-a * a, -2 * a]]), np.array([[0.0], [1.0]]), np.sqrt(a) * np.array([a, np.sqrt(3.0)])
 

@@ -13,6 +13,7 @@ from awescli.engine.adjoint import compile_reversible
 from awescli.engine.dense import compile_network, weight_count
 from awescli.engine.machine import LANES
 from awescli.notation.quantities import OUTPUTS, STATES
+from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Segments
 from awescli.simulation.stepping import Stepping, longest_step
 
@@ -29,7 +30,7 @@ class Prepared:
     stepping: Stepping
     count: np.ndarray
 
-    def groups(self, which) -> "Prepared":
+    def groups(self, which: Sequence[int]) -> "Prepared":
         """Some of the groups, by index."""
         starts, setpoints, inputs, parameters = (a[which] for a in (self.starts, self.setpoints, self.inputs, self.parameters))
         return Prepared(starts, setpoints, inputs, parameters, self.dt, self.stepping, self.count[which])
@@ -104,7 +105,7 @@ class CorrectedSimulator:
     """
 
     def __init__(
-        self, kite, network_inputs: Callable, sizes: Sequence[int], rows: Sequence[int], outputs: Sequence[str],
+        self, kite: Kite, network_inputs: Callable, sizes: Sequence[int], rows: Sequence[int], outputs: Sequence[str],
         law: Callable | None = None, step: float | None = None,
     ):  # fmt: skip
         self.kite, self._longest, self.outputs = kite, step, tuple(outputs)
@@ -143,7 +144,7 @@ class CorrectedSimulator:
         starts, setpoints, inputs, parameters = (grouped(a) for a in arrays)
         return Prepared(starts, setpoints, inputs, parameters, segments.dt, stepping, count)
 
-    def _storage(self, G: int, m: int):
+    def _storage(self, G: int, m: int) -> tuple[np.ndarray, np.ndarray]:
         """Arrays for m steps of G groups that live from call to call: fresh pages of this size cost as much time as the rollout."""
         key = (G, m)
         if key not in self._buffers:

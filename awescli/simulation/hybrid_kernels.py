@@ -9,11 +9,13 @@ from functools import cache
 
 import numpy as np
 
+from awescli.engine.dense import DenseProgram
 from awescli.engine.lanes import lane_rows
 from awescli.engine.llvm_ir import Body, hexadecimal, print_rowwise
 from awescli.engine.machine import LANES
 from awescli.simulation.groups import each_group, parts
 from awescli.simulation.kernels import COMMON, Loop, compile_loop, passed, rows_of_loop
+from awescli.simulation.stepping import Stepping
 
 _NETWORK = ("ptr network", "i64 n_in", "i64 n_rows", "ptr rows", "ptr constants", "ptr weights", "ptr stages", "ptr kept", "i64 n_kept")
 _REVERSE = (
@@ -46,13 +48,13 @@ class _Keeping(Loop):
         before = self.whole("mul", self.whole("mul", "%first", "%substeps"), 4)
         self.lines.append(f"  store i64 {before}, ptr {self.stages_so_far}")
 
-    def sample(self, u, k) -> None:
+    def sample(self, u: str, k: str) -> None:
         self.evaluate("%g", self.x, u, self.row("%Y", self.whole("mul", k, "%n_y")))
 
-    def begin_step(self, at_sample, derivative) -> None:
+    def begin_step(self, at_sample: str, derivative: Callable) -> None:
         derivative(0, 0.0, self.x, self.total)
 
-    def derivative(self, stage, x, k) -> None:
+    def derivative(self, stage: int, x: str, k: str) -> None:
         place = self.line(f"load i64, ptr {self.stages_so_far}")
         self.lines.append(f"  store i64 {self.whole('add', place, 1)}, ptr {self.stages_so_far}")
         kept = self.row("%kept", self.whole("mul", place, "%n_kept"))
@@ -77,18 +79,18 @@ class _Reverse(Body):
         self.setpointbar, self.interpolated = self._rows("%n_sp"), self._rows("%n_sp")
         self._print()
 
-    def _rows(self, n) -> str:
+    def _rows(self, n: str) -> str:
         here, self.used = self.used, self.row(self.used, n)
         return here
 
-    def _copy(self, to, source, n) -> None:
+    def _copy(self, to: str, source: str, n: int | str) -> None:
         self.call("@copy", f"ptr {to}", f"ptr {source}", f"i64 {n}")
 
-    def _adjoint(self, address, x, u, w) -> None:
+    def _adjoint(self, address: str, x: str, u: str, w: str) -> None:
         """v = (d program / d x)^T w"""
         self.call(address, *(f"ptr {a}" for a in (x, u, "%c", w, self.v)))
 
-    def _only(self, rows, n, k) -> None:
+    def _only(self, rows: str, n: str, k: str) -> None:
         """Zero the lanes that ended at sample k or before: what follows a divergence does not count, and may not be a number."""
         self.call("@only", f"ptr {rows}", f"i64 {n}", "ptr %alive", f"i64 {k}")
 
@@ -100,12 +102,12 @@ class _Reverse(Body):
         with self.loop("%n_sp") as i:
             _add_rows(self, self.setpointbar, None, held, i)
 
-    def _at(self, k) -> tuple[str, str, str]:
+    def _at(self, k: int | str) -> tuple[str, str, str]:
         """Rows of the state, the recorded set-points and the inputs of sample k."""
         x, recorded, u = (self.row(p, self.whole("mul", k, n)) for p, n in (("%X", self.n_x), ("%sp", "%n_sp"), ("%inputs", "%n_u")))
         return x, recorded, u
 
-    def _through_law(self, x, recorded, u) -> None:
+    def _through_law(self, x: str, recorded: str, u: str) -> None:
         """v = (d law / d x)^T setpointbar where the law saw the state and the recorded set-points."""
         self._copy(self.seen, x, "%n_s")
         self._copy(self.row(self.seen, "%n_s"), recorded, "%n_sp")
@@ -144,7 +146,7 @@ class _Reverse(Body):
                     _add_rows(self, self.xbar, None, self.v, i)
         self._start()
 
-    def _set_points_within(self, k, sub, x, recorded) -> None:
+    def _set_points_within(self, k: str, sub: str, x: str, recorded: str) -> None:
         """Where a step has set-points of its own: through the law that was asked at its begin, with the state x and the inputs there (those
         of the first stage, which was the last to be reversed), or else they are recorded ones."""
         along = self.line(f"fmul double %sp_onward, {self.line(f'sitofp i64 {sub} to double')}")
@@ -159,7 +161,7 @@ class _Reverse(Body):
                     _add_rows(self, self.xbar, None, self.v, i)
             self.call("@zero", f"ptr {self.setpointbar}", "i64 %n_sp")
 
-    def _stage(self, place, after) -> None:
+    def _stage(self, place: str, after: str) -> None:
         """v = (d corrected derivative / d x)^T kbar at a kept stage, and the weights' share; `after`: the sample that the step leads to."""
         x, kept = self.row("%stages", self.whole("mul", place, self.n_x)), self.row("%kept", self.whole("mul", place, "%n_kept"))
         with self.loop("%n_rows") as i:
@@ -228,7 +230,11 @@ def _print_zero() -> str:
     return body.function("zero", ("ptr %a", "i64 %n"), "internal")
 
 
-def rollout(f, g, initial, law, network, n_s, rows, constants, weights, X0, SP, U, C, h, stepping, X, Y, stages, kept, alive):
+def rollout(
+    f: int, g: int, initial: int, law: int | None, network: DenseProgram, n_s: int, rows: np.ndarray, constants: np.ndarray,
+    weights: np.ndarray, X0: np.ndarray, SP: np.ndarray, U: np.ndarray, C: np.ndarray, h: float, stepping: Stepping, X: np.ndarray,
+    Y: np.ndarray, stages: np.ndarray, kept: np.ndarray, alive: np.ndarray,
+) -> None:  # fmt: skip
     """Simulate, and keep. f: [derivative, network inputs]; network: a `DenseProgram`; rows: which derivatives it corrects; others as
     `kernels.rollout`. Fills also stages (G, K*substeps, 4, n_x, L) and kept (G, K*substeps, 4, n_kept, L)."""
     G, samples, n_x, _ = X.shape
@@ -248,7 +254,11 @@ def rollout(f, g, initial, law, network, n_s, rows, constants, weights, X0, SP, 
     each_group(work, G)
 
 
-def gradient(f, g, initial, law, network, n_s, rows, constants, weights, SP, U, C, h, stepping, X, Ybar, stages, kept, alive, X0bar, Wbar):
+def gradient(
+    f: int, g: int, initial: int, law: int | None, network: DenseProgram, n_s: int, rows: np.ndarray, constants: np.ndarray,
+    weights: np.ndarray, SP: np.ndarray, U: np.ndarray, C: np.ndarray, h: float, stepping: Stepping, X: np.ndarray, Ybar: np.ndarray,
+    stages: np.ndarray, kept: np.ndarray, alive: np.ndarray, X0bar: np.ndarray, Wbar: np.ndarray,
+) -> None:  # fmt: skip
     """Reverse of `rollout` for d cost / d Y = Ybar (G, K+1, n_y, L). f, g, initial, law: `adjoint` addresses; network: a `DenseProgram`.
 
     Fills X0bar (G, 12, L) = d cost / d starts and Wbar (G, n_weights), each group's d cost / d weights. Uses up kept.
@@ -270,6 +280,6 @@ def gradient(f, g, initial, law, network, n_s, rows, constants, weights, SP, U, 
     each_group(work, G)
 
 
-def _plain(rows, constants, weights) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _plain(rows: np.ndarray, constants: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The arrays in one piece each, of the kinds that the loops read."""
     return np.ascontiguousarray(rows, np.int64), np.ascontiguousarray(constants, float), np.ascontiguousarray(weights, float)

@@ -1,5 +1,6 @@
 """The slow path of the corrected kite, oracle of the fast one: the same physics source on torch tensors, torchdiffeq, autograd."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from awescli.engine.dense import FARTHEST, layer_slices
 from awescli.engine.machine import LANES
 from awescli.notation.errors import BadInput, did_you_mean
 from awescli.notation.quantities import OUTPUTS, STATES
+from awescli.physics.kite import Kite
 from awescli.simulation.kernels import LIMIT
 from awescli.simulation.rollout import Segments
 from awescli.simulation.stepping import Stepping, longest_step
@@ -22,7 +24,9 @@ from awescli.simulation.stepping import Stepping, longest_step
 class ClassicalRK4(RK4):
     """The classical tableau in torchdiffeq's own stepping (its `rk4` is the 3/8 rule): steps as `kernels.rollout` does."""
 
-    def _step_func(self, func, t0, dt, t1, y0):
+    def _step_func(
+        self, func: Callable, t0: torch.Tensor, dt: torch.Tensor, t1: torch.Tensor, y0: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         f0 = func(t0, y0, perturb=Perturb.NEXT if self.perturb else Perturb.NONE)
         return rk4_step_func(func, t0, dt, t1, y0, f0=f0, perturb=self.perturb), f0
 
@@ -42,7 +46,7 @@ def solver_names() -> tuple[str, ...]:
     return (*FIXED, *ADAPTIVE)
 
 
-def network(inputs: torch.Tensor, sizes, constants: np.ndarray, weights: torch.Tensor) -> torch.Tensor:
+def network(inputs: torch.Tensor, sizes: Sequence[int], constants: np.ndarray, weights: torch.Tensor) -> torch.Tensor:
     """`engine.dense` on tensors: inputs (..., n) -> corrections (..., m)."""
     n, m = sizes[0], sizes[-1]
     c = torch.as_tensor(constants, dtype=inputs.dtype)
@@ -66,7 +70,10 @@ class TorchHybrid:
     adaptive solvers are restarted at each.
     """
 
-    def __init__(self, kite, inputs_of_instant, sizes, rows, outputs, *, solver: str = OURS, options: dict | None = None):
+    def __init__(
+        self, kite: Kite, inputs_of_instant: Callable, sizes: Sequence[int], rows: Sequence[int], outputs: Sequence[str], *,
+        solver: str = OURS, options: dict | None = None,
+    ):  # fmt: skip
         SOLVERS.setdefault(OURS, ClassicalRK4)
         if solver not in solver_names():
             raise BadInput(f"unknown solver '{solver}'", do=did_you_mean(solver, solver_names()))
@@ -146,7 +153,7 @@ class SlowPrepared:
         K = len(self.segments)
         return np.minimum(LANES, K - LANES * np.arange(-(-K // LANES)))
 
-    def groups(self, which) -> "SlowPrepared":
+    def groups(self, which: Sequence[int]) -> "SlowPrepared":
         rows = np.concatenate([np.arange(g * LANES, min((g + 1) * LANES, len(self.segments))) for g in which])
         return SlowPrepared(self.segments.pick(rows))
 
@@ -164,7 +171,10 @@ class SlowRun:
 class SlowSimulator:
     """`TorchHybrid` behind the door of `hybrid.CorrectedSimulator`: what training with another solver uses."""
 
-    def __init__(self, kite, inputs_of_instant, sizes, rows, outputs, law=None, *, solver: str):
+    def __init__(
+        self, kite: Kite, inputs_of_instant: Callable, sizes: Sequence[int], rows: Sequence[int], outputs: Sequence[str],
+        law: Callable | None = None, *, solver: str,
+    ):  # fmt: skip
         if law is not None:
             raise BadInput(f"solver '{solver}' replays recorded set-points only", do="Use solver: rk4, or surfaces: recorded.")
         self.path = TorchHybrid(kite, inputs_of_instant, sizes, rows, outputs, solver=solver)

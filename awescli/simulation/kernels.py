@@ -42,12 +42,12 @@ class Loop(Body):
         # the first derivative of a step, to which the others are added; behind it the outputs
         self.total = self.rows(self.whole("add", "%n_s", "%n_y"))
 
-    def rows(self, n) -> str:
+    def rows(self, n: str) -> str:
         """Room for n rows."""
         here, self.used = self.used, self.row(self.used, n)
         return here
 
-    def copy(self, to, source, n) -> None:
+    def copy(self, to: str, source: str, n: int | str) -> None:
         self.call("@copy", f"ptr {to}", f"ptr {source}", f"i64 {n}")
 
     def text(self, name: str, arguments: Sequence[str]) -> str:
@@ -57,11 +57,11 @@ class Loop(Body):
 
     # what a loop that does more than a rollout does otherwise
 
-    def evaluate(self, address, x, u, y) -> None:
+    def evaluate(self, address: str, x: str, u: str, y: str) -> None:
         """y = program(x, u, c)"""
         self.call(address, *(f"ptr {a}" for a in (x, u, "%c", y)))
 
-    def fill(self, program, u, first, n) -> None:
+    def fill(self, program: str, u: str, first: int | str, n: str) -> None:
         """x[first : first + n] = program(x, u, c)"""
         self.evaluate(f"%{program}", self.x, u, self.k)
         self.copy(self.row(self.x, first), self.k, n)
@@ -69,27 +69,27 @@ class Loop(Body):
     def begin(self) -> None:
         """Before the first sample."""
 
-    def begin_sample(self, k) -> None:
+    def begin_sample(self, k: int | str) -> None:
         """Before anything else at sample k."""
 
-    def sample(self, u, k) -> None:
+    def sample(self, u: str, k: str) -> None:
         """Outputs of sample k, and the derivative that the step begins with."""
         self.evaluate("%g", self.x, u, self.total)
         self.copy(self.row("%Y", self.whole("mul", k, "%n_y")), self.row(self.total, "%n_s"), "%n_y")
 
-    def begin_step(self, at_sample, derivative) -> None:
+    def begin_step(self, at_sample: str, derivative: Callable) -> None:
         """The first derivative of a step, which is known where the step begins as a sample was left."""
         with self.when(self.line(f"xor i1 {at_sample}, true")):
             derivative(0, 0.0, self.x, self.total)
 
-    def derivative(self, stage: int, x, k) -> None:
+    def derivative(self, stage: int, x: str, k: str) -> None:
         """k = f(x, inputs now, c) at a stage 0..3 of a step."""
         self.evaluate("%f", x, self.u, k)
 
-    def end_step(self, step) -> None:
+    def end_step(self, step: str) -> None:
         """After a step of so many seconds."""
 
-    def set_back(self, gone) -> None:
+    def set_back(self, gone: str) -> None:
         """In the lanes that are gone."""
         t = self.type
         with self.loop(self.n_x) as i:
@@ -133,13 +133,13 @@ class Loop(Body):
             self.call("@added", f"ptr {here}", f"ptr {here}", f"ptr {self.row('%x0', 12)}", f"i64 {further}")
         self.copy(self.start, self.x, self.n_x)
 
-    def _set_points(self, u, k) -> None:
+    def _set_points(self, u: str, k: int | str) -> None:
         """The set-points of sample k: what the law says, or else the recorded ones."""
         self.copy(self.row(self.x, "%n_s"), self.row("%sp", self.whole("mul", k, "%n_sp")), "%n_sp")
         with self.when(self.line("icmp ne ptr %law, null")):
             self.fill("law", u, "%n_s", "%n_sp")
 
-    def _set_points_within(self, k, sub, share, u) -> str:
+    def _set_points_within(self, k: str, sub: str, share: str, u: str) -> str:
         """The set-points of step `sub` after sample k, where they are not those of the sample; whether they are.
 
         share: of the way to the next sample at which the step begins; a law is asked again there.
@@ -155,7 +155,7 @@ class Loop(Body):
                 self.fill("law", self.u, "%n_s", "%n_sp")
         return self.line(f"and i1 {at_sample}, {self.line(f'icmp eq i64 {sub}, 0')}")
 
-    def _step(self, k, sub, substeps, u, step, half, sixth) -> None:
+    def _step(self, k: str, sub: str, substeps: str, u: str, step: str, half: str, sixth: str) -> None:
         """One classical Runge-Kutta step."""
         after, so_far = self.row(u, "%n_u"), self.line(f"sitofp i64 {sub} to double")
         at_sample = self._set_points_within(k, sub, self.line(f"fdiv double {so_far}, {substeps}"), u)
@@ -181,7 +181,7 @@ class Loop(Body):
         rowwise("stepped", x, x, total, rates, sixth)
         self.end_step(step)
 
-    def _stop_diverged(self, k) -> None:
+    def _stop_diverged(self, k: str) -> None:
         """Lanes whose state left the numbers end at sample k and go back to their start."""
         mask, whole = f"<{self.lanes} x i1>", f"<{self.lanes} x i64>"
         gone = self.line(f"call {mask} @gone(ptr {self.x}, i64 {self.n_x})")
@@ -236,7 +236,10 @@ def compile_loop(text: str, arguments: Sequence[str]) -> Callable:
     return ctypes.CFUNCTYPE(None, *(_C_TYPES[a.split()[0]] for a in arguments))(address)
 
 
-def rollout(f, g, initial, law, n_s, X0, SP, U, C, h, stepping: Stepping, X, Y) -> np.ndarray:
+def rollout(
+    f: int, g: int, initial: int, law: int, n_s: int, X0: np.ndarray, SP: np.ndarray, U: np.ndarray, C: np.ndarray, h: float,
+    stepping: Stepping, X: np.ndarray, Y: np.ndarray,
+) -> np.ndarray:  # fmt: skip
     """Simulate K segments. X0 (K, n_s): states, and behind them what the effects' own states differ from `initial`; SP (K, N+1, n_sp); U
     (K, N+1, n_u); C (K, n_c); h [s] between samples.
 
@@ -246,7 +249,10 @@ def rollout(f, g, initial, law, n_s, X0, SP, U, C, h, stepping: Stepping, X, Y) 
     return on_segments(rollout_loop(), (f, g, initial, law), n_s, (X0, SP, U, C), h, stepping, X, Y)
 
 
-def on_segments(loop, programs, n_s, inputs, h, stepping, X, Y, more_rows: int = 0, more: Callable[[slice], tuple] | None = None):
+def on_segments(
+    loop: Callable, programs: tuple[int, int, int, int], n_s: int, inputs: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], h: float,
+    stepping: Stepping, X: np.ndarray, Y: np.ndarray, more_rows: int = 0, more: Callable[[slice], tuple] | None = None,
+) -> np.ndarray:  # fmt: skip
     """Run a loop over all groups of segments; more_rows: of `work`, behind those of a rollout; more: arguments behind COMMON for some
     segments. Returns (K,) the number of samples before divergence."""
     K, samples, n_x = X.shape
@@ -275,7 +281,7 @@ def rows_of_loop(n_x: int, n_s: int, n_u: int, n_y: int) -> int:
     return 4 * n_x + n_u + n_s + n_y
 
 
-def passed(*arguments) -> list:
+def passed(*arguments: np.ndarray | float | None) -> list:
     """Arguments of a loop, arrays by their addresses."""
     arrays = [a for a in arguments if isinstance(a, np.ndarray)]
     assert all(a.flags.c_contiguous and a.dtype.itemsize == 8 for a in arrays)

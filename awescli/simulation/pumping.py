@@ -122,7 +122,9 @@ class Pumping:
         log = _flown(kite, flown, inputs, last, time, dt, departed=last < samples and ended is None)
         return Pumped(log, flown.phase[:last], switched, ended, sum(s.into == 0 for s in switched) + (ended is not None))
 
-    def _through(self, kite: FlightModel, inputs: np.ndarray, start, own: Mapping[str, float], dt: float, switches: int | None) -> Switched:
+    def _through(
+        self, kite: FlightModel, inputs: np.ndarray, start: np.ndarray, own: Mapping[str, float], dt: float, switches: int | None
+    ) -> Switched:
         """Through all phases; own: states of the winch at the start."""
         one, (made, *how) = self.laws[0], self.through(kite, inputs, start, own, dt)
         return fly_switched(one.f.value, one.g.value, one.initial.value, made, *how, most=switches)
@@ -148,7 +150,9 @@ def in_phase(kite: FlightModel, phase: str) -> FlightModel:
     return kite.with_values({base: kite.parameters[name].value for name, base, of in kite.own_in_phase if of == phase})
 
 
-def air_and_line(kite: FlightModel, wind: WindRecord, length: float, duration: float, dt: float, begins: float = 0.0):
+def air_and_line(
+    kite: FlightModel, wind: WindRecord, length: float, duration: float, dt: float, begins: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """(time (N,) s, inputs (N, n_u)) of a flight that begins with `length` of line."""
     time = np.arange(int(round(duration / dt)) + 1) * dt
     line: dict[str, np.ndarray] = dict(zip(("tether_length", "reel_out_speed"), ReelOut(length, 0.0).at(time), strict=True))

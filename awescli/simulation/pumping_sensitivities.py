@@ -53,7 +53,7 @@ class DifferentiatedCycles:
         mean = energy / last.time
         return float(mean), (moved + power * ended - mean * ended) / last.time, last.time
 
-    def _until(self, rate: np.ndarray, time: float):
+    def _until(self, rate: np.ndarray, time: float) -> tuple[float | np.ndarray, float | np.ndarray]:
         """(integral of a rate to a time, the rate there): trapezoids, straight between samples."""
         k = int(time / self.dt)
         here, share = rate[k], time / self.dt - k

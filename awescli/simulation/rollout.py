@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,8 +12,10 @@ from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.flightlog.phases import phases
 from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
+from awescli.notation.parameters import ParameterTable
 from awescli.notation.phases import input_of
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
+from awescli.notation.scalars import Scalar
 from awescli.physics.disturbances import DISTURBANCES, GUSTS, PHASE, ROLL_GUST, both
 from awescli.physics.flight_model import FlightModel
 from awescli.simulation.stepping import Stepping, longest_step
@@ -41,7 +43,7 @@ class Segments:
     dt: float
     values: Mapping[str, np.ndarray] = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         # the compiled loops believe the sizes that they are given
         if self.setpoints.shape[-1] != len(SURFACES):
             raise ValueError(f"{self.setpoints.shape[-1]} set-points at a sample, there are {len(SURFACES)}: {', '.join(SURFACES)}")
@@ -53,7 +55,7 @@ class Segments:
     def steps(self) -> int:
         return self.setpoints.shape[1] - 1
 
-    def pick(self, which) -> "Segments":
+    def pick(self, which: Sequence[int] | np.ndarray) -> "Segments":
         """Some of the segments, by index or mask."""
         values = {n: v[which] for n, v in self.values.items()}
         return Segments(self.first[which], self.starts[which], self.setpoints[which], self.inputs[which], self.dt, values)
@@ -129,11 +131,11 @@ class Simulator:
         self.law: Program | None = self._compiled(law) if law else None
         self._differentiated: dict[tuple[str, ...], Program] = {}
 
-    def _compiled(self, function: Callable, **options) -> Program:
+    def _compiled(self, function: Callable, **options: Any) -> Program:
         kite, sizes = self.kite, (len(self.kite.x_names), len(self.kite.input_names), len(self.kite.parameter_names))
         return compile_program(function, *sizes, [kite.parameter_names.index(name) for name in self.wrt], **options)
 
-    def _at_sample(self, x, u, c) -> list:
+    def _at_sample(self, x: Sequence[Scalar], u: Sequence[Scalar], c: Sequence[Scalar]) -> list:
         """What is asked of a kite at a sample: derivative and outputs share most of their work."""
         return [*self.kite.derivative(x, u, c), *self.kite.outputs(x, u, c)]
 
@@ -144,7 +146,7 @@ class Simulator:
             self._differentiated[outputs] = self._compiled(self._at_sample, rows=rows, rates=self.n_s)
         return self._differentiated[outputs]
 
-    def holding(self, table) -> "Simulator":
+    def holding(self, table: ParameterTable) -> "Simulator":
         """The same compiled simulator with its kite at a parameter table: values, and the bounds that they keep there."""
         other = copy(self)
         other.kite = self.kite.with_rows(table[name] for name in self.kite.parameter_names)
@@ -210,8 +212,9 @@ class Simulator:
         return trajectories, J
 
     def links(
-        self, segments: Segments, nodes: np.ndarray, inputs: Sequence[str], parameters: Sequence[str], outputs=MEASURED, values=None
-    ) -> tuple[Trajectories, np.ndarray, np.ndarray]:
+        self, segments: Segments, nodes: np.ndarray, inputs: Sequence[str], parameters: Sequence[str], outputs: Sequence[str] = MEASURED,
+        values: Mapping[str, float] | None = None,
+    ) -> tuple[Trajectories, np.ndarray, np.ndarray]:  # fmt: skip
         """Simulate, and differentiate from node to node: the state at a node is all that a segment knows of what came before it.
 
         nodes: samples, the first of the segment among them; inputs: parameters that are differentiated from node to node too. Returns
@@ -223,7 +226,10 @@ class Simulator:
         trajectories, J, ends = self._sensitivities(segments, own, outputs, values, tuple(parameters), nodes[1:])
         return trajectories, J, ends[:, :, : self.n_s, : len(own)]
 
-    def _sensitivities(self, segments: Segments, columns: Columns, outputs, values, further: tuple[str, ...] = (), restarts=()):
+    def _sensitivities(
+        self, segments: Segments, columns: Columns, outputs: Sequence[str], values: Mapping[str, float] | None,
+        further: tuple[str, ...] = (), restarts: Sequence[int] | np.ndarray = (),
+    ) -> tuple[Trajectories, np.ndarray, np.ndarray]:  # fmt: skip
         """(trajectories, J, ends) of `columns`, which begin again at the samples `restarts`, and of `further` parameters, which do not."""
         from awescli.simulation.sensitivities import sensitivities
 
@@ -272,7 +278,7 @@ class Recorded(Protocol):
     def __len__(self) -> int: ...
 
 
-def setpoints_of(log: FlightLog, which=SURFACES) -> np.ndarray:
+def setpoints_of(log: FlightLog, which: Sequence[str] = SURFACES) -> np.ndarray:
     """(N, 5) recorded set-points of a log; what the log lacks stays at zero."""
     return np.stack([log.inputs.get(name, np.zeros(len(log))) for name in which], axis=1)
 

@@ -1,6 +1,6 @@
 """Cut a log into re-initialised segments: inputs, set-points, starts, measured outputs and their weights."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import Noise
 from awescli.physics.flight_model import FlightModel
-from awescli.simulation.rollout import Segments, inputs_of, setpoints_of
+from awescli.simulation.rollout import Segments, Trajectories, inputs_of, setpoints_of
 
 COMMAND_SHARE = 0.01
 """Share of a set-point's range that stands for its noise where a law in the loop predicts it: about what the best fitted law leaves
@@ -34,7 +34,7 @@ class Observed:
     sigma: np.ndarray
     added: np.ndarray | float = 0.0
 
-    def pick(self, which) -> "Observed":
+    def pick(self, which: Sequence[int] | np.ndarray) -> "Observed":
         return replace(self, segments=self.segments.pick(which), measured=self.measured[which], sigma=self.sigma[which])
 
     def head(self, steps: int) -> "Observed":
@@ -58,7 +58,7 @@ class Observed:
         """The same observations with noise of `variance` (n_out,) beside that of the sensors, in the place of what was added before."""
         return replace(self, sigma=np.sqrt(self.sigma**2 - self.added + variance), added=variance)
 
-    def residual(self, trajectories) -> np.ndarray:
+    def residual(self, trajectories: Trajectories) -> np.ndarray:
         """(measured - simulated) / sigma, (K, N+1, n_out); angles wrapped; 0 where a sample does not count or the rollout has ended."""
         index = [OUTPUTS.index(name) for name in self.outputs]
         error = self.measured - trajectories.outputs[:, :, index]
@@ -80,7 +80,9 @@ def noise_std(noise: Noise, name: str, signal: np.ndarray) -> np.ndarray:
     return np.maximum(size, 0.1 * size.mean() + std)
 
 
-def observe(log: FlightLog, kite: FlightModel, first: np.ndarray, steps: int, outputs, values=None) -> Observed:
+def observe(
+    log: FlightLog, kite: FlightModel, first: np.ndarray, steps: int, outputs: Sequence[str], values: Mapping[str, np.ndarray] | None = None
+) -> Observed:
     """Segments of `steps` samples that begin at samples `first` of the log, with starts from a local quadratic through the log.
 
     values: parameter name -> (K,) values that differ from segment to segment.

@@ -11,6 +11,7 @@ import numpy as np
 from awescli.engine.lanes import print_lanes
 from awescli.engine.machine import LANES, Program
 from awescli.simulation.kernels import COMMON, Loop, compile_loop, on_segments
+from awescli.simulation.stepping import Stepping
 
 _ARGUMENTS = (
     *COMMON, "ptr step", "ptr g_columns", "ptr initial_columns", "ptr law_columns", "i64 n_col", "i64 n_wrt", "ptr column_state",
@@ -36,14 +37,14 @@ class _Differentiated(Loop):
         """Whole number i of a block."""
         return self.line(f"load i64, ptr {self.line(f'getelementptr i64, ptr {block}, i64 {i}')}")
 
-    def linearise(self, address, x, u, y, E) -> None:
+    def linearise(self, address: str, x: str, u: str, y: str, E: str) -> None:
         self.call(address, *(f"ptr {a}" for a in (x, u, "%c", y, E)))
 
-    def columns(self, address, E, dS) -> None:
+    def columns(self, address: str, E: str, dS: str) -> None:
         """dS = E S"""
         self.call(address, f"ptr {E}", f"ptr {self.S}", f"ptr {dS}", "i64 %n_col", "ptr %parameter_of")
 
-    def fill(self, program, u, first, n) -> None:
+    def fill(self, program: str, u: str, first: int | str, n: str) -> None:
         E = self.E_filled[program]
         self.linearise(f"%{program}", self.x, u, self.k, E)
         self.copy(self.row(self.x, first), self.k, n)
@@ -55,16 +56,16 @@ class _Differentiated(Loop):
         with self.loop("%n_col") as j:
             self._seed(j)
 
-    def _seed(self, j) -> None:
+    def _seed(self, j: str) -> None:
         """A one where column j of S, zero so far, differentiates with respect to a state."""
         state = self.number("%column_state", j)
         with self.when(self.line(f"icmp sge i64 {state}, 0")):
             place = self.row(self.S, self.whole("add", self.whole("mul", state, "%n_col"), j))
             self.lines.append(f"  store {self.type} {self._splat(1.0)}, ptr {place}, align 8")
 
-    def begin_sample(self, k) -> None:
+    def begin_sample(self, k: int | str) -> None:
         """Where columns start again: S so far goes to the ends. And the parameter of each column that counts in this step."""
-        number, size = self.number("%restart", k), self.whole("mul", self.n_x, "%n_col")
+        number, size = self.number("%restart", str(k)), self.whole("mul", self.n_x, "%n_col")
         with self.when(self.line(f"icmp sge i64 {number}, 0")):
             to = self.line(f"getelementptr double, ptr %ends, i64 {self.whole('mul', number, size)}")
             self.call("@apart", f"ptr {to}", f"ptr {self.S}", f"i64 {size}", "i64 %ends_stride", "i64 %count")
@@ -80,7 +81,7 @@ class _Differentiated(Loop):
             now = self.line(f"select i1 {self.line(f'and i1 {begun}, {on}')}, i64 {self.number('%column_parameter', j)}, i64 %n_wrt")
             self.lines.append(f"  store i64 {now}, ptr {self.line(f'getelementptr i64, ptr %parameter_of, i64 {j}')}")
 
-    def sample(self, u, k) -> None:
+    def sample(self, u: str, k: str) -> None:
         """And J[lane, k, i, j] = d outputs[i, lane] / d column j."""
         self.linearise("%g", self.x, u, self.total, self.stages[0])
         self.copy(self.row("%Y", self.whole("mul", k, "%n_y")), self.row(self.total, "%n_s"), "%n_y")
@@ -89,14 +90,14 @@ class _Differentiated(Loop):
         to = self.line(f"getelementptr double, ptr %J, i64 {self.whole('mul', k, block)}")
         self.call("@apart", f"ptr {to}", f"ptr {self.D}", f"i64 {block}", "i64 %stride", "i64 %count")
 
-    def derivative(self, stage, x, k) -> None:
+    def derivative(self, stage: int, x: str, k: str) -> None:
         self.linearise("%f", x, self.u, k, self.stages[stage])
 
-    def end_step(self, step) -> None:
+    def end_step(self, step: str) -> None:
         pointers = (f"ptr {a}" for a in (*self.stages, self.S))
         self.call("%step", *pointers, "i64 %n_col", "ptr %parameter_of", f"double {step}")
 
-    def set_back(self, gone) -> None:
+    def set_back(self, gone: str) -> None:
         """Also S, to zero."""
         super().set_back(gone)
         with self.loop(self.whole("mul", self.n_x, "%n_col")) as i:
@@ -113,7 +114,8 @@ def differentiated_loop() -> Callable:
 
 
 def sensitivities(
-    g: Program, initial: Program, law: Program | None, n_s, X0, SP, U, C, h, stepping, columns: np.ndarray, restart: np.ndarray, X, Y, J,
+    g: Program, initial: Program, law: Program | None, n_s: int, X0: np.ndarray, SP: np.ndarray, U: np.ndarray, C: np.ndarray,
+    h: float, stepping: Stepping, columns: np.ndarray, restart: np.ndarray, X: np.ndarray, Y: np.ndarray, J: np.ndarray,
     ends: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
     """`kernels.rollout`, and the exact derivative of those of its outputs that g differentiates: J (K, N+1, n_rows, n_col).

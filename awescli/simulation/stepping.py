@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.physics.effects.lag import LONGEST_STEP
+from awescli.physics.flight_model import FlightModel
 
 ACCURACY = 0.15
 """Relative error with which one step follows the fastest pole. That pole forgets it within a few steps; poles of a third of its frequency,
@@ -44,7 +45,7 @@ class Stepping:
         return cls(substeps, (step - 1.0 / rate) / 2 / dt, step / dt)
 
 
-def longest_step(kite, starts: np.ndarray, setpoints: np.ndarray, inputs: np.ndarray) -> float:
+def longest_step(kite: FlightModel, starts: np.ndarray, setpoints: np.ndarray, inputs: np.ndarray) -> float:
     """[s] LONGEST_STEP, divided as often as the fastest pole of the kite at its parameters' values asks for.
 
     starts (K, 12), setpoints (K, 5), inputs (K, n_u): where the poles are looked at. Those of the Euler angles are left out: near
@@ -56,7 +57,7 @@ def longest_step(kite, starts: np.ndarray, setpoints: np.ndarray, inputs: np.nda
     return LONGEST_STEP / min(max(1, int(np.ceil(LONGEST_STEP * fastest / reach - 1e-9))), MOST)
 
 
-def fastest_poles(kite, starts: np.ndarray, setpoints: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+def fastest_poles(kite: FlightModel, starts: np.ndarray, setpoints: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     """(K,) largest |eigenvalue| [1/s] of d(dx/dt)/dx at some states, Euler angles held; by differences of 1e-6 of each state's size."""
     c, u = [float(v) for v in kite.parameters.vector()], list(inputs.T)
     n = len(kite.state_names)

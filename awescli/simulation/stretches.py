@@ -33,7 +33,9 @@ class Stretch:
         """The next stretch begins at the state x (n_x,)."""
         self.work[: len(x)] = x[:, None]
 
-    def fly(self, law: int, c: np.ndarray, first: int, until: int, setpoints, inputs, X: np.ndarray, Y: np.ndarray) -> int:
+    def fly(
+        self, law: int, c: np.ndarray, first: int, until: int, setpoints: np.ndarray, inputs: np.ndarray, X: np.ndarray, Y: np.ndarray
+    ) -> int:
         """Fill samples first..until-1 of X and Y; returns the first sample that diverged, or how many there are."""
         samples, before = len(setpoints), max(first - 1, 0)  # a loop that begins at sample 0 begins from the start
         here = slice(before, min(until + 1, samples))
@@ -43,7 +45,9 @@ class Stretch:
         X[first:until], Y[first:until] = states[places, :, 0], outputs[places, :, 0]
         return samples if alive == count else before + alive
 
-    def _run(self, law: int, c: np.ndarray, samples: int, places: slice, setpoints, inputs, count: int):
+    def _run(
+        self, law: int, c: np.ndarray, samples: int, places: slice, setpoints: np.ndarray, inputs: np.ndarray, count: int
+    ) -> tuple[np.ndarray, np.ndarray, int]:
         n_s, n_sp, _, n_y = self.sizes
         states, outputs, alive = lane_rows(count, n_s + n_sp), lane_rows(count, n_y), np.full(kernels.LANES, count)
         sizes = (*self.sizes, samples, self.stepping.substeps, self.h, self.stepping.first, self.stepping.onward)

@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import takewhile
+from typing import Any
 
 import numpy as np
 
-from awescli.control.law import Law, clamp, standardised_features
-from awescli.control.pattern import arc
+from awescli.control.law import Commands, Law, clamp, standardised_features
+from awescli.control.pattern import Pattern, arc
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Range
 from awescli.notation.quantities import STATES, SURFACES
@@ -31,8 +32,9 @@ STEP, HELD = np.radians(0.25), 1.0
 
 
 def flies(
-    declaration: KiteDeclaration, law, log: FlightLog, wind_direction: float, seconds: float, within: tuple[Range, ...] | None = None
-) -> dict:
+    declaration: KiteDeclaration, law: Commands, log: FlightLog, wind_direction: float, seconds: float,
+    within: tuple[Range, ...] | None = None,
+) -> dict:  # fmt: skip
     """Survival time from several states of the log, path error against the log, and a named outcome.
 
     outcome: "flies" (the whole time from every state), "departs" (from some), "does_not_fly" (from none). A kite departs that diverges,
@@ -57,8 +59,9 @@ def flies(
 
 
 def _prepared(
-    declaration, law, log: FlightLog, wind_direction: float, steps: int, within, disturbed: bool = False
-) -> tuple[Simulator, Observed]:
+    declaration: KiteDeclaration, law: Commands, log: FlightLog, wind_direction: float, steps: int,
+    within: tuple[Range, ...] | None, disturbed: bool = False,
+) -> tuple[Simulator, Observed]:  # fmt: skip
     """The compiled loop, and segments of `steps` samples from STARTS states of the log."""
     kite = Kite(with_setpoint_dynamics(declaration, law), log.recorded_wind.height)
     simulator = Simulator(kite, (), law=loop(law, kite, wind_direction, disturbed))
@@ -74,7 +77,7 @@ def _prepared(
     return simulator, observe(log, kite, first, steps, ("p_n", "p_e", "p_d"))
 
 
-def _circles(law, log: FlightLog) -> bool:
+def _circles(law: Commands, log: FlightLog) -> bool:
     """Whether the log itself keeps to the law's circle: a figure of eight or a single cycle has none to leave."""
     pattern = getattr(law, "pattern", None)
     if pattern is None:
@@ -83,7 +86,7 @@ def _circles(law, log: FlightLog) -> bool:
     return bool(np.quantile(np.abs(away - 1.0), 0.95) < 0.5)
 
 
-def samples_flown(trajectories: Trajectories, pattern=None) -> np.ndarray:
+def samples_flown(trajectories: Trajectories, pattern: Pattern | None = None) -> np.ndarray:
     """(K,) samples until a trajectory diverged, crashed, stalled, or left its circle (where a pattern is given)."""
     bad = (trajectories["p_d"] > -LOWEST) | (trajectories["V_a"] < STALLED)
     if pattern is not None:
@@ -130,7 +133,7 @@ class Amplified:
     factor: float
     trim: Mapping[str, float]
 
-    def __getattr__(self, name: str):
+    def __getattr__(self, name: str) -> Any:
         return getattr(self.law, name)
 
     def deflections(self, z: Mapping) -> dict:

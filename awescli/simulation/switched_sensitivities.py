@@ -13,7 +13,7 @@ switches the loop of `sensitivities` runs; from the guard to the next sample it 
 `switching` flies, so that phases that are alike leave every bit.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,7 +98,10 @@ def sensitivities_through(
 class _Run(Stretch):
     """A stretch with the sensitivities S of its state beside it."""
 
-    def __init__(self, x0: np.ndarray, programs: Programs, law: Program | None, sizes: Sizes, h: float, stepping, state, parameter):
+    def __init__(
+        self, x0: np.ndarray, programs: Programs, law: Program | None, sizes: Sizes, h: float, stepping: Stepping, state: np.ndarray,
+        parameter: np.ndarray,
+    ):  # fmt: skip
         n_s, n_sp, n_u, n_y = sizes
         self.n_x, self.n, self.n_rows, self.n_wrt = n_s + n_sp, len(state), len(programs.rows), len(programs.g.wrt)
         width, self.behind = self.n_x + self.n_wrt + 1, kernels.rows_of_loop(n_s + n_sp, n_s, n_u, n_y)
@@ -116,7 +119,7 @@ class _Run(Stretch):
         self.begin_at(x)
         self.work[self.behind : self.behind + self.n_x * self.n] = S.reshape(-1, 1)
 
-    def fly_all(self, c: np.ndarray, first: int, until: int, setpoints, inputs) -> tuple[np.ndarray, np.ndarray]:
+    def fly_all(self, c: np.ndarray, first: int, until: int, setpoints: np.ndarray, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(S (until - first, n_x, n), J (until - first, rows, n)) at samples first..until-1; S goes on to `until`."""
         samples, before = len(setpoints), max(first - 1, 0)
         here = slice(before, min(until + 1, samples))
@@ -190,7 +193,9 @@ class _Across:
         )
         return after + (S_new - S_old), time
 
-    def _flown(self, phase: int, x: np.ndarray, S: np.ndarray, u: tuple, seconds: float, c: np.ndarray):
+    def _flown(
+        self, phase: int, x: np.ndarray, S: np.ndarray, u: tuple, seconds: float, c: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """(x, outputs, S, dY (n_y, n)) after some seconds of a phase, set-points held."""
         n_s, n_sp, n_u, n_y = self.sizes
         ended, outputs = self.between.flown(x, u, seconds, c)
@@ -212,7 +217,10 @@ class _Across:
         before, after = (self.between.set_points(address, x, leg.inputs_at(share + s), c) for s in (-NEARBY, NEARBY))
         return run.S[n_s:] + ((after - before) / (2 * NEARBY * self.h))[:, None] * time
 
-    def _beyond(self, switch: Switch, passing: Passing, x, y, u, S, dY, begun: np.ndarray) -> np.ndarray:
+    def _beyond(
+        self, switch: Switch, passing: Passing, x: np.ndarray, y: np.ndarray, u: np.ndarray, S: np.ndarray, dY: np.ndarray,
+        begun: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
         """(n,) derivative of how far beyond its limit the guard is, at the time of the switch."""
         guard, n = switch.guard, len(self.columns)
         if guard.quantity == "time_in_phase":
@@ -240,6 +248,6 @@ class _Across:
         return evaluate(self.programs.f, wide_x, wide_u, np.ascontiguousarray(c))[: self.sizes[0], 0]
 
 
-def _pushed(reset, x: np.ndarray, S: np.ndarray) -> np.ndarray:
+def _pushed(reset: Callable, x: np.ndarray, S: np.ndarray) -> np.ndarray:
     """(n_s, n) r_x S at x."""
     return np.stack([np.imag(reset(x + 1j * TINY * column)) / TINY for column in S.T], axis=1) if S.shape[1] else S

@@ -7,6 +7,7 @@ Whatever effects the flown declaration holds are in the flight; an effect that t
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from awescli.control.pattern import Pattern, arc
 from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput, NumericalFailure
+from awescli.notation.present import present
 from awescli.notation.quantities import CONTROL_SURFACES, MEASURED, OF_LINE, OUTPUTS, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.flight_model import FlightModel
@@ -30,6 +32,14 @@ FARTHEST = 3.0
 """A kite farther from the pattern's centre than this many radii has departed."""
 SLACK = 1.0
 """[s] of slack line in one piece that count as departed."""
+
+
+class Winch(Protocol):
+    """What moves the line."""
+
+    def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(length [m], speed [m/s]), each (N,), at time (N,) [s]."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -117,19 +127,9 @@ def refuse_measured(declaration: KiteDeclaration) -> None:
 
 
 def fly(
-    declaration: KiteDeclaration,
-    law: Callable,
-    wind: WindRecord,
-    reel_out: ReelOut,
-    *,
-    pattern: Pattern,
-    duration: float = 150.0,
-    seed: int = 0,
-    noise: bool = True,
-    recorded_wind: WindRecord | None = None,
-    name: str = "synthetic",
-    **how,
-) -> FlightLog:
+    declaration: KiteDeclaration, law: Callable, wind: WindRecord, reel_out: ReelOut, *, pattern: Pattern, duration: float = 150.0,
+    seed: int = 0, noise: bool = True, recorded_wind: WindRecord | None = None, name: str = "synthetic", **how: Any
+) -> FlightLog:  # fmt: skip
     """Fly `duration` seconds on the pattern and report them as sensors would. how: further arguments of `simulate_flight`.
 
     wind: the air as it is, time 0 at the flight's first sample; recorded_wind: what the log says of it (default: the truth).
@@ -146,22 +146,10 @@ def fly(
 
 
 def simulate_flight(
-    kite: FlightModel,
-    law: Callable | None,
-    wind: WindRecord,
-    reel_out,
-    *,
-    pattern: Pattern | None,
-    duration: float,
-    dt: float = 0.02,
-    start: np.ndarray | None = None,
-    setpoints: np.ndarray | None = None,
-    settle: float = 30.0,
-    seed: int = 0,
-    step: float = 0.005,
-    begins: float = 0.0,
-    rates: Mapping[str, float] | None = None,
-) -> Flown:
+    kite: FlightModel, law: Callable | None, wind: WindRecord, reel_out: Winch | None, *, pattern: Pattern | None, duration: float,
+    dt: float = 0.02, start: np.ndarray | None = None, setpoints: np.ndarray | None = None, settle: float = 30.0, seed: int = 0,
+    step: float = 0.005, begins: float = 0.0, rates: Mapping[str, float] | None = None,
+) -> Flown:  # fmt: skip
     """Simulate one long segment, up to its end or to where the kite departs.
 
     kite: a Kite made for the wind's heights, or what stands in its place (a hybrid); law: function of (x, u, c) -> set-points
@@ -179,7 +167,7 @@ def simulate_flight(
     time = (np.arange(samples) - lead) * dt
     line: dict[str, np.ndarray] = {}
     if kite.tether is not None:
-        line["tether_length"], line["reel_out_speed"] = reel_out.at(time)
+        line["tether_length"], line["reel_out_speed"] = present(reel_out, "what moves the line").at(time)
     inputs = inputs_of(Commanded(time, dt, line, wind), kite)
     at = {n: i for i, n in enumerate(kite.input_names)}
     inputs[:, at["time"]] += begins
@@ -210,15 +198,9 @@ def simulate_flight(
 
 
 def as_recorded(
-    flown: Flown,
-    declaration: KiteDeclaration,
-    wind: WindRecord,
-    *,
-    seed: int,
-    noise: bool = True,
-    name: str = "synthetic",
+    flown: Flown, declaration: KiteDeclaration, wind: WindRecord, *, seed: int, noise: bool = True, name: str = "synthetic",
     epoch: float = EPOCH,
-) -> FlightLog:
+) -> FlightLog:  # fmt: skip
     """What the sensors make of a flight: white noise of the kite file, seeded; angles wrapped; no vanes (Kitemill has none)."""
     random = np.random.default_rng(seed)
     measured = {}
@@ -235,7 +217,9 @@ def as_recorded(
     return FlightLog(name, epoch, flown.dt, flown.time, measured, inputs, np.ones(len(flown.time), bool), wind, notes=notes)
 
 
-def gusts_for(kite, samples: int, dt: float, airspeed: float, seed: int, at: Mapping[str, int]) -> tuple[list[int], np.ndarray]:
+def gusts_for(
+    kite: FlightModel, samples: int, dt: float, airspeed: float, seed: int, at: Mapping[str, int]
+) -> tuple[list[int], np.ndarray]:
     """(their input columns, (samples, 4) gusts of unit variance) for a kite that flies at `airspeed` [m/s]."""
     rows = dryden(samples, dt, airspeed, seed + 1, kite.parameters["turbulence.L"].value)
     roll = roll_gust(samples, dt, airspeed, kite.parameters["b"].value, seed + 2)

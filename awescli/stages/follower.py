@@ -7,7 +7,6 @@ if TYPE_CHECKING:
     from awescli.physics.declaration import KiteDeclaration
 
 
-
 def follower_of(log: "FlightLog", declaration: "KiteDeclaration"):
     """The path-following law on the circle that the log flies, other surfaces at their medians there."""
     import numpy as np

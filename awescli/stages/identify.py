@@ -39,8 +39,9 @@ class IdentifyConfig(AheadConfig):
         (), description="parameters that each flight has for itself, names or patterns: trims, offsets ([dl, C?0]); all others are shared"
     )
     per_phase: tuple[str, ...] = Field(
-        (), description="parameters with a value of their own in each phase of the cycles that are fitted, names or patterns ([CD0]); "
-        "needs split.of: cycles"
+        (),
+        description="parameters with a value of their own in each phase of the cycles that are fitted, names or patterns ([CD0]); "
+        "needs split.of: cycles",
     )
     starts: int = Field(1, ge=1, le=100, description="fits from so many starts: the declared values, then draws of the prior")
 

@@ -1,6 +1,5 @@
 """What each traced effect does while the model flies: one quantity, with the effect at null and as fitted, at the same simulated states."""
 
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -95,9 +94,7 @@ def _rms(values: "np.ndarray") -> float:
     return float(np.sqrt(np.mean(values * values)))
 
 
-def _quantities(
-    kite, place: str, states: "np.ndarray", inputs: "np.ndarray"
-) -> "tuple[dict[str, np.ndarray], dict[str, tuple[str, str]]]":
+def _quantities(kite, place: str, states: "np.ndarray", inputs: "np.ndarray") -> "tuple[dict[str, np.ndarray], dict[str, tuple[str, str]]]":
     """(quantity -> (K, N) values, quantity -> (in words, unit)) of what effects at a place change, all of them at work."""
     import numpy as np
 

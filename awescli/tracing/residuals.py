@@ -63,14 +63,15 @@ def equation_error(simulator: Simulator, log: FlightLog) -> tuple[dict, dict]:
     states[12:] = [np.broadcast_to(s, len(log)) for s in initial]
     at = kite.instant([*states, *setpoints], u, c)
     if "a_x" in log:
-        acceleration = [log[n] for n in ("a_x", "a_y", "a_z")]
+        acceleration = log["a_x"], log["a_y"], log["a_z"]
     else:
         d = local_quadratic(z[:, 3:6], log.dt, RATE_WINDOW, derivative=1).T
         w = z[:, 9:12].T
         v = z[:, 3:6].T
-        acceleration = [d[0] + w[1] * v[2] - w[2] * v[1], d[1] + w[2] * v[0] - w[0] * v[2], d[2] + w[0] * v[1] - w[1] * v[0]]
+        acceleration = d[0] + w[1] * v[2] - w[2] * v[1], d[1] + w[2] * v[0] - w[0] * v[2], d[2] + w[0] * v[1] - w[1] * v[0]
     needed = force_for(at.body, at.applied, acceleration, rotate_back(at.R, at.p_hat))
-    lacking = moment_for(at.body, [rate - model for rate, model in zip(rates, at.derivative[9:12], strict=True)])
+    p, q, r = (rate - model for rate, model in zip(rates, at.derivative[9:12], strict=True))
+    lacking = moment_for(at.body, (p, q, r))
     series = {f"force_{axis}": needed[i] - at.applied.force[i] for i, axis in enumerate("xyz")}
     series |= {f"moment_{axis}": moment for axis, moment in zip("xyz", lacking, strict=True)}
     if "tension" in log:

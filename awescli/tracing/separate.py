@@ -27,11 +27,7 @@ EXPERIMENTS = {
 
 def separate(effects: Sequence[Mapping]) -> list[str]:
     """For every pair of rivals among the entries of effects.json: what would tell them apart."""
-    return [
-        f"{e['name']} and {r['name']}: fly so that what they act on differs: {_words(e, r)}."
-        for e in effects
-        for r in e["rivals"]
-    ]
+    return [f"{e['name']} and {r['name']}: fly so that what they act on differs: {_words(e, r)}." for e in effects for r in e["rivals"]]
 
 
 def _words(effect: Mapping, rival: Mapping) -> str:

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import SURFACES
-from awescli.notation.scalars import select
+from awescli.notation.scalars import Scalar, select
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import SHORTEST
 from awescli.physics.instant import Instant
@@ -27,7 +27,7 @@ class ActuatorDelay(Effect):
     units = ("target", "target/s")
     probes = {"tau": (0.06, 0.12, 0.2)}
 
-    def _tau(self, own: SimpleNamespace):
+    def _tau(self, own: SimpleNamespace) -> Scalar:
         # the Pade poles, 3.5/tau, must be stepped through well by the longest step: at 36 ms, inside RK4's region of stability, a fit of a
         # short delay would still be worse than that of a lag
         shortest = 5 * SHORTEST

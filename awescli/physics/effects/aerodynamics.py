@@ -5,9 +5,10 @@ import re
 from types import SimpleNamespace
 
 from awescli.notation.errors import BadInput, did_you_mean
+from awescli.notation.frames import Vector
 from awescli.notation.present import present
 from awescli.notation.quantities import CONTROL_SURFACES
-from awescli.notation.scalars import absolute, cos, sin
+from awescli.notation.scalars import Scalar, absolute, cos, sin
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Coefficients, Instant
@@ -51,7 +52,7 @@ class Aerodynamics(Effect):
         at_zero = self._evaluate(at, 0.0 * at.alpha)
         return c._replace(CL_alpha_part=c.CL - at_zero.CL)
 
-    def _evaluate(self, at: Instant, alpha) -> Coefficients:
+    def _evaluate(self, at: Instant, alpha: Scalar) -> Coefficients:
         unit = 180 / math.pi if self.table.angles == "deg" else 1.0
         b, c, V_a = at.values["b"], at.values["c"], at.V_a
         x = {
@@ -79,14 +80,14 @@ class Aerodynamics(Effect):
         return Coefficients._make((X, Y, Z, *moments, 0.0))
 
 
-def wind_axes(CX, CY, CZ, alpha, beta):
+def wind_axes(CX: Scalar, CY: Scalar, CZ: Scalar, alpha: Scalar, beta: Scalar) -> Vector:
     """(C_D, C_Y, C_L) of a force given in body axes: the inverse of `body_axes`."""
     s_a, c_a, s_b, c_b = sin(alpha), cos(alpha), sin(beta), cos(beta)
     forward = CX * c_a + CZ * s_a
     return -(forward * c_b + CY * s_b), CY * c_b - forward * s_b, CX * s_a - CZ * c_a
 
 
-def body_axes(CD, CY, CL, alpha, beta):
+def body_axes(CD: Scalar, CY: Scalar, CL: Scalar, alpha: Scalar, beta: Scalar) -> Vector:
     """(C_X, C_Y, C_Z) of (C_D, C_Y, C_L): docs/equations.md (10)."""
     s_a, c_a, s_b, c_b = sin(alpha), cos(alpha), sin(beta), cos(beta)
     return (

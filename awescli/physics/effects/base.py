@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import UNITS
@@ -100,7 +101,7 @@ class Effect:
     def own_states(self, at: Instant) -> tuple:
         return tuple(at.states[s] for s in self.state_names())
 
-    def received(self, at: Instant):
+    def received(self, at: Instant) -> Any:
         """What stood at its place before it acted (not at `load` and `report`, which come later than states are asked for)."""
         return at.received[self.key]
 

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 from awescli.notation.frames import add, cross
 from awescli.notation.parameters import Parameter
+from awescli.notation.scalars import Scalar
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import lag_rate, lag_time, lagged
 from awescli.physics.instant import Coefficients, Instant
@@ -28,7 +29,7 @@ class DownwashLag(Effect):
     start_spread = (0.02,)
     shapes = ("arm",)
 
-    def _tau(self, at: Instant, own: SimpleNamespace):
+    def _tau(self, at: Instant, own: SimpleNamespace) -> Scalar:
         return own.arm * at.values["c"] / at.V_a
 
     def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import CONTROL_SURFACES
+from awescli.notation.scalars import Scalar
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import SHORTEST, clipped
 from awescli.physics.instant import Instant
@@ -32,7 +33,7 @@ class SurfaceBacklash(Effect):
     states = ("remembered",)
     units = ("target",)
 
-    def _surface(self, setpoint, at: Instant, own: SimpleNamespace):
+    def _surface(self, setpoint: Scalar, at: Instant, own: SimpleNamespace) -> Scalar:
         (remembered,) = self.own_states(at)
         return setpoint - clipped(setpoint - remembered, own.width / 2)
 

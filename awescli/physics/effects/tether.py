@@ -1,10 +1,11 @@
 """The tether: line constraint, virtual spring, drag sag, attachment moment: docs/equations.md (12) to (17)."""
 
+from collections.abc import Mapping
 from types import SimpleNamespace
 
-from awescli.notation.frames import add, cross, dot, rotate, rotate_back, scale
+from awescli.notation.frames import Vector, add, cross, dot, rotate, rotate_back, scale
 from awescli.notation.present import present
-from awescli.notation.scalars import maximum, select, sqrt
+from awescli.notation.scalars import Scalar, maximum, select, sqrt
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Instant, Line, Load
@@ -15,7 +16,7 @@ LEAST = 1e-9
 """[N] keeps a quotient of forces finite where both vanish."""
 
 
-def thesis_pull(at, f, m):
+def thesis_pull(at: Instant, f: Vector, m: Scalar) -> Scalar:
     """F_1 = phat . R^T (f_a + f_g + m (rv-qw, pw-ru, qu-pv)): docs/equations.md (13), Rositani (2025) eq. (2) with the sign that
     cancels the pull along the line.
 
@@ -27,7 +28,7 @@ def thesis_pull(at, f, m):
     return dot(at.p_hat, rotate(at.R, add(f, scale(m, coriolis))))
 
 
-def exact_pull(at, f, m):
+def exact_pull(at: Instant, f: Vector, m: Scalar) -> Scalar:
     """F_1 of the constraint |p| = l_t itself, docs/equations.md (14): phat . R^T f + m (|pdot|^2 - (phat . pdot)^2) / |p| - m l_t_ddot."""
     along = dot(at.p_hat, at.v_ned)
     inertial = (dot(at.v_ned, at.v_ned) - along * along) / at.distance - at.line.acceleration
@@ -71,7 +72,7 @@ class Tether(Effect):
         at.tension = at.inputs["tension"] if self.measured else self._tension(at, v, line, m)
         return self._force(at, v, line, at.tension)
 
-    def _tension(self, at: Instant, v, line: Line, m):
+    def _tension(self, at: Instant, v: Mapping[str, Scalar], line: Line, m: Scalar) -> Scalar:
         F_1 = self.pull(at, at.applied.force, m)
         # a heavy line hangs: w^2 l^3 / (24 T^2) of its length is not distance; a parabola while it pulls by more than its own weight
         weight = line.sag_weight * line.length
@@ -84,7 +85,7 @@ class Tether(Effect):
         T = select(line.stiffness, elastic, rigid)
         return maximum(T, 0.0 * T)
 
-    def _force(self, at: Instant, v, line: Line, T):
+    def _force(self, at: Instant, v: Mapping[str, Scalar], line: Line, T: Scalar) -> Load:
         V_a = at.V_a
         F_tD = at.wind.density * v["d_t"] * line.drag_coefficient * line.length * V_a * V_a / 8
         share = F_tD / select(T * STEEPEST - F_tD, T, F_tD / STEEPEST + LEAST)

@@ -1,13 +1,14 @@
 """Propellers: thrust, reaction torque and gyroscopic moment, driven by the throttle or turned by the air."""
 
 import math
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 from awescli.notation.errors import BadInput
-from awescli.notation.frames import add, cross, dot, scale
+from awescli.notation.frames import Vector, add, cross, dot, scale
 from awescli.notation.parameters import Parameter
 from awescli.notation.present import present
-from awescli.notation.scalars import exp, log, maximum
+from awescli.notation.scalars import Scalar, exp, log, maximum
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
 from awescli.physics.instant import Instant, Load
@@ -57,7 +58,7 @@ class Thrust(Effect):
             force, moment = add(force, f), add(moment, m)
         return Load(force, moment)
 
-    def _of(self, propeller: Propeller, at: Instant, own: SimpleNamespace):
+    def _of(self, propeller: Propeller, at: Instant, own: SimpleNamespace) -> tuple[Vector, Vector]:
         """(force, moment about the reference point) of one propeller."""
         axis, rates, density, D = propeller.direction, (at.z.p, at.z.q, at.z.r), at.wind.density, propeller.diameter
         speed = dot(axis, add(at.air_velocity, cross(rates, propeller.hub)))
@@ -71,7 +72,7 @@ class Thrust(Effect):
         moment = add(cross(propeller.hub, force), scale(-propeller.sense * torque, axis))
         return force, add(moment, scale(-1.0, cross(rates, turning)))
 
-    def _revolutions(self, propeller: Propeller, speed, at: Instant, own: SimpleNamespace):
+    def _revolutions(self, propeller: Propeller, speed: Scalar, at: Instant, own: SimpleNamespace) -> Scalar:
         """Revolutions per second, not slower than the air turns the propeller."""
         free = maximum(speed / (propeller.free_advance * propeller.diameter), SLOWEST + 0.0 * speed)
         if propeller.speed.law == "recorded":
@@ -83,7 +84,7 @@ class Thrust(Effect):
         return maximum(balanced(propeller, maximum(power, 0.0 * power), speed, free, at.wind.density), free)
 
 
-def balanced(propeller: Propeller, power, speed, free, density):
+def balanced(propeller: Propeller, power: Scalar, speed: Scalar, free: Scalar, density: Scalar) -> Scalar:
     """Revolutions per second n at which C_P(J) rho n^3 D^5 = `power` [W], by Newton's method; free: those at which it takes none."""
     CP, D = propeller.power_polynomial, propeller.diameter
     wanted = power / (density * D**5)
@@ -97,7 +98,7 @@ def balanced(propeller: Propeller, power, speed, free, density):
     return n
 
 
-def polynomial(coefficients, x):
+def polynomial(coefficients: Sequence[float], x: Scalar) -> Scalar:
     """sum_k c_k x^k, by Horner's rule."""
     total = coefficients[-1] + 0.0 * x
     for c in reversed(coefficients[:-1]):

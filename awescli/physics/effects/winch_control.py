@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
-from awescli.notation.scalars import maximum, sqrt
+from awescli.notation.scalars import Scalar, maximum, sqrt
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import lag_rate
 from awescli.physics.instant import Instant, Line
@@ -14,7 +14,7 @@ USUAL, LATE = 3000.0, 0.1
 """[N] a usual load; [s] by which what a winch pays out is known beforehand no better."""
 
 
-def asked_speed(load, v, kv, k, f_low, f_high):
+def asked_speed(load: Scalar, v: Scalar, kv: Scalar, k: Scalar, f_low: Scalar, f_high: Scalar) -> Scalar:
     """[m/s] the law: what is asked for at a load [N]."""
     beyond = maximum(load - f_high, 0.0 * load) - maximum(f_low - load, 0.0 * load)
     return v + kv * sqrt(maximum(load, 1.0 + 0.0 * load)) + k * beyond
@@ -49,7 +49,7 @@ class WinchControl(Effect):
     units = ("N", "m")
     shapes = ("f_low", "f_high", "tau")
 
-    def _asked(self, at: Instant, own: SimpleNamespace):
+    def _asked(self, at: Instant, own: SimpleNamespace) -> Scalar:
         """[m/s]"""
         load, _ = self.own_states(at)
         return asked_speed(load, own.v, own.kv, own.k, own.f_low, own.f_high)

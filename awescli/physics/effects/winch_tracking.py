@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
+from awescli.notation.scalars import Scalar
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import clipped, lag_time, lagged
 from awescli.physics.instant import Instant, Line
@@ -35,7 +36,7 @@ class WinchTracking(Effect):
     probes = {"tau": (0.2, 0.6)}
     shapes = ("v_max", "a_max")
 
-    def _motion(self, line: Line, at: Instant, own: SimpleNamespace):
+    def _motion(self, line: Line, at: Instant, own: SimpleNamespace) -> tuple[Scalar, Scalar]:
         """(speed, acceleration) of the drum where `line` is asked for."""
         speed, _ = self.own_states(at)
         v = lagged(clipped(speed, own.v_max), line.speed, own.tau)
