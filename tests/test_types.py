@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-WHOLE = tuple("api artifacts cli control engine export flightlog learning notation physics reporting simulation tracing".split())
-"""Rooms in which every argument and every result has its type."""
+ROOMS = sorted(p.parent.name for p in (ROOT / "awescli").glob("*/__init__.py"))
 
 
 def functions(node: ast.AST) -> Iterator[ast.FunctionDef]:
@@ -37,7 +36,7 @@ def test_bare_arguments_and_results_are_seen():
     assert (bare(method), bare(function)) == (["y"], ["result"])
 
 
-@pytest.mark.parametrize("room", WHOLE)
+@pytest.mark.parametrize("room", ROOMS)
 def test_every_argument_and_result_has_a_type(room):
     files = sorted((ROOT / "awescli" / room).rglob("*.py"))
     lacking = [f"{file.name}:{f.lineno}: {f.name}: {n}" for file in files for f in functions(ast.parse(file.read_text())) for n in bare(f)]

@@ -18,6 +18,7 @@ from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.quantities import ANGLES, CONTROL_SURFACES, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.aerodynamics import parse_monomial
+from awescli.physics.instant import Instant
 from awescli.physics.kite import Kite, has_line, surfaces_used
 from awescli.simulation.rollout import inputs_of, setpoints_of
 
@@ -92,7 +93,7 @@ class _Seen:
             setpoints = lfilter([1 - keep], [1, -keep], setpoints - setpoints[0], axis=0) + setpoints[0]
         return local_quadratic(setpoints, self.log.dt, SPAN)[self.rows]
 
-    def instant(self, setpoints: np.ndarray, values: Mapping[str, float] | None = None):
+    def instant(self, setpoints: np.ndarray, values: Mapping[str, float] | None = None) -> Instant:
         """The declared kite at all samples, with other set-points and values; its effects at rest where they would be."""
         c = [(values or {}).get(name, value) for name, value in zip(self.kite.parameter_names, self.c, strict=True)]
         u = list(self.inputs.T)
@@ -167,7 +168,7 @@ def _nuisances(seen: _Seen) -> np.ndarray:
     return np.stack(found, axis=-1)
 
 
-def _angular(at) -> np.ndarray:
+def _angular(at: Instant) -> np.ndarray:
     """(N, 3) angular acceleration of instants."""
     return np.stack(np.broadcast_arrays(*at.derivative[9:12]), axis=1)
 

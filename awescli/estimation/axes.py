@@ -21,11 +21,11 @@ class Axes:
     def __len__(self) -> int:
         return len(self.level)
 
-    def decay(self, dt) -> np.ndarray:
+    def decay(self, dt: float | np.ndarray) -> np.ndarray:
         """(..., W) F over time differences dt (...) [s]."""
         return np.exp(-np.asarray(dt)[..., None] / self.memory)
 
-    def variance(self, dt) -> np.ndarray:
+    def variance(self, dt: float | np.ndarray) -> np.ndarray:
         """(..., W) Q over time differences dt (...) [s]."""
         return -(self.level**2) * np.expm1(-2 * np.asarray(dt)[..., None] / self.memory)
 
@@ -37,7 +37,7 @@ class Axes:
         return np.matmul(S, path)
 
 
-def gap_between(last, first):
+def gap_between(last: float | np.ndarray, first: float | np.ndarray) -> np.ndarray:
     """[s] from the last node of a segment to the first one of the next: 0 where they are one node. Segments that overlap, as they do where
     somebody cuts them so, share no process: the gap is endless."""
     gap = np.asarray(first) - np.asarray(last)

@@ -12,6 +12,7 @@ import numpy as np
 from awescli.control.gaussian_law import design
 from awescli.estimation.controller_bounds import Pairs, error_bounds, estimate_bounds, neighbour_pairs
 from awescli.estimation.controller_centres import farthest_points, thin
+from awescli.estimation.controller_config import ControllerConfig
 from awescli.estimation.controller_hold import Hold
 from awescli.estimation.controller_lp import PENALTY, SparseSolution, sparse_coefficients
 from awescli.estimation.controller_problem import Problem, Score, span_error
@@ -27,7 +28,7 @@ NONE = 1e-6
 """Share of the largest coefficient below which one is zero."""
 
 
-def fit_convex(problem: Problem, config, holds: Iterable[Hold]) -> Iterator[tuple[dict, dict]]:
+def fit_convex(problem: Problem, config: ControllerConfig, holds: Iterable[Hold]) -> Iterator[tuple[dict, dict]]:
     """(fields of the GaussianLaw, report) for each hold. config: a ControllerConfig."""
     widths = [factor * np.sqrt(len(problem.features)) for factor in config.width_factors]
     # first how wide, then how tight: one of each is wrong for none of the others
@@ -55,7 +56,7 @@ class _Programme:
     bounds: tuple[tuple[float, float], ...]
 
     @classmethod
-    def of(cls, problem: Problem, rows: np.ndarray, width: float, config) -> "_Programme":
+    def of(cls, problem: Problem, rows: np.ndarray, width: float, config: ControllerConfig) -> "_Programme":
         candidates = problem.X[rows][farthest_points(problem.X[rows], min(config.candidates, rows.size))]
         D, m = design(problem.X[rows], candidates, width), len(candidates)
         U, pairs = problem.U[rows], neighbour_pairs(problem.X[rows], problem.loop[rows])
@@ -63,7 +64,7 @@ class _Programme:
         left = U - D[:, m:] @ np.linalg.lstsq(D[:, m:], U, rcond=None)[0]
         return cls(rows, candidates, width, D, pairs, tuple(estimate_bounds(e, pairs) for e in left.T))
 
-    def solved(self, problem: Problem, alpha: float, config, hold: Hold | None = None) -> list[SparseSolution]:
+    def solved(self, problem: Problem, alpha: float, config: ControllerConfig, hold: Hold | None = None) -> list[SparseSolution]:
         """The solution for each surface."""
         m, D, U, price = len(self.candidates), self.D, problem.U[self.rows], np.full(len(self.D), PENALTY)
         if hold is not None and hold.strength > 0 and len(hold.X):
@@ -93,7 +94,7 @@ def _support(solutions: list[SparseSolution]) -> np.ndarray:
     return (a > NONE * np.maximum(a.max(axis=1, keepdims=True), 1e-300)).any(axis=0)
 
 
-def _trial(problem: Problem, config, width: float, alpha: float) -> dict:
+def _trial(problem: Problem, config: ControllerConfig, width: float, alpha: float) -> dict:
     """One width and one bound, scored on held-out loops and ahead, each time by a programme that has not seen them."""
     n = config.convex_samples
 

@@ -1,5 +1,6 @@
 """Which features a controller looks at: compared as sets, then each one on trial: what does the fit lose without it?"""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,7 +49,7 @@ class Choice:
     steps: list
 
 
-def rank_features(samples: Samples, wanted, folds: int, additions: tuple[str, ...]) -> tuple[list[Choice], dict]:
+def rank_features(samples: Samples, wanted: str | Sequence[str], folds: int, additions: tuple[str, ...]) -> tuple[list[Choice], dict]:
     """(choices worth a whole fit, best first, report). wanted: the name of a set, 'auto', or a sequence of feature names.
 
     A choice within WORTH of the best may be the one that flies, or that the whole fit prefers: the stand-in is quick, not final.
@@ -86,7 +87,9 @@ def feature_report(samples: Samples, choice: Choice, folds: int) -> dict:
     return {"chosen": list(choice.features), "how": choice.how, "steps": choice.steps, "reasons": _reasons(samples, choice.features, folds)}
 
 
-def _add(samples, kept, score, folds, candidates, steps):
+def _add(
+    samples: Samples, kept: tuple[str, ...], score: Score, folds: int, candidates: Sequence[str], steps: list[dict]
+) -> tuple[tuple[str, ...], Score]:
     """Add the most helpful candidate while it lowers the score to ADDED."""
     while rest := [c for c in candidates if c not in kept]:
         scores = {c: trial_score(samples, (*kept, c), folds) for c in rest}
@@ -98,7 +101,7 @@ def _add(samples, kept, score, folds, candidates, steps):
     return kept, score
 
 
-def _reasons(samples, kept, folds) -> dict[str, dict]:
+def _reasons(samples: Samples, kept: tuple[str, ...], folds: int) -> dict[str, dict]:
     """For each kept feature what its omission costs: the reason it is there."""
     if len(kept) < 2:
         return {name: {"score_without": None, "cost_of_omission": None} for name in kept}
@@ -107,7 +110,7 @@ def _reasons(samples, kept, folds) -> dict[str, dict]:
     return {f: {"score_without": w, "cost_of_omission": w / score - 1.0} for f, w in without.items()}
 
 
-def estimate_delay(samples: Samples, features, folds: int, most_steps: int = 6) -> dict:
+def estimate_delay(samples: Samples, features: Sequence[str], folds: int, most_steps: int = 6) -> dict:
     """Shift between state and set-point by held-out error: u(t) = K(z(t - delay)), delay = 0..most_steps samples.
 
     A delay is believed only where it lowers the score by a tenth: along a smooth flight a shifted state predicts almost as well.

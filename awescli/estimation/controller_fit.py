@@ -1,82 +1,32 @@
 """The door: fit a flight controller to a log, choose what is open by held-out flight, say how good it is and why."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from awescli.control.law import Law, deflections_of_states
 from awescli.control.laws import LAWS
 from awescli.estimation.controller_centres import thin
+from awescli.estimation.controller_config import ControllerConfig
 from awescli.estimation.controller_convex import fit_convex
 from awescli.estimation.controller_features import Choice, estimate_delay, feature_report, observed_limits, observed_rates, rank_features
 from awescli.estimation.controller_gaussian import fit_gaussian
 from awescli.estimation.controller_hold import steering_hold
 from awescli.estimation.controller_linear import fit_linear
 from awescli.estimation.controller_network import fit_network
-from awescli.estimation.controller_noise import NOISE, noise_through_law
+from awescli.estimation.controller_noise import noise_through_law
 from awescli.estimation.controller_problem import blocks, pose
 from awescli.estimation.controller_samples import Samples, answered, gather, in_blocks, samples_at
 from awescli.estimation.controller_steering import Steering, find_steering
 from awescli.flightlog.log import FlightLog
-from awescli.notation.errors import BadInput, did_you_mean
+from awescli.flightlog.split import Range
+from awescli.notation.errors import BadInput
 
 FITS = {"gaussian": fit_gaussian, "network": fit_network, "linear": fit_linear}
 """kind -> (problem, config, holds) -> one (fields of the law, report) after the other."""
 CONVEX = "convex"
 """A gaussian law by linear programmes alone, where it stands beside the kinds in a comparison."""
-
-
-@dataclass(frozen=True)
-class ControllerConfig:
-    """Settings of a controller fit.
-
-    kind: one of LAWS; method: how the terms of a gaussian law are found: greedy, convex (linear programmes alone), or best: greedy, with
-    and without what a linear programme prefers, whichever predicts better; features: a set of FEATURE_SETS, 'auto', or names; surfaces:
-    None for all that move; folds: of whole loops; few_loops: refuse fewer loops than folds, or take blocks of time;
-    most_nonzeros, candidates, width_factors (times sqrt(number of features)), counts: its basis; condition_limit: of its regression;
-    alphas: the convex step's tolerances in units of eps, the first that all but `outliers` of the samples meet; gamma_share: the error's
-    Lipschitz bound, as a share of gamma; smooth_window_s: 0 fits to the states as measured; refit_with_validation: after
-    all choices are made, use the validation part too; limits: surface -> (lower, upper) [rad]; limit_margin: share of the flown range
-    granted beyond it; noise: sensor standard deviations, SI; hold: weight of what controller_hold asks where nobody flies the law,
-    hold_strengths: those tried, weakest first, where somebody does; compare: fit all kinds.
-    """
-
-    kind: str = "gaussian"
-    method: str = "best"
-    features: str | tuple[str, ...] = "auto"
-    additions: tuple[str, ...] = ("inverse_speed", "range", "wing_along_line", "nose_along_line", "v_d", "reel_out_speed")
-    surfaces: tuple[str, ...] | None = None
-    folds: int = 4
-    few_loops: str = "refuse"
-    most_nonzeros: int = 79
-    candidates: int = 200
-    counts: tuple[int, ...] = (15, 30, 45, 60)
-    width_factors: tuple[float, ...] = (0.9, 1.2, 1.6, 2.1)
-    condition_limit: float = 1e6
-    alphas: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)
-    outliers: float = 0.05
-    gamma_share: float = 0.5
-    convex_samples: int = 300
-    convex_pairs: int = 200
-    smooth_window_s: float = 0.34
-    selection_samples: int = 3000
-    refit_with_validation: bool = True
-    limits: dict = field(default_factory=dict)
-    limit_margin: float = 0.5
-    noise: dict = field(default_factory=lambda: dict(NOISE))
-    network_width: int = 12
-    network_iterations: int = 300
-    seed: int = 0
-    hold_strengths: tuple[float, ...] = (0.003, 0.0055, 0.01, 0.03, 0.1)
-    hold: float = 0.01
-    compare: bool = False
-
-    def __post_init__(self):
-        if self.kind not in FITS:
-            raise BadInput(f"unknown kind of control law '{self.kind}'", do=did_you_mean(self.kind, FITS))
-        if self.folds < 2:
-            raise BadInput(f"{self.folds} folds", do="Set folds to 2 or more.")
 
 
 @dataclass(frozen=True)
@@ -89,7 +39,11 @@ class ControllerFit:
 
 
 def fit_controller(
-    log: FlightLog, train_ranges, validation_ranges, config: ControllerConfig | None = None, fly: Callable[[Law], float] | None = None
+    log: FlightLog,
+    train_ranges: Sequence[Range],
+    validation_ranges: Sequence[Range],
+    config: ControllerConfig | None = None,
+    fly: Callable[[Law], float] | None = None,
 ) -> ControllerFit:
     """Fit the controller of a FlightLog.
 
@@ -182,7 +136,10 @@ class Attempt:
                 **self.report["chosen_by"]}  # fmt: skip
 
 
-def _attempts(kind: str, choice: Choice, samples: Samples, steering: Steering, config, common: dict, fly) -> list[Attempt]:
+def _attempts(
+    kind: str, choice: Choice, samples: Samples, steering: Steering, config: ControllerConfig, common: dict,
+    fly: Callable[[Law], float] | None,
+) -> list[Attempt]:  # fmt: skip
     """Attempts with a stronger and stronger hold, until one flies and a stronger hold fits unseen flight no better."""
     problem, attempts = pose(samples, choice.features, config.folds, config.selection_samples), []
     seen = {"features": choice.features, "centre": problem.centre, "scale": problem.scale}

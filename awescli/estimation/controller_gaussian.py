@@ -5,12 +5,14 @@ optimality analysis", ACC 2011. Widths, number of centres and ridge are chosen b
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
 from awescli.control.gaussian_law import design
 from awescli.estimation.controller_bounds import error_bounds, estimate_bounds, neighbour_pairs
 from awescli.estimation.controller_centres import farthest_points, thin
+from awescli.estimation.controller_config import ControllerConfig
 from awescli.estimation.controller_greedy import greedy_order
 from awescli.estimation.controller_hold import Hold
 from awescli.estimation.controller_lp import sparse_coefficients
@@ -22,7 +24,7 @@ CONDITION_SHARE = 0.7
 """Terms are counted up to this share of the condition that may be had: the last fit, on more samples, finds it a little different."""
 
 
-def fit_gaussian(problem: Problem, config, holds: Iterable[Hold]) -> Iterator[tuple[dict, dict]]:
+def fit_gaussian(problem: Problem, config: ControllerConfig, holds: Iterable[Hold]) -> Iterator[tuple[dict, dict]]:
     """(fields of the GaussianLaw, report) for each hold, which is what is asked beside the samples. config: a ControllerConfig."""
     chosen_on = _Bases(problem, config, problem.rows)
     final = _Bases(problem, config, thin(problem.everything, problem.rows.size)) if config.refit_with_validation else chosen_on
@@ -34,13 +36,13 @@ class _Bases:
     """What no hold changes: candidates among the states at `rows`, their regressors, the order they are taken in, and the convex step; each
     computed once. Choices are made with a basis from the train part; the law itself takes its own from the validation part too."""
 
-    def __init__(self, problem: Problem, config, rows: np.ndarray):
+    def __init__(self, problem: Problem, config: ControllerConfig, rows: np.ndarray):
         self.problem, self.config, self.rows = problem, config, rows
         self.candidates = problem.X[rows][farthest_points(problem.X[rows], config.candidates)]
         self.widths = [factor * np.sqrt(len(problem.features)) for factor in config.width_factors]
         self._kept: dict = {}
 
-    def _once(self, key, make: Callable):
+    def _once(self, key: tuple, make: Callable) -> Any:
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
@@ -66,7 +68,7 @@ class _Bases:
         return order[: well_conditioned(S[:, m:], S[:, order], CONDITION_SHARE * self.config.condition_limit)]
 
 
-def _fit_held(problem: Problem, bases: _Bases, final: _Bases, config, hold: Hold) -> tuple[dict, dict]:
+def _fit_held(problem: Problem, bases: _Bases, final: _Bases, config: ControllerConfig, hold: Hold) -> tuple[dict, dict]:
     """(fields of the GaussianLaw, report): chosen with `bases`, taken from `final`."""
     candidates = final.candidates
     trials = [trial for w in bases.widths for trial in _trials(problem, bases, w, False, config, hold)]
@@ -114,7 +116,7 @@ def _row(t: dict) -> dict:
             **t["score"].row()}  # fmt: skip
 
 
-def _trials(problem: Problem, bases: _Bases, width: float, relaxed: bool, config, hold: Hold) -> list[dict]:
+def _trials(problem: Problem, bases: _Bases, width: float, relaxed: bool, config: ControllerConfig, hold: Hold) -> list[dict]:
     """Every number of centres at one width, each with its best ridge."""
     (S, M, A), order = bases.regressors(width), bases.order(width, relaxed)
     m = bases.candidates.shape[0]
@@ -132,7 +134,7 @@ def _trials(problem: Problem, bases: _Bases, width: float, relaxed: bool, config
     return result
 
 
-def _convex_step(problem: Problem, rows: np.ndarray, candidates, width: float, config) -> dict:
+def _convex_step(problem: Problem, rows: np.ndarray, candidates: np.ndarray, width: float, config: ControllerConfig) -> dict:
     """The l1 program for each surface on a subsample of `rows`; the union of the supports, and the bounds it rests on."""
     rows = thin(rows, config.convex_samples)
     pairs = neighbour_pairs(problem.X[rows], problem.loop[rows])

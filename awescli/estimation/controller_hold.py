@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from awescli.control.pattern import Pattern
 from awescli.estimation.controller_centres import thin
-from awescli.estimation.controller_linear import affine_design
 from awescli.estimation.controller_problem import Problem, fit_on_everything
+from awescli.estimation.controller_ridge import affine_design
 from awescli.estimation.controller_samples import Samples, feature_matrix, samples_at
 from awescli.estimation.controller_steering import Steering
 

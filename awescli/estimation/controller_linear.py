@@ -2,24 +2,20 @@
 
 from collections.abc import Iterable, Iterator
 
-import numpy as np
-
+from awescli.estimation.controller_config import ControllerConfig
+from awescli.estimation.controller_hold import Hold
 from awescli.estimation.controller_problem import Problem, fit_on_everything, score_linear
+from awescli.estimation.controller_ridge import affine_design
 
 RIDGES = (1e-6, 1e-4, 1e-3, 1e-2)
 
 
-def affine_design(X: np.ndarray) -> np.ndarray:
-    """[1, X], (N, 1 + F)."""
-    return np.concatenate([np.ones((X.shape[0], 1)), X], axis=1)
-
-
-def fit_linear(problem: Problem, config, holds: Iterable) -> Iterator[tuple[dict, dict]]:
+def fit_linear(problem: Problem, config: ControllerConfig, holds: Iterable) -> Iterator[tuple[dict, dict]]:
     """(fields of the LinearLaw, report) for each hold, which is what is asked beside the samples."""
     return (_fit_held(problem, config, hold) for hold in holds)
 
 
-def _fit_held(problem: Problem, config, hold) -> tuple[dict, dict]:
+def _fit_held(problem: Problem, config: ControllerConfig, hold: Hold) -> tuple[dict, dict]:
     scores = score_linear(
         problem,
         affine_design(problem.X[problem.rows]),

@@ -8,18 +8,20 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from awescli.estimation.controller_centres import thin
-from awescli.estimation.controller_linear import affine_design
+from awescli.estimation.controller_config import ControllerConfig
+from awescli.estimation.controller_hold import Hold
 from awescli.estimation.controller_problem import Problem
+from awescli.estimation.controller_ridge import affine_design
 
 DECAYS = (1e-6, 1e-5, 1e-4)
 
 
-def fit_network(problem: Problem, config, holds: Iterable) -> Iterator[tuple[dict, dict]]:
+def fit_network(problem: Problem, config: ControllerConfig, holds: Iterable) -> Iterator[tuple[dict, dict]]:
     """(fields of the NetworkLaw, report) for each hold, which is what is asked beside the samples."""
     return (_fit_held(problem, config, hold) for hold in holds)
 
 
-def _fit_held(problem: Problem, config, hold) -> tuple[dict, dict]:
+def _fit_held(problem: Problem, config: ControllerConfig, hold: Hold) -> tuple[dict, dict]:
     train = thin(problem.rows, 2500)
     trials = []
     ahead_rows = problem.ahead[problem.unseen]
@@ -45,7 +47,9 @@ def _forward(fields: dict, X: np.ndarray) -> np.ndarray:
     return h @ fields["weights_3"].T + affine_design(X) @ fields["affine"].T
 
 
-def _train(problem: Problem, rows: np.ndarray, decay: float, config, hold, iterations: int) -> dict[str, np.ndarray]:
+def _train(
+    problem: Problem, rows: np.ndarray, decay: float, config: ControllerConfig, hold: Hold, iterations: int
+) -> dict[str, np.ndarray]:
     """Weights from the rows' smoothed states and the hold's displaced ones, in rad."""
     import torch
 

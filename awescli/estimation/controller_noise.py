@@ -1,5 +1,7 @@
 """What sensor noise alone does to a fitted law: the floor under any score that uses measured states."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from awescli.control.law import Law, deflections_of_states
@@ -11,7 +13,7 @@ NOISE = {"p_n": 0.1, "p_e": 0.1, "p_d": 0.15, "v_n": 0.05, "v_e": 0.05, "v_d": 0
 """Standard deviations in SI of the development flights' sensors (their nominal.yaml: sensor_noise_std)."""
 
 
-def with_noise(z, noise: dict[str, float], seed: int) -> dict[str, np.ndarray]:
+def with_noise(z: Mapping[str, np.ndarray], noise: dict[str, float], seed: int) -> dict[str, np.ndarray]:
     """z, mapping of arrays (N,), as sensors of these standard deviations would report it: velocities are measured in NED."""
     random = np.random.default_rng(seed)
     n = z["p_n"].shape[0]
@@ -26,7 +28,9 @@ def with_noise(z, noise: dict[str, float], seed: int) -> dict[str, np.ndarray]:
     return out
 
 
-def noise_through_law(law: Law, z, noise: dict[str, float], span: dict[str, float], seed: int = 0) -> dict[str, float]:
+def noise_through_law(
+    law: Law, z: Mapping[str, np.ndarray], noise: dict[str, float], span: dict[str, float], seed: int = 0
+) -> dict[str, float]:
     """surface -> NRMSE that the noise alone causes: law(z + noise) against law(z), over `span` [rad]."""
     clean, shaken = deflections_of_states(law, z), deflections_of_states(law, with_noise(z, noise, seed))
     return {s: float(np.sqrt(np.mean((shaken[s] - clean[s]) ** 2)) / span[s]) for s in law.surfaces}

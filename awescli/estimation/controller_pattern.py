@@ -1,12 +1,15 @@
 """The circle that a flight follows, and the loops it is made of, from the log."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from scipy.optimize import least_squares
 
 from awescli.control.pattern import Pattern, arc, place
 
 
-def fit_pattern(z, keep: np.ndarray, most: int = 4000) -> Pattern:
+def fit_pattern(z: Mapping[str, Any], keep: np.ndarray, most: int = 4000) -> Pattern:
     """Least-squares circle on the sphere around the winch: the arc from the centre direction is a constant radius [m].
 
     z: mapping of arrays (N,); keep: (N,) bool, the samples to use. The sense of turning is the sign of the mean phase rate.
@@ -27,13 +30,13 @@ def fit_pattern(z, keep: np.ndarray, most: int = 4000) -> Pattern:
     return Pattern(pattern.elevation, pattern.azimuth, pattern.radius, 1.0 if growth >= 0 else -1.0)
 
 
-def phase(z, pattern: Pattern) -> np.ndarray:
+def phase(z: Mapping[str, np.ndarray], pattern: Pattern) -> np.ndarray:
     """Unwrapped phase on the circle (N,) [rad]."""
     _, right, up, _ = place(z, pattern)
     return np.unwrap(np.arctan2(right, up))
 
 
-def loop_numbers(z, pattern: Pattern) -> np.ndarray:
+def loop_numbers(z: Mapping[str, Any], pattern: Pattern) -> np.ndarray:
     """Which loop each sample belongs to, (N,) int, counted from the first sample of the flight."""
     angle = pattern.turn * phase(z, pattern)
     # a kite that wobbles backwards over the loop's border has not begun an earlier loop

@@ -1,6 +1,6 @@
 """The regression problem of a controller fit, and how a choice is scored: held-out loops, then unseen flight, with noisy states."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,8 +86,9 @@ class Score:
 
 
 def score_linear(
-    problem: Problem, smoothed: np.ndarray, measured: np.ndarray, ahead: np.ndarray, ridges, U=None, extra=None
-) -> dict[float, Score]:
+    problem: Problem, smoothed: np.ndarray, measured: np.ndarray, ahead: np.ndarray, ridges: Sequence[float], U: np.ndarray | None = None,
+    extra: tuple[np.ndarray, np.ndarray] | None = None,
+) -> dict[float, Score]:  # fmt: skip
     """Score of the regression on given regressors for each ridge.
 
     smoothed, measured: regressors (n, M) at problem.rows; ahead: (m, M) measured regressors at problem.ahead;
@@ -128,7 +129,9 @@ def blocks(rows: np.ndarray) -> Iterator[np.ndarray]:
     return (rows[i : i + BLOCK] for i in range(0, rows.size, BLOCK))
 
 
-def fit_on_everything(problem: Problem, regressors, ridge: float, rows: np.ndarray | None = None, extra=None) -> tuple[np.ndarray, dict]:
+def fit_on_everything(
+    problem: Problem, regressors: Callable, ridge: float, rows: np.ndarray | None = None, extra: tuple[np.ndarray, np.ndarray] | None = None
+) -> tuple[np.ndarray, dict]:
     """(coefficients (M, S), conditioning) of the ridge regression on all train and validation samples, smoothed states.
 
     regressors: X (n, F) -> (n, M); extra: (A, u) rows beside the samples. However long the flight, memory holds one block.

@@ -5,6 +5,11 @@ from collections.abc import Iterable
 import numpy as np
 
 
+def affine_design(X: np.ndarray) -> np.ndarray:
+    """[1, X], (N, 1 + F)."""
+    return np.concatenate([np.ones((X.shape[0], 1)), X], axis=1)
+
+
 def triangle(blocks: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, int]:
     """R of the QR factorisation of [A | u], A and u given in blocks of rows (N_b, M), (N_b, S); and the number of rows.
 

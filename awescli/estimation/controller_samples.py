@@ -1,5 +1,6 @@
 """Samples for a controller fit: which surfaces move, the states as measured and as smoothed, and which loop each sample is in."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,7 +49,7 @@ class Samples:
     looping: bool
 
 
-def smooth_states(log: FlightLog, window_s: float):
+def smooth_states(log: FlightLog, window_s: float) -> FlightLog:
     """The log with white sensor noise smoothed out of its states: a cubic Savitzky-Golay filter, run by run of valid samples.
 
     A law fitted to noisy states is an errors-in-variables problem: its gains shrink, its fit bends to the noise. The controller saw the
@@ -66,7 +67,7 @@ def smooth_states(log: FlightLog, window_s: float):
     return replace(log, measured=measured)
 
 
-def mask_of(ranges, valid: np.ndarray, what: str) -> np.ndarray:
+def mask_of(ranges: Sequence[tuple[int, int]], valid: np.ndarray, what: str) -> np.ndarray:
     """(N,) bool of the valid samples in `ranges`, a list of (first, last) sample numbers, last excluded."""
     mask = np.zeros(valid.shape[0], dtype=bool)
     for first, last in ranges:
@@ -76,7 +77,9 @@ def mask_of(ranges, valid: np.ndarray, what: str) -> np.ndarray:
     return mask & valid
 
 
-def moving_surfaces(log: FlightLog, train: np.ndarray, wanted, least: float) -> tuple[tuple[str, ...], dict[str, float]]:
+def moving_surfaces(
+    log: FlightLog, train: np.ndarray, wanted: Sequence[str] | None, least: float
+) -> tuple[tuple[str, ...], dict[str, float]]:
     """(surfaces whose set-point moves by more than `least` rad in the train samples, the others with their constant)."""
     logged = [name for name in SURFACES if name in log.inputs]
     span = {name: float(np.ptp(log.inputs[name][train])) for name in logged}
@@ -97,7 +100,12 @@ def moving_surfaces(log: FlightLog, train: np.ndarray, wanted, least: float) -> 
 
 
 def gather(
-    log: FlightLog, train_ranges, validation_ranges, surfaces=None, smooth_window_s: float = 0.3, least_motion: float = 1e-4
+    log: FlightLog,
+    train_ranges: Sequence[tuple[int, int]],
+    validation_ranges: Sequence[tuple[int, int]],
+    surfaces: Sequence[str] | None = None,
+    smooth_window_s: float = 0.3,
+    least_motion: float = 1e-4,
 ) -> Samples:
     """The samples of a log; what is neither train nor validation is test."""
     train, validation = mask_of(train_ranges, log.valid, "training"), mask_of(validation_ranges, log.valid, "validation")
@@ -157,7 +165,7 @@ def samples_at(z: dict, rows: np.ndarray) -> dict:
     return {name: signal[rows] if np.ndim(signal) else signal for name, signal in z.items()}
 
 
-def available(samples: Samples, names) -> tuple[tuple[str, ...], list[str]]:
+def available(samples: Samples, names: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
     """(features that can be evaluated and vary, notes on the dropped ones)."""
     kept, notes = [], []
     for name in names:
@@ -176,14 +184,18 @@ def available(samples: Samples, names) -> tuple[tuple[str, ...], list[str]]:
     return tuple(kept), notes
 
 
-def feature_matrix(z, names, pattern: Pattern, centre, scale) -> np.ndarray:
+def feature_matrix(
+    z: Mapping[str, np.ndarray], names: Sequence[str], pattern: Pattern, centre: Sequence[float], scale: Sequence[float]
+) -> np.ndarray:
     """Standardised features (N, F)."""
     n = z["p_n"].shape[0]
     columns = evaluate(names, z, pattern)
     return np.stack([(np.broadcast_to(c, n) - m) / s for c, m, s in zip(columns, centre, scale, strict=True)], axis=1)
 
 
-def standardisation(z, names, pattern: Pattern, keep: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def standardisation(
+    z: Mapping[str, np.ndarray], names: Sequence[str], pattern: Pattern, keep: np.ndarray
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """(mean, standard deviation) of each feature over the samples `keep`."""
     columns = [np.broadcast_to(c, keep.shape)[keep] for c in evaluate(names, z, pattern)]
     return tuple(float(c.mean()) for c in columns), tuple(float(c.std()) for c in columns)

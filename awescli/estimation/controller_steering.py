@@ -12,6 +12,7 @@ Slopes that would not steer are replaced by those of a kite that returns to its 
 (Fagiano et al., IEEE TCST 22(4), 2014; Erhard & Strauch, Control Eng. Practice 21, 2013): turn_rate = (g u + c) V + gravity.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,7 +78,7 @@ def find_steering(samples: Samples) -> Steering:
     return Steering(pattern, np.array(course), np.array(radius), report)
 
 
-def _numbers(surfaces, values) -> dict:
+def _numbers(surfaces: Sequence[str], values: Sequence[float] | np.ndarray) -> dict[str, float | None]:
     return {s: float(v) if np.isfinite(v) else None for s, v in zip(surfaces, values, strict=True)}
 
 

@@ -3,6 +3,7 @@ flight's own; the nuisances of every flight are integrated out."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -273,7 +274,10 @@ class _Problem:
         b[place] += new
         return replace(i, slope=new, slope_at=x, rejected=rejected)
 
-    def _integrated(self, share, x, place, i: _Inner, before: Linearised | None, links, gram, info, counted) -> _Inner:
+    def _integrated(
+        self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, before: Linearised | None, links: Links, gram: Gram,
+        info: Information, counted: np.ndarray,
+    ) -> _Inner:  # fmt: skip
         """The slope, found anew where it is due: it never was, or the parameters have moved by a standard deviation since."""
         updates = i.updates
         if i.rejected >= MOST_REJECTED or not len(place):
@@ -292,7 +296,9 @@ class _Problem:
         found = self._slope(share, x, place, i, links, gram, info, counted)
         return replace(i, slope=i.slope if found is None else found, slope_at=x, updates=updates)
 
-    def _slope(self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, links: Links, gram: Gram, info: Information, counted):
+    def _slope(
+        self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, links: Links, gram: Gram, info: Information, counted: np.ndarray
+    ) -> np.ndarray | None:
         return log_det_gradient(share.misfit, x[place], i.own, links, gram, info, counted, self.precision[place], self.probes)
 
 
@@ -320,14 +326,9 @@ def relaxed(misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> NuisanceValue
 
 
 def fit_together(
-    shares: Sequence[Share],
-    *,
-    prior: bool = True,
-    iterations: int = 30,
-    tolerance: float = 1e-2,
-    probes: int = 2,
+    shares: Sequence[Share], *, prior: bool = True, iterations: int = 30, tolerance: float = 1e-2, probes: int = 2,
     on_iteration: Callable[[int, float], None] = lambda i, c: None,
-) -> JointFit:
+) -> JointFit:  # fmt: skip
     """Fit the unknowns of all flights under the parameters' bounds and the kites' constraints, the nuisances integrated out. Raises
     BadInput where no values satisfy these.
 
@@ -369,7 +370,12 @@ def _fit_of(share: Share, place: np.ndarray, inner: _Inner, known: _Known, solut
 
 
 def fit(
-    misfit: Misfit, parameters: ParameterTable, *, prior_table: ParameterTable | None = None, own: NuisanceValues | None = None, **how
+    misfit: Misfit,
+    parameters: ParameterTable,
+    *,
+    prior_table: ParameterTable | None = None,
+    own: NuisanceValues | None = None,
+    **how: Any,
 ) -> Fit:
     """`fit_together` of one flight, weighed against `prior_table` (default: `parameters`)."""
     return fit_together([Share(misfit, parameters, prior_table or parameters, misfit.names, own)], **how).flights[0]

@@ -182,7 +182,7 @@ class _Back:
         inside = self._within(ends, F)
         return Innovations(mean + further, (inside / Q).sum(axis=0) + spread, count + gaps)
 
-    def _along(self, path: np.ndarray):
+    def _along(self, path: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         """((K, 2 W, 2 W) covariance of w at both ends of the segments; variances and squares of the steps between segments, in units of
         their noise, and how many these are, the first value of all included)."""
         W, axes, which = len(self.axes), self.axes, self.which
@@ -274,7 +274,9 @@ def _with_axes(gram: Gram, axes: Axes) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return gram.x.take(place, axis=2).take(place, axis=3), gram.xy.take(place, axis=2), E
 
 
-def _segments(gram: Gram, axes: Axes, path, x, xy, E, spans):
+def _segments(
+    gram: Gram, axes: Axes, path: np.ndarray, x: np.ndarray, xy: np.ndarray, E: np.ndarray, spans: np.ndarray
+) -> tuple[tuple[_Eliminated, ...], _Eliminated, np.ndarray, np.ndarray]:
     """(eliminated inner nodes, first one first; eliminated starts; Gram matrices (K, 2 W + n + 1, ...) of [w at the first node, w at the
     last one, globals, residual]; (K,) log det of all this)."""
     n_s, n_start, W, L = gram.n_s, gram.n_start, len(axes), len(spans)
@@ -329,7 +331,10 @@ def _segments(gram: Gram, axes: Axes, path, x, xy, E, spans):
     return tuple(reversed(inner)), start, of_ends, log_det
 
 
-def _joined(gram: Gram, axes: Axes, path, times, which, of_ends, log_det, E, start, inner) -> Information:
+def _joined(
+    gram: Gram, axes: Axes, path: np.ndarray, times: np.ndarray, which: np.ndarray, of_ends: np.ndarray, log_det: np.ndarray,
+    E: np.ndarray, start: _Eliminated, inner: tuple[_Eliminated, ...],
+) -> Information:  # fmt: skip
     """The segments `which` along the flight, from the last to the first."""
     W, L, k = len(axes), len(gram.bounds) - 1, gram.n + 1
     here, a, b, y = np.arange(W), slice(0, W), slice(W, 2 * W), slice(2 * W, 2 * W + k)
@@ -339,7 +344,7 @@ def _joined(gram: Gram, axes: Axes, path, times, which, of_ends, log_det, E, sta
     joined: list[tuple[_Eliminated | None, _Eliminated]] = []
     for place in range(len(which) - 1, -1, -1):
         seg = which[place]
-        M, det = of_ends[seg].copy(), log_det[seg] + behind_det
+        M, det = of_ends[seg].copy(), float(log_det[seg]) + behind_det
         first = None
         if place < len(which) - 1:
             nxt = which[place + 1]
@@ -358,7 +363,7 @@ def _joined(gram: Gram, axes: Axes, path, times, which, of_ends, log_det, E, sta
                 around[W:, W:] = behind[W:, W:]
                 around[-1, -1] += (e * e / q).sum()
                 first, behind = _eliminate(behind[a, a], to_rest, around, W)
-                det += float(first.log_det) + np.log(q).sum()
+                det += float(first.log_det) + float(np.log(q).sum())
             M[W:, W:] += behind
         joined_last, whole = _eliminate(M[b, b], np.concatenate([M[b, a], M[b, y]], axis=1), _without(M, W), W)
         det += float(joined_last.log_det)

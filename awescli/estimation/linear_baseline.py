@@ -5,7 +5,7 @@ the directions of gravity and of north in the body's horizon, velocity over grou
 between lags, penalty, and whether the place counts, are those with the smallest error on the validation part.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from awescli.flightlog.split import Split
 from awescli.notation.errors import BadInput
 from awescli.notation.frames import rotate, rotation_body_to_ned
 from awescli.notation.quantities import OF_LINE, STATES, SURFACES
+from awescli.physics.declaration import Noise
 from awescli.physics.flight_model import FlightModel
 from awescli.physics.kite import needed_by
 from awescli.simulation.rollout import wind_inputs
@@ -68,7 +69,9 @@ class LinearBaseline:
     outcome: str
     bounds: np.ndarray
 
-    def predict(self, log: FlightLog, noise, ranges, horizon: float, every: float | None = None) -> Prediction:
+    def predict(
+        self, log: FlightLog, noise: Noise, ranges: Sequence[tuple[int, int]], horizon: float, every: float | None = None
+    ) -> Prediction:
         """As `prediction.predict`, from the same samples; it knows no more than the second before a prediction. What stands at the start is
         predicted too, from what was measured before it."""
         before, ahead = int(round(WARM_UP / log.dt)), int(round(horizon / log.dt))
@@ -152,7 +155,9 @@ def _ahead(model: Arx, signals: Signals, first: np.ndarray, count: int) -> np.nd
     return model.simulate(signals.y[back], signals.u[np.minimum(over, len(signals.u) - 1)])
 
 
-def _beside(log: FlightLog, signals: Signals, y: np.ndarray, bounds: np.ndarray, first: np.ndarray, ranges, noise) -> Prediction:
+def _beside(
+    log: FlightLog, signals: Signals, y: np.ndarray, bounds: np.ndarray, first: np.ndarray, ranges: Sequence[tuple[int, int]], noise: Noise
+) -> Prediction:
     y, alive = _held(y, bounds)
     return beside(log, _scored(signals, y), alive, first, ranges, noise)
 

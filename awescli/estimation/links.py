@@ -57,7 +57,7 @@ class Links:
         offsets = np.hstack([np.zeros((len(self), self.unknown)), self._known_offsets()])
         return replace(self, offsets=offsets, spread=np.r_[np.ones(self.unknown), self.spread], unknown=0)
 
-    def pick(self, which) -> "Links":
+    def pick(self, which: np.ndarray | slice) -> "Links":
         """Some of the segments, by index or mask."""
         offsets = None if self.offsets is None else self.offsets[which]
         return replace(self, offsets=offsets, **{name: getattr(self, name)[which] for name in ("J", "ends", "r", "weight")})

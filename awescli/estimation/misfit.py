@@ -11,7 +11,7 @@ from awescli.estimation.links import Gram, Links
 from awescli.estimation.processes.base import Process, axes_of, disturbances_of, drifts_of, labels_of, spacing
 from awescli.notation.quantities import STATES
 from awescli.physics.disturbances import PHASE, both
-from awescli.simulation.rollout import Simulator, Trajectories
+from awescli.simulation.rollout import Segments, Simulator, Trajectories
 from awescli.simulation.segments import Observed
 
 DIVERGED_COST = 25.0
@@ -48,7 +48,7 @@ class Misfit:
     axes: Axes = field(init=False)
     nodes: np.ndarray = field(init=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "axes", axes_of(self.processes, self.disturbances, self.drifts))
         object.__setattr__(self, "nodes", nodes_of(self.observed.segments, spacing(self.processes)))
 
@@ -81,10 +81,10 @@ class Misfit:
         """(K,) times of the first samples [s], on the log's own count."""
         return self.observed.segments.first * self.observed.segments.dt
 
-    def values(self, x) -> dict[str, float]:
+    def values(self, x: np.ndarray) -> dict[str, float]:
         return dict(zip(self.names, x, strict=True))
 
-    def segments(self, own: NuisanceValues):
+    def segments(self, own: NuisanceValues) -> Segments:
         """The segments from their own starts, in their own disturbances."""
         segments = self.observed.segments.starting_at(own.starts)
         if not self.disturbances:
@@ -109,8 +109,8 @@ class Misfit:
         return np.arange(self.observed.measured.shape[1])[None] < trajectories.alive[:, None]
 
     def links(
-        self, x, own: NuisanceValues, parameters: Sequence[str] | None = None, extra: Callable[[NuisanceValues], np.ndarray] | None = None,
-        values: dict[str, float] | None = None,
+        self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str] | None = None,
+        extra: Callable[[NuisanceValues], np.ndarray] | None = None, values: dict[str, float] | None = None,
     ) -> tuple[Links, Trajectories]:  # fmt: skip
         """What the segments say about nuisances and `parameters` (default: the globals), linearised at parameter values x and nuisances.
 
@@ -147,7 +147,7 @@ class Misfit:
         of_globals = np.zeros((links.n, change.path.shape[-1])) if of_globals is None else of_globals
         return links.changed(change.states, acting, drifting, of_globals)
 
-    def costs(self, x, own: NuisanceValues) -> tuple[np.ndarray, np.ndarray]:
+    def costs(self, x: np.ndarray, own: NuisanceValues) -> tuple[np.ndarray, np.ndarray]:
         """(cost, whole), each (K,): squared residual of every segment; whole: it did not diverge. One that did is charged DIVERGED_COST per
         sample that it missed, and at most that for the others."""
         trajectories = self.simulator.rollout(self.segments(own), self.values(x))
@@ -203,7 +203,7 @@ class Misfit:
         return replace(own, path=found)
 
 
-def nodes_of(segments, spacing_s: float) -> np.ndarray:
+def nodes_of(segments: Segments, spacing_s: float) -> np.ndarray:
     """(L + 1,) samples of the nodes of segments: evenly spread, both ends included, at most `spacing_s` apart where samples allow."""
     steps = segments.steps
     count = int(np.ceil(steps * segments.dt / spacing_s - 1e-9)) if np.isfinite(spacing_s) else 1

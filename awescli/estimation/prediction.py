@@ -4,6 +4,7 @@ The start of a prediction is fitted to the measurements of a warm-up window that
 measured after that moment is used (but the replayed set-points, the winch and the wind, where the model is driven by them).
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, STATES
 from awescli.physics.declaration import Noise
 from awescli.simulation import scores
-from awescli.simulation.rollout import Simulator, Trajectories
+from awescli.simulation.rollout import Segments, Simulator, Trajectories
 from awescli.simulation.segments import Observed, noise_std, observe
 
 SCORED = (*STATES, "V_a", "alpha", "beta", "tension")
@@ -66,8 +67,8 @@ class Prediction:
 
 
 def predict(
-    simulator: Simulator, log: FlightLog, ranges, horizon: float, values=None, warm_up: float = WARM_UP, every: float | None = None,
-    known_starts: bool = False,
+    simulator: Simulator, log: FlightLog, ranges: Sequence[tuple[int, int]], horizon: float,
+    values: Mapping[str, float] | None = None, warm_up: float = WARM_UP, every: float | None = None, known_starts: bool = False,
 ) -> Prediction:  # fmt: skip
     """Predict `horizon` seconds ahead, again and again through the sample `ranges`, and compare.
 
@@ -84,7 +85,9 @@ def predict(
     return compare(log, trajectories, begin + before, skip, ranges, simulator.kite.declaration.noise)
 
 
-def forecast(simulator: Simulator, log: FlightLog, first: np.ndarray, ahead: int, before: int, values=None) -> tuple[Trajectories, int]:
+def forecast(
+    simulator: Simulator, log: FlightLog, first: np.ndarray, ahead: int, before: int, values: Mapping[str, float] | None = None
+) -> tuple[Trajectories, int]:
     """(trajectories, which of their samples stands at `first`): `ahead` samples from each of the samples `first` (K,) of the log; before:
     samples of the warm-up that a start is fitted to, or 0: it is the measured state, smoothed."""
     observed = observe(log, simulator.kite, first - before, before + ahead, MEASURED)
@@ -92,27 +95,33 @@ def forecast(simulator: Simulator, log: FlightLog, first: np.ndarray, ahead: int
     return simulator.rollout(segments, values), before
 
 
-def prediction_starts(log: FlightLog, ranges, horizon: float, warm_up: float = WARM_UP, every: float | None = None) -> np.ndarray:
+def prediction_starts(
+    log: FlightLog, ranges: Sequence[tuple[int, int]], horizon: float, warm_up: float = WARM_UP, every: float | None = None
+) -> np.ndarray:
     """(K,) samples where the warm-ups of predictions begin; none where no range is long enough."""
     before, ahead = int(round(warm_up / log.dt)), int(round(horizon / log.dt))
     stride = ahead if every is None else max(ahead, int(round(every / log.dt)))
     return segment_starts([(max(a - before, 0), b) for a, b in ranges], before + ahead, stride=stride, valid=log.valid)
 
 
-def warmed_up(simulator: Simulator, observed: Observed, before: int, values=None):
+def warmed_up(simulator: Simulator, observed: Observed, before: int, values: Mapping[str, float] | None = None) -> Segments:
     """Segments whose starts fit their first `before` samples."""
     table = simulator.kite.parameters.with_values(values or {})
     warm = fit(Misfit(simulator.holding(table), observed.head(before), ()), table, prior=False, iterations=8, tolerance=1.0)
     return observed.segments.starting_at(warm.own.starts)
 
 
-def compare(log: FlightLog, trajectories: Trajectories, first: np.ndarray, skip: int, ranges, noise: Noise) -> Prediction:
+def compare(
+    log: FlightLog, trajectories: Trajectories, first: np.ndarray, skip: int, ranges: Sequence[tuple[int, int]], noise: Noise
+) -> Prediction:
     """A Prediction from simulated segments whose sample `skip` stands at sample `first` of the log."""
     simulated = {n: trajectories[n][:, skip:] for n in SCORED if n in STATES or n in log}
     return beside(log, simulated, trajectories.alive - skip, first, ranges, noise)
 
 
-def beside(log: FlightLog, simulated: dict[str, np.ndarray], alive: np.ndarray, first: np.ndarray, ranges, noise: Noise) -> Prediction:
+def beside(
+    log: FlightLog, simulated: dict[str, np.ndarray], alive: np.ndarray, first: np.ndarray, ranges: Sequence[tuple[int, int]], noise: Noise
+) -> Prediction:
     """A Prediction from simulated channels (K, N+1) that begin at the samples `first` of the log, beside what it measured; alive: (K,)
     samples before divergence."""
     count = simulated["p_n"].shape[1]

@@ -24,6 +24,7 @@ from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.power_interval import LEVEL, Known
 from awescli.estimation.prediction import WARM_UP, Prediction, warmed_up
 from awescli.estimation.processes.base import active
+from awescli.flightlog.log import FlightLog
 from awescli.notation.angles import wrap
 from awescli.notation.frames import rotation_body_to_ned
 from awescli.notation.quantities import ANGLES, MEASURED
@@ -91,7 +92,7 @@ class Bands:
         }
 
 
-def bands(simulator: Simulator, log, prediction: Prediction, known: Known) -> Bands:
+def bands(simulator: Simulator, log: FlightLog, prediction: Prediction, known: Known) -> Bands:
     """Of predictions that `prediction.predict` made with this simulator from starts that a warm-up said."""
     kite, dt = simulator.kite, float(prediction.time[1])
     before, ahead = int(round(WARM_UP / dt)), len(prediction.time) - 1

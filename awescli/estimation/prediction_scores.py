@@ -12,6 +12,7 @@ from awescli.flightlog.log import FlightLog
 from awescli.flightlog.phases import phases
 from awescli.flightlog.split import PARTS, Split
 from awescli.notation.quantities import STATES
+from awescli.physics.flight_model import FlightModel
 from awescli.simulation import scores
 from awescli.simulation.rollout import Simulator
 
@@ -23,15 +24,9 @@ Forecast = Callable[..., Prediction]
 
 
 def scored(
-    simulator,
-    log: FlightLog,
-    parts: Split,
-    loops: np.ndarray,
-    horizon: float,
-    horizons: Sequence[float],
-    known_starts: bool = False,
-    told_by: tuple[Simulator, Known] | None = None,
-) -> tuple[dict, dict[str, Prediction]]:
+    simulator: Simulator, log: FlightLog, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float],
+    known_starts: bool = False, told_by: tuple[Simulator, Known] | None = None,
+) -> tuple[dict, dict[str, Prediction]]:  # fmt: skip
     """(scores of one model, part -> its prediction).
 
     loops: (K, 2) half-open sample ranges; horizon: seconds predicted ahead in all scores but by_horizon, one_step;
@@ -70,8 +65,9 @@ def scores_of(
 
 
 def _power_known(
-    simulator, log: FlightLog, parts: Split, loops, test: Prediction, power: dict, horizon: float, known_starts: bool, seen, told_by
-):
+    simulator: Simulator, log: FlightLog, parts: Split, loops: np.ndarray, test: Prediction, power: dict, horizon: float,
+    known_starts: bool, seen: Seen | None, told_by: tuple[Simulator, Known] | None,
+) -> dict:  # fmt: skip
     """The interval of the test loops' mean power, and power per phase and cycle with theirs."""
     physical, known = told_by or (simulator, Known.declared(simulator.kite))
     rows = test.first[:, None] + np.arange(len(test.time) - 1)[None]
@@ -88,7 +84,7 @@ def _power_known(
     return summed | phase_power(flown, log["reel_out_speed"], labels, fitted, sensitivities, known, seen)
 
 
-def power_of(kite, prediction: Prediction, log: FlightLog, loops: np.ndarray) -> dict | None:
+def power_of(kite: FlightModel, prediction: Prediction, log: FlightLog, loops: np.ndarray) -> dict | None:
     """`mechanical_power` of a tethered flight; None without a line or a load cell, or where the model is given the measured tension."""
     tethered = any(e.name == "tether" for e in kite.effects) and kite.declaration.tether.tension == "constraint"
     if not tethered or "tension" not in prediction.simulated or "reel_out_speed" not in log:
@@ -109,7 +105,7 @@ def of_channels(prediction: Prediction, name: str) -> dict[str, float]:
     return {n: RELATIVES[name](prediction.errors(n), prediction.measured[n]) for n in prediction.simulated}
 
 
-def ahead(forecast: Forecast, log: FlightLog, ranges, horizon: float, every: float | None = None) -> dict | None:
+def ahead(forecast: Forecast, log: FlightLog, ranges: Sequence[tuple[int, int]], horizon: float, every: float | None = None) -> dict | None:
     """NRMSE, RMSE and divergence of predictions `horizon` seconds ahead; None where no range is long enough."""
     if not len(prediction_starts(log, ranges, horizon, every=every)):
         return None

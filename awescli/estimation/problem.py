@@ -85,7 +85,11 @@ class EstimationProblem:
 
 
 def simulator_of(
-    declaration: KiteDeclaration, log: FlightLog, extra: Sequence[str] = (), law=None, closes: Callable[[Kite], Callable] | None = None
+    declaration: KiteDeclaration,
+    log: FlightLog,
+    extra: Sequence[str] = (),
+    law: Callable | None = None,
+    closes: Callable[[Kite], Callable] | None = None,
 ) -> Simulator:
     """Compile the declared kite with `extra` effects at null, differentiable in its free parameters, in those of `extra`, and in all that
     acts beside them. law: closes the loop, as in `Simulator`; closes: makes it for the kite with its extra effects."""

@@ -1,5 +1,6 @@
 """The set that a fit may not leave, and the quadratic program of one step in it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import daqp
@@ -27,7 +28,7 @@ class Limits:
     high: np.ndarray
 
     @classmethod
-    def box(cls, lower, upper) -> "Limits":
+    def box(cls, lower: Sequence[float] | np.ndarray, upper: Sequence[float] | np.ndarray) -> "Limits":
         """Bounds and nothing else."""
         lower, upper = np.asarray(lower, float), np.asarray(upper, float)
         return cls(lower, upper, np.zeros((0, len(lower))), np.zeros(0), np.zeros(0))

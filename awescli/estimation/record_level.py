@@ -14,6 +14,7 @@ from awescli.estimation.levels import relevelled
 from awescli.estimation.power_interval import Known
 from awescli.estimation.problem import build
 from awescli.estimation.processes.base import Prior, Process
+from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Split
 from awescli.notation.quantities import MEASURED
 from awescli.simulation.rollout import Simulator
@@ -34,7 +35,7 @@ def record_relevelled(fitted: Fit) -> tuple[Process, ...]:
     return tuple(p.at(new.levels) if p.certain else p for p, new in zip(processes, found, strict=True))
 
 
-def with_record_level(simulator: Simulator, log, parts: Split, horizon: float, known: Known) -> Known:
+def with_record_level(simulator: Simulator, log: FlightLog, parts: Split, horizon: float, known: Known) -> Known:
     """What is known of a model, with the record's likeliest level on the train loops; parameters and other processes as they are."""
     declared = tuple(replace(p, spacing=max(p.spacing, SPACING)) for p in known.processes)
     table = simulator.kite.parameters

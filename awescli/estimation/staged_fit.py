@@ -4,6 +4,7 @@ or several starts."""
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from typing import Any
 
 import numpy as np
 
@@ -73,14 +74,9 @@ def own_names(problem: EstimationProblem, patterns: Sequence[str]) -> tuple[str,
 
 
 def fit_flights(
-    flights: Sequence[Flight],
-    horizons: Sequence[float],
-    *,
-    per_flight: Sequence[str] = (),
-    prior: bool = True,
-    start: dict[str, float] | None = None,
-    on_iteration: OnIteration = lambda h, i, c: None,
-) -> tuple[JointFit, tuple[EstimationProblem, ...]]:
+    flights: Sequence[Flight], horizons: Sequence[float], *, per_flight: Sequence[str] = (), prior: bool = True,
+    start: dict[str, float] | None = None, on_iteration: OnIteration = lambda h, i, c: None,
+) -> tuple[JointFit, tuple[EstimationProblem, ...]]:  # fmt: skip
     """Fit from short horizons to the whole one (a poor guess cannot follow five seconds), levels of processes and of noise along.
 
     per_flight: patterns of the parameters that every flight has for itself; start: name -> value to start from where that differs from
@@ -148,7 +144,13 @@ def fit_output_error(
     return widened(result), tuple(problems)
 
 
-def levels_first(problems, labels, tables, per_flight, on_iteration: OnIteration) -> tuple[list[EstimationProblem], list[NuisanceValues]]:
+def levels_first(
+    problems: Sequence[EstimationProblem],
+    labels: Sequence[str],
+    tables: Sequence[ParameterTable],
+    per_flight: Sequence[str],
+    on_iteration: OnIteration,
+) -> tuple[list[EstimationProblem], list[NuisanceValues]]:
     """(The problems, nuisances) with levels of processes and noise as the flights show them while the parameters stay as declared: a
     flight that the model follows badly would otherwise drive the parameters far away before its model error is as open as it must be."""
     held = [replace(p, names=()) for p in problems]
@@ -228,28 +230,21 @@ def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> t
 
 
 def fit_levels(
-    problems: Sequence[EstimationProblem],
-    labels: Sequence[str],
-    tables: Sequence[ParameterTable],
-    per_flight: Sequence[str],
-    prior: bool,
-    rounds: int,
-    tolerance: float,
-    on_iteration: OnIteration = lambda h, i, c: None,
-    owns: Sequence[NuisanceValues | None] | None = None,
-    noise: bool = True,
-    slopes: Sequence[np.ndarray | None] | None = None,
-) -> tuple[JointFit, list[EstimationProblem]]:
+    problems: Sequence[EstimationProblem], labels: Sequence[str], tables: Sequence[ParameterTable], per_flight: Sequence[str], prior: bool,
+    rounds: int, tolerance: float, on_iteration: OnIteration = lambda h, i, c: None, owns: Sequence[NuisanceValues | None] | None = None,
+    noise: bool = True, slopes: Sequence[np.ndarray | None] | None = None,
+) -> tuple[JointFit, list[EstimationProblem]]:  # fmt: skip
     """Fit parameters and levels in turn until neither moves, at most `rounds` times; the last fit has the levels that are returned. Ends
     where fits do not come to their minimum (`JointFit.ended`).
 
     tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; slopes: as of `Share`; others as
     `fit_flights`.
     """
-    owns, slopes = owns or [None] * len(problems), slopes or [None] * len(problems)
+    known: Sequence[NuisanceValues | None] = owns or [None] * len(problems)
+    slopes = slopes or [None] * len(problems)
 
     def fitted(tolerance: float) -> JointFit:
-        return _fitted(problems, labels, tables, owns, per_flight, prior, tolerance, on_iteration, slopes=slopes)
+        return _fitted(problems, labels, tables, known, per_flight, prior, tolerance, on_iteration, slopes=slopes)
 
     result, lost = fitted(max(tolerance, LOOSE)), 0
     risen: list[set[str]] = [set() for _ in problems]
@@ -260,27 +255,20 @@ def fit_levels(
         moved = [_relevelled(p, f, noise, r) for p, f, r in zip(problems, result.flights, risen, strict=True)]
         if all(gain < UNCHANGED for _, _, gain in moved):
             break
-        problems, owns = [problem for problem, _, _ in moved], [own for _, own, _ in moved]
+        problems, known = [problem for problem, _, _ in moved], [own for _, own, _ in moved]
         tables = [f.parameters for f in result.flights]
         result = fitted(max(tolerance, LOOSE))
     if tolerance < LOOSE:
-        tables, owns = [f.parameters for f in result.flights], [f.own for f in result.flights]
+        tables, known = [f.parameters for f in result.flights], [f.own for f in result.flights]
         result = fitted(tolerance)
     return result, list(problems)
 
 
 def _fitted(
-    problems,
-    labels,
-    tables,
-    owns,
-    per_flight,
-    prior: bool,
-    tolerance: float,
-    on_iteration: OnIteration,
-    iterations: int = 30,
-    slopes=None,
-) -> JointFit:
+    problems: Sequence[EstimationProblem], labels: Sequence[str], tables: Sequence[ParameterTable], owns: Sequence[NuisanceValues | None],
+    per_flight: Sequence[str], prior: bool, tolerance: float, on_iteration: OnIteration, iterations: int = 30,
+    slopes: Sequence[np.ndarray | None] | None = None,
+) -> JointFit:  # fmt: skip
     slopes = slopes or [None] * len(problems)
     each = zip(problems, labels, tables, owns, slopes, strict=True)
     shares = [replace(_share(problem, label, table, own, per_flight), slope=t) for problem, label, table, own, t in each]
@@ -322,22 +310,23 @@ def _hurried(before: Sequence[Process], after: Sequence[Process], risen: set[str
     return tuple(p.at({g.name: level(g) for g in p.groups if g.level > 0}) for p in after)
 
 
-def _share(problem: EstimationProblem, label: str, table: ParameterTable, own: NuisanceValues | None, per_flight) -> Share:
+def _share(problem: EstimationProblem, label: str, table: ParameterTable, own: NuisanceValues | None, per_flight: Sequence[str]) -> Share:
     """A flight's part of a fit."""
     mine = own_names(problem, per_flight) if label else ()
     unknowns = tuple(f"{n}@{label}" if n in mine else n for n in problem.names)
     return Share(problem.misfit(problem.simulator.holding(table)), table, problem.prior, unknowns, own)
 
 
-def fit_in_stages(problem: EstimationProblem, horizons: Sequence[float], **how) -> tuple[Fit, EstimationProblem]:
+def fit_in_stages(problem: EstimationProblem, horizons: Sequence[float], **how: Any) -> tuple[Fit, EstimationProblem]:
     """`fit_flights` of one flight."""
     result, problems = fit_flights([Flight(problem)], horizons, **how)
     return result.flights[0], problems[0]
 
 
 def fit_from_starts(
-    flights: Sequence[Flight], horizons: Sequence[float], starts: int, seed: int, *, on_start: Callable[[int], None] = lambda i: None, **how
-) -> tuple[JointFit, tuple[EstimationProblem, ...], list[Optimum]]:
+    flights: Sequence[Flight], horizons: Sequence[float], starts: int, seed: int, *, on_start: Callable[[int], None] = lambda i: None,
+    **how: Any
+) -> tuple[JointFit, tuple[EstimationProblem, ...], list[Optimum]]:  # fmt: skip
     """`fit_flights` from the declared values and from `starts` - 1 draws of the prior inside its bounds; the best of them, and all."""
     random = np.random.default_rng([seed, 3])
     found: list[tuple[JointFit, tuple[EstimationProblem, ...]]] = []

@@ -22,6 +22,7 @@ from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import MEASURED
 from awescli.physics.airflow import declared_wind, wind_vector
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.flight_model import FlightModel
 from awescli.simulation.rollout import Simulator, wind_inputs
 from awescli.simulation.segments import observe
@@ -33,7 +34,7 @@ MOST = 100
 """Segments that are smoothed of a long flight, evenly spread."""
 
 
-def processes_at(declaration, log: FlightLog, levels: Mapping[str, Mapping]) -> tuple[Process, ...]:
+def processes_at(declaration: KiteDeclaration, log: FlightLog, levels: Mapping[str, Mapping]) -> tuple[Process, ...]:
     """The processes of a fit as its metrics.json tells them: group -> {level, memory_s}; what is always there as it is."""
     made = []
     for kind in PROCESSES.values():

@@ -10,7 +10,7 @@ from itertools import permutations, product
 import numpy as np
 
 from awescli.flightlog.clocks import moving_average
-from awescli.flightlog.consistency import STEEP, Check, most
+from awescli.flightlog.consistency import FAR_BETTER, FAR_OFF, STEEP, Check, most
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.wind_at import wind_ned
 from awescli.flightlog.wind_triangle import Triangle, wind_triangle
@@ -26,9 +26,8 @@ TURNING = 0.1
 """rad/s RMS: below, there is nothing to compare."""
 
 BETTER, WRONG = 0.5, 0.15
-"""Share of the misfit that another reading must leave, and share of the signal that the log's own must miss, to be doubted ..."""
-FAR_BETTER, FAR_OFF = 0.3, 0.6
-"""... and to be refused. A latency of 0.3 s in loops of 9 s makes a rate miss by 0.2 of its size, whatever the reading."""
+"""Share of the misfit that another reading must leave, and share of the signal that the log's own must miss, to be doubted; to be refused,
+FAR_BETTER and FAR_OFF."""
 
 NOSE = (25.0, 50.0)
 """deg between nose and airflow: wings stall at 15; the wind's error turns the flow by some degrees more."""

@@ -1,7 +1,7 @@
 """What all stages that predict have in common: how far ahead, from which states, and who moves the surfaces. One meaning for all of them:
 the same model has one score per (surfaces, initial states, horizon, part)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -81,7 +81,7 @@ def longest_ahead(log: "FlightLog", parts: "Split", before: float) -> float:
     return min(found) * log.dt
 
 
-def horizon_within(context: Context, config, horizon: float, flights) -> float:
+def horizon_within(context: Context, config: AheadConfig, horizon: float, flights: "Iterable[tuple[FlightLog, Split]]") -> float:
     """`horizon` [s], shortened to what fits into the flights ((log, parts), ...) where the settings allow that, and said. Raises
     NumericalFailure("too_short") where nothing can be predicted."""
     from awescli.estimation.prediction import WARM_UP

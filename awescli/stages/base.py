@@ -38,7 +38,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -91,7 +91,7 @@ class Split(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _shares_fill_the_flight(self):
+    def _shares_fill_the_flight(self) -> Self:
         if abs(total := self.train + self.validation + self.test - 1) > 1e-6:
             raise ValueError(f"train, validation and test must add up to 1, they add up to {total + 1:g}")
         return self

@@ -2,14 +2,17 @@
 
 from typing import TYPE_CHECKING
 
-from awescli.stages.base import Context
+from awescli.stages.base import Context, Task
 
 if TYPE_CHECKING:
     from awescli.flightlog.log import FlightLog
     from awescli.flightlog.split import Split
+    from awescli.stages.evaluate import EvaluateConfig
 
 
-def score_baseline(metrics: dict, arrays: dict, context: Context, log: "FlightLog", parts: "Split", config, closed: bool, task) -> None:
+def score_baseline(
+    metrics: dict, arrays: dict, context: Context, log: "FlightLog", parts: "Split", config: "EvaluateConfig", closed: bool, task: Task
+) -> None:
     """Put the block `linear`, its predictions, and `baseline` (how it was chosen, and who does not beat it) beside the models that stand in
     `metrics` already."""
     from awescli.estimation.linear_baseline import linear_baseline

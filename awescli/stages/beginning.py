@@ -96,7 +96,7 @@ def _kitemill_folder(log: Path) -> bool:
     return log.name == "kite.csv" and is_kitemill(read_header(log)[1])
 
 
-def _drafted(log: Path, folder: Path):
+def _drafted(log: Path, folder: Path) -> tuple[str, dict, dict]:
     """(text of flight.yaml, found, findings)"""
     from awescli.flightlog.drafting.draft import draft
     from awescli.flightlog.drafting.text import draft_text

@@ -4,10 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from awescli.control.law import Law
     from awescli.flightlog.log import FlightLog
 
 
-def write_controller(folder: Path, law) -> None:
+def write_controller(folder: Path, law: "Law") -> None:
     """Write a law's description and its numbers."""
     from awescli.artifacts import write_json, write_tensors
     from awescli.control.laws import to_artifact
@@ -17,7 +18,7 @@ def write_controller(folder: Path, law) -> None:
     write_tensors(folder / "controller.safetensors", arrays)
 
 
-def read_controller(folder: Path):
+def read_controller(folder: Path) -> "Law":
     """The law that `write_controller` wrote. Raises BadInput for a folder that is not whole, or holds something else."""
     from awescli.artifacts import read_json, read_tensors
     from awescli.control.laws import from_artifact

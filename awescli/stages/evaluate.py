@@ -45,7 +45,7 @@ class Evaluate(Stage):
         if config.too_long == "refuse":
             yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
 
-    def figures(self, context: Context, config: EvaluateConfig):
+    def figures(self, context: Context, config: EvaluateConfig) -> Iterator[tuple[str, bytes]]:
         from awescli.artifacts import read_arrays, read_json
         from awescli.reporting.paper import figure_files
         from awescli.stages.flight_parts import flight_parts

@@ -11,7 +11,11 @@ from awescli.stages.base import KITE_FILE, Split, Stage
 from awescli.stages.nested_models import MADE_BY, network
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from awescli.export.model import ExportedModel, Start
     from awescli.flightlog.log import FlightLog
+    from awescli.physics.flight_model import FlightModel
 
 MODELS = ("newest", "initial", *MADE_BY)
 SURFACES_BY = ("inputs", "controller")
@@ -21,7 +25,9 @@ START_IN_THE_AIR = {"p_n": 150.0, "p_d": -100.0, "u": 20.0}
 """[m], [m/s] where no flight tells a start: a place in the air, of no other meaning."""
 
 
-def model_to_export(source: Path, stages: Sequence[Stage], label: str = "newest", surfaces: str = "inputs", flight: Path | None = None):
+def model_to_export(
+    source: Path, stages: Sequence[Stage], label: str = "newest", surfaces: str = "inputs", flight: Path | None = None
+) -> "ExportedModel":
     """The `export.ExportedModel` of a run's folder, or of a kite file. flight: a log that tells wind heights, start and sample interval;
     default: the run's own. Raises BadInput for what is not there."""
     for option, value, known in (("--model", label, MODELS), ("--surfaces", surfaces, SURFACES_BY)):
@@ -37,7 +43,7 @@ def model_to_export(source: Path, stages: Sequence[Stage], label: str = "newest"
     return _model("initial", source, None, flight, None, {})
 
 
-def _of_run(run: Path, stages: Sequence[Stage], label: str, surfaces: str, flight: Path | None):
+def _of_run(run: Path, stages: Sequence[Stage], label: str, surfaces: str, flight: Path | None) -> "ExportedModel":
     """The model of a run's folder."""
     made = {s.name: run / s.name for s in stages if (run / s.name / PROVENANCE).is_file()}
     if not made:
@@ -69,7 +75,7 @@ def _rows(made: Mapping[str, Path], label: str) -> Mapping[str, Any]:
 
 def _model(
     label: str, file: Path, controller: Path | None, flight: Path | None, split: Any, rows: Mapping[str, Any], recorded: str | None = None
-):
+) -> "ExportedModel":
     """The model of one kite file, with the network beside it where it is a hybrid. recorded: hash of the flight, as the run knows it."""
     from awescli.export.model import ExportedModel
     from awescli.flightlog.read import read_flight
@@ -100,7 +106,7 @@ def _model(
     return ExportedModel(label, kite, start, dt, longest, bound, law, fitted, ranges, made_from)
 
 
-def _flown(kite, log: "FlightLog | None", split: Any):
+def _flown(kite: "FlightModel", log: "FlightLog | None", split: Any) -> "tuple[Start, float, float, dict[str, tuple[float, float]]]":
     """(start, sample interval [s], longest step [s], flown ranges) of a flight, or what stands for them where there is none."""
     import numpy as np
 
@@ -140,7 +146,7 @@ def _first(log: "FlightLog", split: Any) -> int:
     return int(dealt(pieces(log, asked.of), **asked.model_dump(exclude={"of"})).test[0][0])
 
 
-def _ranges(kite, z, sp, u) -> dict[str, tuple[float, float]]:
+def _ranges(kite: "FlightModel", z: "np.ndarray", sp: "np.ndarray", u: "np.ndarray") -> dict[str, tuple[float, float]]:
     """alpha, beta [rad], V_a [m/s] between which the middle 99 % of a flight lies, of the model's own air data."""
     import numpy as np
 

@@ -71,7 +71,8 @@ class FitController(Stage):
 
     def run(self, context: Context, config: FitControllerConfig) -> dict[str, Any]:
         from awescli.artifacts import write_json
-        from awescli.estimation.controller_fit import ControllerConfig, fit_controller
+        from awescli.estimation.controller_config import ControllerConfig
+        from awescli.estimation.controller_fit import fit_controller
         from awescli.estimation.winch_law import fit_winch
         from awescli.physics.declaration import read_kite
         from awescli.simulation.survival import flies, gain_margin, loop_gain

@@ -1,5 +1,6 @@
 """What every stage asks of a flight first: the log, and its loops dealt to train, validation and test."""
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,12 +10,14 @@ from awescli.notation.quantities import SURFACES
 from awescli.stages.base import Context, Inputs
 
 if TYPE_CHECKING:
+    from awescli.estimation.prediction import Prediction
     from awescli.flightlog.log import FlightLog
     from awescli.flightlog.split import Split
     from awescli.physics.declaration import KiteDeclaration
+    from awescli.simulation.rollout import Simulator
 
 
-def flight_parts(context: Context, flight: Path | None = None):
+def flight_parts(context: Context, flight: Path | None = None) -> "tuple[FlightLog, Split]":
     """(FlightLog, Split) of the plan's flight, or of another folder. Raises BadInput where a model would lack signals."""
     inputs = context.inputs
     if flight is None or flight == inputs.flight:
@@ -25,7 +28,9 @@ def flight_parts(context: Context, flight: Path | None = None):
     return log, inputs.parts_of(log, flight)
 
 
-def unknown_channels(log: "FlightLog", wanted, key: str = "outputs", closed: bool = False):
+def unknown_channels(
+    log: "FlightLog", wanted: Sequence[str] | None, key: str = "outputs", closed: bool = False
+) -> Iterator[tuple[str, BadInput]]:
     """(key, mistake) of every wanted channel that the flight does not measure; closed: set-points count, a law predicts them."""
     for name in wanted or ():
         if name in SURFACES and name in log.inputs:
@@ -36,7 +41,7 @@ def unknown_channels(log: "FlightLog", wanted, key: str = "outputs", closed: boo
             yield key, BadInput(f"the flight has no measured channel '{name}'", do=nearest_quantity(name, log.measured))
 
 
-def too_long(inputs: Inputs, horizon: float, parts: tuple[str, ...], key: str = "horizon"):
+def too_long(inputs: Inputs, horizon: float, parts: tuple[str, ...], key: str = "horizon") -> Iterator[tuple[str, BadInput]]:
     """(key, mistake) where no stretch of `horizon` seconds fits into the loops of a part."""
     from awescli.flightlog.split import segments
 
@@ -47,12 +52,14 @@ def too_long(inputs: Inputs, horizon: float, parts: tuple[str, ...], key: str = 
             yield key, BadInput(what, do="Use a shorter one, or a longer flight; `awes check` lists what was left out and why.")
 
 
-def closed_loop(context: Context, declaration: "KiteDeclaration", log: "FlightLog", closed: bool = True):
+def closed_loop(
+    context: Context, declaration: "KiteDeclaration", log: "FlightLog", closed: bool = True
+) -> "tuple[KiteDeclaration, Callable | None]":
     """(kite, law) to simulate with: as `driven_upstream` where the loop is closed, else the kite as it is and no law."""
     return driven_upstream(context, declaration, log) if closed else (declaration, None)
 
 
-def driven_upstream(context: Context, declaration: "KiteDeclaration", log: "FlightLog"):
+def driven_upstream(context: Context, declaration: "KiteDeclaration", log: "FlightLog") -> "tuple[KiteDeclaration, Callable]":
     """(the kite as the fitted controller drives it, delay and rate limit of its set-points included; the controller as the law of a
     simulator of that kite). Raises BadInput where there is no controller."""
     from awescli.physics.kite import Kite
@@ -61,7 +68,7 @@ def driven_upstream(context: Context, declaration: "KiteDeclaration", log: "Flig
     return driven, closes(Kite(driven, log.recorded_wind.height))
 
 
-def closing_upstream(context: Context, declaration: "KiteDeclaration", log: "FlightLog"):
+def closing_upstream(context: Context, declaration: "KiteDeclaration", log: "FlightLog") -> "tuple[KiteDeclaration, Callable]":
     """`driven_upstream` for whoever adds effects to the kite: (kite, function of a Kite that makes the law of its simulator)."""
     folder = context.upstream("fit-controller")
     if folder is None:
@@ -75,15 +82,15 @@ def closing_upstream(context: Context, declaration: "KiteDeclaration", log: "Fli
     return with_setpoint_dynamics(declaration, fitted), lambda kite: loop(fitted, kite, direction)
 
 
-def predicted(simulator, log: "FlightLog", parts: "Split", horizon: float, known_starts: bool = False) -> dict:
+def predicted(simulator: "Simulator", log: "FlightLog", parts: "Split", horizon: float, known_starts: bool = False) -> dict:
     """Part -> the one prediction of a model on it, from which all its numbers and pictures are made."""
     from awescli.estimation.prediction import predict
 
-    how = {"known_starts": known_starts}
-    return {part: predict(simulator, log, getattr(parts, part), horizon, **how) for part in ("train", "validation", "test")}
+    part_of = {part: getattr(parts, part) for part in ("train", "validation", "test")}
+    return {part: predict(simulator, log, ranges, horizon, known_starts=known_starts) for part, ranges in part_of.items()}
 
 
-def scores_of(predictions, horizon: float) -> dict:
+def scores_of(predictions: "Mapping[str, Prediction]", horizon: float) -> dict:
     """metrics.json's `nrmse` of one model: split -> channel -> NRMSE, and how many predictions diverged."""
     return {
         "horizon_s": horizon, "nrmse": {part: p.nrmse() for part, p in predictions.items()},
@@ -91,6 +98,6 @@ def scores_of(predictions, horizon: float) -> dict:
     }  # fmt: skip
 
 
-def score_parts(simulator, log: "FlightLog", parts: "Split", horizon: float, known_starts: bool = False) -> dict:
+def score_parts(simulator: "Simulator", log: "FlightLog", parts: "Split", horizon: float, known_starts: bool = False) -> dict:
     """`scores_of` a model's predictions."""
     return scores_of(predicted(simulator, log, parts, horizon, known_starts), horizon)

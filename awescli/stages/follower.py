@@ -3,11 +3,12 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from awescli.control.path_following import PathFollowing
     from awescli.flightlog.log import FlightLog
     from awescli.physics.declaration import KiteDeclaration
 
 
-def follower_of(log: "FlightLog", declaration: "KiteDeclaration"):
+def follower_of(log: "FlightLog", declaration: "KiteDeclaration") -> "PathFollowing":
     """The path-following law on the circle that the log flies, other surfaces at their medians there."""
     import numpy as np
 

@@ -11,6 +11,8 @@ from awescli.stages.base import Context, Inputs, StageConfig
 
 if TYPE_CHECKING:
     from awescli.physics.declaration import KiteDeclaration
+    from awescli.stages.identify import IdentifyConfig
+    from awescli.stages.trace_residual import TraceResidualConfig
 
 
 class FurtherFlight(StageConfig):
@@ -22,7 +24,9 @@ class FurtherFlight(StageConfig):
     )
 
 
-def refused_flights(inputs: Inputs, also: Sequence[FurtherFlight], outputs, closed: bool = False) -> Iterator[tuple[str, BadInput]]:
+def refused_flights(
+    inputs: Inputs, also: Sequence[FurtherFlight], outputs: Sequence[str] | None, closed: bool = False
+) -> Iterator[tuple[str, BadInput]]:
     """(key, mistake) of `also`; closed: surfaces that the fitted controller moves are channels too."""
     from awescli.flightlog.read import read_flight
     from awescli.stages.flight_parts import unknown_channels
@@ -55,7 +59,7 @@ def flights_of(context: Context, also: Sequence[FurtherFlight], declared: "KiteD
     return flights
 
 
-def unknown_own(declared: "KiteDeclaration", config) -> Iterator[tuple[str, BadInput]]:
+def unknown_own(declared: "KiteDeclaration", config: "IdentifyConfig | TraceResidualConfig") -> Iterator[tuple[str, BadInput]]:
     """(key, mistake) of `per_flight`: patterns of no free parameter, or nothing to tell apart."""
     from fnmatch import fnmatchcase
 
@@ -69,7 +73,7 @@ def unknown_own(declared: "KiteDeclaration", config) -> Iterator[tuple[str, BadI
         yield "per_flight", BadInput("there is only one flight", do="Name further flights under `also`, or drop this key.")
 
 
-def same_kite(declared: "KiteDeclaration", file: Path):
+def same_kite(declared: "KiteDeclaration", file: Path) -> "KiteDeclaration":
     """The kite of `file` with the free parameters of `declared`. Raises BadInput where it is another kite."""
     from awescli.physics.declaration import read_kite
 

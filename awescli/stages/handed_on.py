@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from awescli.physics.declaration import KiteDeclaration
+    from awescli.tracing.models import FittedModel
 
 FITTED = "identified by awes"
 """How the source of a fitted value begins."""
 PRIOR = ", prior: "
 
 
-def with_sources(declaration: "KiteDeclaration", params: Mapping[str, Any], flights: str):
+def with_sources(declaration: "KiteDeclaration", params: Mapping[str, Any], flights: str) -> "KiteDeclaration":
     """The declaration with the source of every fitted value: the flights it was fitted to, its standard deviation, and what was known
     before. params: params.json; values that were not fitted keep their sources."""
     rows = dict(declaration.parameters)
@@ -26,7 +27,7 @@ def with_sources(declaration: "KiteDeclaration", params: Mapping[str, Any], flig
     return declaration.model_copy(update={"parameters": rows})
 
 
-def traced_params(model, effects: Mapping[str, Any]) -> dict:
+def traced_params(model: "FittedModel", effects: Mapping[str, Any]) -> dict:
     """params.json of the model that tracing ended with, in the form of identify's, strengths and shapes of accepted effects included, with
     the intervals of effects.json. effects: effects.json."""
     from awescli.estimation.identifiability import describe, interval

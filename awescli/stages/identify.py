@@ -1,6 +1,6 @@
 """identify: estimate the free parameters of the kite from the flight (Rositani eq. 11)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -15,8 +15,12 @@ from awescli.stages.further_flights import FurtherFlight, flights_of, refused_fl
 from awescli.stages.per_phase import by_phase, phases_fitted, phases_of, refused_phases
 
 if TYPE_CHECKING:
+    from awescli.estimation.fit import Fit
+    from awescli.estimation.problem import EstimationProblem
+    from awescli.estimation.staged_fit import Flight
     from awescli.flightlog.log import FlightLog
     from awescli.physics.declaration import KiteDeclaration
+    from awescli.simulation.rollout import Simulator
 
 
 class IdentifyConfig(AheadConfig):
@@ -138,7 +142,7 @@ class Identify(Stage):
         }  # fmt: skip
 
 
-def names_of(flights) -> str:
+def names_of(flights: "Sequence[Flight]") -> str:
     """The flights of a fit, for people."""
     return " and ".join(dict.fromkeys(f.label or f.problem.log.name for f in flights))
 
@@ -156,7 +160,7 @@ def shown(row: dict) -> dict:
     }  # fmt: skip
 
 
-def answer_lines(answer: dict, metrics: dict, kite_file) -> list[str]:
+def answer_lines(answer: dict, metrics: dict, kite_file: Path) -> list[str]:
     """The answer of the stage, in a few lines."""
     rows = answer["parameters"]
     seen, bounded = (sum(row[flag] for row in rows.values()) for flag in ("excited", "at_bound"))
@@ -174,7 +178,7 @@ def answer_lines(answer: dict, metrics: dict, kite_file) -> list[str]:
     return [*lines, f"kite file: {kite_file}; next: awes trace-residual"]
 
 
-def within(context: Context, config: IdentifyConfig):
+def within(context: Context, config: IdentifyConfig) -> IdentifyConfig:
     """The settings with the horizon that all flights of the fit can be predicted ahead."""
     from awescli.stages.ahead import horizon_within
     from awescli.stages.flight_parts import flight_parts
@@ -205,7 +209,7 @@ def flown(context: Context, config: IdentifyConfig, declared: "KiteDeclaration")
     return flights
 
 
-def told_apart(declared: "KiteDeclaration", driven) -> None:
+def told_apart(declared: "KiteDeclaration", driven: "KiteDeclaration") -> None:
     """Raise BadInput where a free parameter of the kite and the controller's own delay or rate limit stand in one."""
     from awescli.notation.errors import BadInput
 
@@ -217,7 +221,7 @@ def told_apart(declared: "KiteDeclaration", driven) -> None:
             raise BadInput(what, "identify.surfaces", do)
 
 
-def better_than_declared(problem, fit, horizon: float, known_starts: bool) -> bool:
+def better_than_declared(problem: "EstimationProblem", fit: "Fit", horizon: float, known_starts: bool) -> bool:
     """Does a fit predict the validation loops better than what was declared?"""
     from awescli.estimation.prediction import predict
 
@@ -228,7 +232,7 @@ def better_than_declared(problem, fit, horizon: float, known_starts: bool) -> bo
     return after < before
 
 
-def owners(flights, per_flight) -> tuple[dict[str, str], set[str]]:
+def owners(flights: "Sequence[Flight]", per_flight: Sequence[str]) -> tuple[dict[str, str], set[str]]:
     """(unknown -> the flight that it belongs to, where there are several flights; unknowns that are errors of a wind record)."""
     from awescli.estimation.staged_fit import own_names
 
@@ -242,14 +246,14 @@ def owners(flights, per_flight) -> tuple[dict[str, str], set[str]]:
     return (flight_of if len(flights) > 1 else {}), record
 
 
-def held(problem, fit):
+def held(problem: "EstimationProblem", fit: "Fit") -> "Simulator":
     """A flight's simulator with its fitted values, the wind record's error taken out."""
     from awescli.estimation.problem import without_record
 
     return problem.simulator.holding(without_record(problem.kite, fit.parameters))
 
 
-def scores(problem, fit, horizon: float, known_starts: bool = False) -> dict:
+def scores(problem: "EstimationProblem", fit: "Fit", horizon: float, known_starts: bool = False) -> dict:
     """Errors of one flight before and after, and what it says of processes and noise."""
     from awescli.estimation.problem import levels_found
     from awescli.stages.flight_parts import score_parts

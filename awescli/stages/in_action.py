@@ -9,6 +9,10 @@ if TYPE_CHECKING:
 
     from awescli.flightlog.log import FlightLog
     from awescli.flightlog.split import Split
+    from awescli.physics.effects.base import Effect
+    from awescli.physics.flight_model import FlightModel
+    from awescli.reporting.evidence import Action
+    from awescli.simulation.rollout import Simulator
 
 WORDS = {
     "n": ("wind towards north", "m/s"), "e": ("wind towards east", "m/s"), "d": ("wind down", "m/s"), "density": ("air density", "kg/m3"),
@@ -50,7 +54,7 @@ def actions(effects: Mapping[str, Any] | None, folder: Path | None, log: "Flight
     return tuple(action for effect in found if (action := _action(simulator.kite, effect, *flown, log)) is not None)
 
 
-def _flown(simulator, log: "FlightLog", parts: "Split", horizon: float):
+def _flown(simulator: "Simulator", log: "FlightLog", parts: "Split", horizon: float) -> "tuple[np.ndarray, np.ndarray, np.ndarray]":
     """(first (K,) samples, states (K, N, n_x), inputs (K, N, n_u)) of predictions of the test loops, starts by their warm-up."""
     from awescli.estimation.prediction import WARM_UP, prediction_starts, warmed_up
     from awescli.notation.errors import BadInput
@@ -68,7 +72,9 @@ def _flown(simulator, log: "FlightLog", parts: "Split", horizon: float):
     return (begin + before)[whole], flown.states[whole, before:], segments.inputs[whole, before:]
 
 
-def _action(kite, effect, first, states, inputs: "np.ndarray", log: "FlightLog"):
+def _action(
+    kite: "FlightModel", effect: "Effect", first: "np.ndarray", states: "np.ndarray", inputs: "np.ndarray", log: "FlightLog"
+) -> "Action | None":
     """What an effect changes most, in relation to its size; None where it changes nothing."""
     import numpy as np
 
@@ -94,7 +100,9 @@ def _rms(values: "np.ndarray") -> float:
     return float(np.sqrt(np.mean(values * values)))
 
 
-def _quantities(kite, place: str, states: "np.ndarray", inputs: "np.ndarray") -> "tuple[dict[str, np.ndarray], dict[str, tuple[str, str]]]":
+def _quantities(
+    kite: "FlightModel", place: str, states: "np.ndarray", inputs: "np.ndarray"
+) -> "tuple[dict[str, np.ndarray], dict[str, tuple[str, str]]]":
     """(quantity -> (K, N) values, quantity -> (in words, unit)) of what effects at a place change, all of them at work."""
     import numpy as np
 

@@ -2,13 +2,19 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from awescli.stages.base import KITE_FILE, Context
+from awescli.stages.base import KITE_FILE, Context, Task
 
 if TYPE_CHECKING:
+    from awescli.estimation.power_interval import Known
+    from awescli.estimation.prediction import Prediction
     from awescli.flightlog.log import FlightLog
     from awescli.flightlog.split import Split
+    from awescli.physics.flight_model import FlightModel
+    from awescli.physics.kite import Kite
+    from awescli.simulation.rollout import Simulator
+    from awescli.stages.evaluate import EvaluateConfig
 
 MADE_BY = {"identified": "identify", "with_effects": "trace-residual", "hybrid": "train-hybrid"}
 """Model -> the stage that hands it on; `initial` is what the user declared."""
@@ -19,7 +25,7 @@ def nested_models(context: Context, log: "FlightLog", closed: bool = False) -> d
     return {name: model_of(name, file, log, context if closed else None) for name, file in kite_files(context).items()}
 
 
-def model_of(name: str, file: Path, log: "FlightLog", context: Context | None = None):
+def model_of(name: str, file: Path, log: "FlightLog", context: Context | None = None) -> "Simulator":
     """The Simulator of one model in the wind of a flight: of its kite file, and of the network beside it; context: of the run whose fitted
     law moves the surfaces."""
     from awescli.estimation.problem import simulator_of
@@ -44,7 +50,9 @@ def network(folder: Path) -> tuple[dict, dict]:
     return read_json(folder / "network.json"), read_tensors(folder / "network.safetensors")
 
 
-def score_models(models: dict, context: Context, log: "FlightLog", parts: "Split", config, task) -> tuple[dict, dict]:
+def score_models(
+    models: dict, context: Context, log: "FlightLog", parts: "Split", config: "EvaluateConfig", task: Task
+) -> tuple[dict, dict]:
     """(metrics.json, arrays of predictions.npz): every model predicted alike on train, validation and test."""
     from awescli.estimation.prediction_bands import NO_BANDS, bands
     from awescli.estimation.prediction_scores import scored
@@ -86,7 +94,7 @@ def enter(name: str, block: dict, predictions: dict, context: Context, log: "Fli
         arrays[f"{name}_{n}"] = test.measured[n] - test.errors(n)
 
 
-def known_of(context: Context, name: str, kite):
+def known_of(context: Context, name: str, kite: "FlightModel") -> "Known":
     """What the fit behind a model says of its parameters; of one that nothing was fitted to, what is declared."""
     from awescli.artifacts import read_json
     from awescli.estimation.power_interval import Known
@@ -96,7 +104,7 @@ def known_of(context: Context, name: str, kite):
     return Known.fitted(read_json(file), kite) if file and file.is_file() else Known.declared(kite)
 
 
-def all_known_of(context: Context, name: str, kite, log: "FlightLog"):
+def all_known_of(context: Context, name: str, kite: "Kite", log: "FlightLog") -> "Known":
     """`known_of` with processes and noise as the fit left them: after a trace that was not testable, identify's; of a model that nothing
     was fitted to, what is always there."""
     from awescli.estimation.wind_seen import processes_at
@@ -121,7 +129,7 @@ def levels_of(context: Context, model: str) -> tuple[dict | None, dict]:
     return None, {}
 
 
-def surface_errors(context: Context, log: "FlightLog", prediction) -> dict:
+def surface_errors(context: Context, log: "FlightLog", prediction: "Prediction") -> dict:
     """NRMSE of each driven surface: what the fitted law commands at the predicted states, against what was flown."""
     import numpy as np
 
@@ -135,7 +143,7 @@ def surface_errors(context: Context, log: "FlightLog", prediction) -> dict:
         return {}
     law = read_controller(folder)
     rows = prediction.first[:, None] + np.arange(len(prediction.time))[None]
-    z = {n: prediction.simulated[n].reshape(-1) for n in STATES}
+    z: dict[str, Any] = {n: prediction.simulated[n].reshape(-1) for n in STATES}
     z |= {n: log.inputs[n][rows].reshape(-1) for n in ("tether_length", "reel_out_speed") if n in log.inputs}
     z["wind_direction"] = wind_direction(log)
     commanded = deflections_of_states(law, z)

@@ -1,13 +1,16 @@
 """Gather what the stages left behind, and write report.html and the figures for papers beside evaluate's numbers."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from awescli.stages.base import Context
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from awescli.flightlog.log import FlightLog
     from awescli.flightlog.split import Split
+    from awescli.reporting.evidence import Evidence
 
 OWN = "evaluate"
 """The stage whose page this is."""
@@ -18,7 +21,7 @@ REPORT, SUMMARY, FIGURES = "report.html", "summary.pdf", "figures"
 """The page, its sheet of paper, and the folder of its figures as files."""
 
 
-def write_report(context: Context, evidence) -> None:
+def write_report(context: Context, evidence: "Evidence") -> None:
     """report.html and summary.pdf in the stage's folder."""
     from awescli.artifacts import write_content, write_text
     from awescli.reporting.html import page
@@ -28,7 +31,7 @@ def write_report(context: Context, evidence) -> None:
     write_content(context.folder / SUMMARY, one_page(evidence))
 
 
-def write_figures(context: Context, evidence) -> None:
+def write_figures(context: Context, evidence: "Evidence") -> None:
     """Every figure of the page as PNG, SVG and CSV."""
     from awescli.artifacts import write_content
     from awescli.reporting.paper import figure_files
@@ -39,7 +42,7 @@ def write_figures(context: Context, evidence) -> None:
         task.advance()
 
 
-def gather(context: Context, log: "FlightLog", parts: "Split", metrics: dict, arrays: dict):
+def gather(context: Context, log: "FlightLog", parts: "Split", metrics: dict, arrays: dict) -> "Evidence":
     """The evidence: what of the upstream stages is there. metrics, arrays: evaluate's own, which are not yet in place."""
     from awescli.artifacts import PROVENANCE, versions
     from awescli.flightlog.loops import find_loops
@@ -75,13 +78,13 @@ def _commanded(folder: Path | None, log: "FlightLog") -> dict:
     return {surface: commanded[surface] for surface in law.surfaces}
 
 
-def _json(folder: Path | None, name: str):
+def _json(folder: Path | None, name: str) -> Any:
     from awescli.artifacts import read_json
 
     return read_json(folder / name) if folder and (folder / name).is_file() else None
 
 
-def _arrays(folder: Path | None, name: str):
+def _arrays(folder: Path | None, name: str) -> "dict[str, np.ndarray] | None":
     from awescli.artifacts import read_arrays
 
     return read_arrays(folder / name) if folder and (folder / name).is_file() else None

@@ -16,7 +16,7 @@ LEAST = 5.0
 """[s] that a phase must last, changes left out, in the loops that are fitted: less tells nothing of it."""
 
 
-def by_phase(declared: "KiteDeclaration", patterns: Sequence[str], phases: Iterable[str]):
+def by_phase(declared: "KiteDeclaration", patterns: Sequence[str], phases: Iterable[str]) -> "KiteDeclaration":
     """The declaration with a value of its own, declared like that in traction, for each free parameter that a pattern names, in each of
     these phases but traction. Values of a phase that the kite file declares stay as they are."""
     named = {n: row for n, row in declared.parameters.items() if row.free and any(fnmatchcase(n, p) for p in patterns) and not parted(n)[1]}
@@ -24,7 +24,7 @@ def by_phase(declared: "KiteDeclaration", patterns: Sequence[str], phases: Itera
     return declared.model_copy(update={"parameters": {**own, **declared.parameters}})
 
 
-def by_phase_as(declared: "KiteDeclaration", identified):
+def by_phase_as(declared: "KiteDeclaration", identified: "KiteDeclaration") -> "KiteDeclaration":
     """The declaration with the values of their own in a phase that `identified` has, each with the prior of its parameter."""
     own = {n: declared.parameters[parted(n)[0]] for n in identified.parameters if parted(n)[1] and n not in declared.parameters}
     return declared.model_copy(update={"parameters": {**declared.parameters, **own}})

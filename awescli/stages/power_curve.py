@@ -10,7 +10,9 @@ from awescli.notation.present import present
 from awescli.stages.base import Context
 
 if TYPE_CHECKING:
+    from awescli.control.law import Law
     from awescli.flightlog.log import FlightLog
+    from awescli.stages.simulate import SimulateConfig
 
 FILE = "power_curve.csv"
 COLUMNS = ("wind_m_s", "mean_W", "low_W", "high_W", "flown", "draws")
@@ -30,7 +32,7 @@ class PowerCurve(BaseModel):
     cycles: int = Field(3, ge=2, le=20, description="cycles flown in each wind; the first does not count")
 
 
-def write_power_curve(context: Context, config, log: "FlightLog", fitted) -> dict[str, list[dict]]:
+def write_power_curve(context: Context, config: "SimulateConfig", log: "FlightLog", fitted: "Law | None") -> dict[str, list[dict]]:
     """power_curve.csv in the stage's folder; model -> its rows (`simulation.power_curve`)."""
     from awescli.artifacts import write_text
     from awescli.simulation.power_curve import power_curve
@@ -39,7 +41,7 @@ def write_power_curve(context: Context, config, log: "FlightLog", fitted) -> dic
     from awescli.stages.pumping import pumping_phases
     from awescli.stages.simulate import in_wanted_wind, kite_to_fly
 
-    asked = config.power_curve
+    asked = present(config.power_curve, "what is asked of a power curve")
     winds = {speed: in_wanted_wind(log, config.wind.model_copy(update={"speed": speed})).recorded_wind for speed in asked.speeds}
     heights = next(iter(winds.values())).height
     models = [name for name in kite_files(context) if name != "hybrid"]

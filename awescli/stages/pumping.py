@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -10,8 +10,15 @@ from awescli.notation.errors import BadInput
 from awescli.notation.present import present
 
 if TYPE_CHECKING:
-    from awescli.flightlog.log import FlightLog
+    from awescli.control.held import Held
+    from awescli.control.law import Law
+    from awescli.estimation.power_interval import Known
+    from awescli.flightlog.log import FlightLog, WindRecord
     from awescli.physics.declaration import KiteDeclaration
+    from awescli.physics.flight_model import FlightModel
+    from awescli.simulation.pumping import Pumping, PumpingPhase
+    from awescli.simulation.switching import Guard
+    from awescli.simulation.synthetic import Flown
     from awescli.stages.simulate import SimulateConfig
 
 Degrees = float
@@ -47,7 +54,7 @@ class WinchLaw(Settings):
     fitted: bool = Field(default=False, description="what is not named here is as fit-controller (winch: true) found it in this phase")
 
     @model_validator(mode="after")
-    def _limits_in_order(self):
+    def _limits_in_order(self) -> Self:
         if self.f_low > self.f_high:
             raise ValueError(f"f_low {self.f_low:g} lies above f_high {self.f_high:g}")
         return self
@@ -60,7 +67,7 @@ class Limit(Settings):
     below: float | None = Field(default=None, description="ends the phase where it comes to this from above")
 
     @model_validator(mode="after")
-    def _one_way(self):
+    def _one_way(self) -> Self:
         if (self.above is None) == (self.below is None):
             raise ValueError("give above or below")
         return self
@@ -122,7 +129,7 @@ def check_phases(phases: tuple[PhaseConfig, ...], declared: "KiteDeclaration", l
                 yield "phases", BadInput(f"phase {i + 1} ({phase.name}): time in a phase only grows", do="Use above.")
 
 
-def guards_of(until: Mapping[Ending, Limit]):
+def guards_of(until: Mapping[Ending, Limit]) -> "tuple[Guard, ...]":
     """The guards of a phase, SI."""
     from awescli.simulation.switching import Guard
 
@@ -130,7 +137,7 @@ def guards_of(until: Mapping[Ending, Limit]):
     return tuple(Guard(name, scale.get(name, 1.0) * limit.value, limit.above is not None) for name, limit in until.items())
 
 
-def laws_of(phases: tuple[PhaseConfig, ...], log: "FlightLog", declaration: "KiteDeclaration", fitted):
+def laws_of(phases: tuple[PhaseConfig, ...], log: "FlightLog", declaration: "KiteDeclaration", fitted: "Law | None") -> "Iterator[Held]":
     """A law (`deflections`) for each phase: who steers, and what is held."""
     from dataclasses import replace
 
@@ -145,15 +152,16 @@ def laws_of(phases: tuple[PhaseConfig, ...], log: "FlightLog", declaration: "Kit
     for phase in phases:
         held = {name: math.radians(value) for name, value in phase.surfaces.items()}
         if phase.law == "controller":
-            rest = {n: v for n, v in medians.items() if n not in (*fitted.surfaces, *fitted.constants)}
-            yield Held(fitted, rest | held)
+            law = present(fitted, "the fitted law")
+            rest = {n: v for n, v in medians.items() if n not in (*law.surfaces, *law.constants)}
+            yield Held(law, rest | held)
             continue
         circle = {n: v if n == "radius" else math.radians(v) for n, v in phase.pattern.model_dump().items() if v is not None}
         here = present(follower, "the law that flies a circle")
         yield Held(replace(here, pattern=replace(here.pattern, **circle)), held)
 
 
-def pumping_phases(phases: tuple[PhaseConfig, ...], log: "FlightLog", kite, fitted):
+def pumping_phases(phases: tuple[PhaseConfig, ...], log: "FlightLog", kite: "FlightModel", fitted: "Law | None") -> "list[PumpingPhase]":
     """The phases as the simulation flies them, made for a kite."""
     from awescli.simulation.closed_loop import loop
     from awescli.simulation.pumping import PumpingPhase
@@ -166,7 +174,7 @@ def pumping_phases(phases: tuple[PhaseConfig, ...], log: "FlightLog", kite, fitt
     ]
 
 
-def with_fitted_winch(config: "SimulateConfig", metrics: Mapping):
+def with_fitted_winch(config: "SimulateConfig", metrics: Mapping) -> "SimulateConfig":
     """The settings of simulate with the winch laws that fit-controller found, and the lag of the drum behind them where the plan names
     none. metrics: its metrics.json. Raises BadInput where it has found none for a phase."""
     laws, phases, lags = metrics.get("winch", {}), [], []
@@ -187,14 +195,17 @@ def with_fitted_winch(config: "SimulateConfig", metrics: Mapping):
     return config.model_copy(update={"phases": tuple(phases), "drum": drum})
 
 
-def on_winch(declaration: "KiteDeclaration", drum: Drum):
+def on_winch(declaration: "KiteDeclaration", drum: Drum) -> "KiteDeclaration":
     """The kite on the plan's winch; what a kite file says of its own drum stays, unless the plan says otherwise."""
     from awescli.simulation.pumping import DRUM, with_winch
 
     return with_winch(declaration, drum.model_dump(exclude_unset=DRUM in declaration.effects))
 
 
-def fly_phases(config: "SimulateConfig", log: "FlightLog", first: int, kite, fitted, wind, how: Mapping, known=None):
+def fly_phases(
+    config: "SimulateConfig", log: "FlightLog", first: int, kite: "FlightModel", fitted: "Law | None", wind: "WindRecord", how: Mapping,
+    known: "Known | None" = None,
+) -> "tuple[Flown, list[str], dict]":  # fmt: skip
     """(the flight through the plan's phases, the name of the phase of every sample, what metrics.json says of the flight), from sample
     `first` of the log, its line and its load on.
 
@@ -225,7 +236,7 @@ def fly_phases(config: "SimulateConfig", log: "FlightLog", first: int, kite, fit
     return pumped.flown, [names[i] for i in pumped.phase.tolist()], summary | ({"measured_cycle_W": measured} if measured else {})
 
 
-def slopes(config: "SimulateConfig", pumping, wind, known, how: Mapping) -> dict:
+def slopes(config: "SimulateConfig", pumping: "Pumping", wind: "WindRecord", known: "Known", how: Mapping) -> dict:
     """{"slopes"}: exact derivatives of the mean cycle power in calm air with respect to each parameter and to each setting of a phase;
     nothing where the flight cannot be differentiated, or its cycles do not come to their end.
 

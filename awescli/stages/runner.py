@@ -30,7 +30,7 @@ from awescli.artifacts import (
     write_json,
 )
 from awescli.notation.errors import BadInput, NumericalFailure, did_you_mean
-from awescli.stages.base import FAILURE, Context, Inputs, Progress, Silent, Stage, StageConfig
+from awescli.stages.base import FAILURE, Context, Inputs, Need, Progress, Silent, Stage, StageConfig
 from awescli.stages.blas import blas, one_blas_thread
 from awescli.stages.changes import changes, flat
 from awescli.stages.checking import raise_all, refused, with_warning
@@ -56,16 +56,10 @@ class Result:
 
 
 def run_plan(
-    plan: Plan,
-    stages: Sequence[Stage],
-    only: Iterable[str] | None = None,
-    begin: str | None = None,
-    force: bool = False,
-    dry_run: bool = False,
-    progress: Progress | None = None,
-    report: Callable[[str, Result | str], None] | None = None,
+    plan: Plan, stages: Sequence[Stage], only: Iterable[str] | None = None, begin: str | None = None, force: bool = False,
+    dry_run: bool = False, progress: Progress | None = None, report: Callable[[str, Result | str], None] | None = None,
     among_many: bool = False,
-) -> list[Result]:
+) -> list[Result]:  # fmt: skip
     """Run the planned stages (or `only` those named), in the order of `stages`.
 
     begin: run this stage and all after it, changed or not, and leave those before it as they are; force: run all, changed or not;
@@ -259,7 +253,7 @@ class _Run:
             return f"artifact {damaged}"
         return ""
 
-    def _needs(self, name: str):
+    def _needs(self, name: str) -> tuple[Need, ...]:
         return self.stages[name].needs(self.plan.settings[name])
 
     def _read(self, name: str, upstreams: Mapping[str, Path]) -> list[str]:

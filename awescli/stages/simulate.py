@@ -1,11 +1,12 @@
 """simulate: fly a model on its own and write the flight as a log; compare it with the flight it set out from."""
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from awescli.notation.errors import BadInput
+from awescli.notation.present import present
 from awescli.stages.answers import ANSWER, number
 from awescli.stages.base import Context, Inputs, Need, Stage, StageConfig
 from awescli.stages.nested_models import MADE_BY
@@ -13,7 +14,12 @@ from awescli.stages.power_curve import PowerCurve
 from awescli.stages.pumping import Drum, PhaseConfig
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from awescli.control.law import Law
+    from awescli.control.pattern import Pattern
     from awescli.flightlog.log import FlightLog
+    from awescli.physics.flight_model import FlightModel
 
 BY = {"controller": "the fitted controller", "recorded": "the log", "path_following": "a built-in law"}
 """Who moves the surfaces, in words."""
@@ -72,7 +78,7 @@ class SimulateConfig(StageConfig):
     step: float = Field(default=0.01, ge=1e-4, le=0.02, description="longest step of the integration [s]")
 
     @model_validator(mode="after")
-    def _phases_can_be_flown(self):
+    def _phases_can_be_flown(self) -> Self:
         if self.phases and self.model == "hybrid":
             raise ValueError("phases are flown by physical models, a network was not trained in a retraction: use with_effects")
         if self.power_curve and not self.phases:
@@ -213,7 +219,7 @@ def steered(config: SimulateConfig) -> str:
     return " and ".join(dict.fromkeys(BY[p.law] for p in config.phases)) if config.phases else BY[config.surfaces]
 
 
-def in_wanted_wind(log: "FlightLog", wanted: Wind):
+def in_wanted_wind(log: "FlightLog", wanted: Wind) -> "FlightLog":
     """The flight's log, with the wind that is wanted in place of the recorded one."""
     import math
 
@@ -226,7 +232,7 @@ def in_wanted_wind(log: "FlightLog", wanted: Wind):
     return in_wind(log, wanted.speed, direction, wanted.height, wanted.shear)
 
 
-def kite_to_fly(context: Context, config: SimulateConfig, heights, fitted=None):
+def kite_to_fly(context: Context, config: SimulateConfig, heights: "np.ndarray", fitted: "Law | None" = None) -> "tuple[str, FlightModel]":
     """(name of the model, the kite for a wind known at `heights`), with the effects that are switched on and the delay and limiter
     through which the `fitted` law acts."""
     from awescli.learning.correction import kite_from_artifact
@@ -248,14 +254,17 @@ def kite_to_fly(context: Context, config: SimulateConfig, heights, fitted=None):
     return model, Kite(declaration, heights)
 
 
-def law_to_fly(config: SimulateConfig, log: "FlightLog", kite, fitted):
+def law_to_fly(
+    config: SimulateConfig, log: "FlightLog", kite: "FlightModel", fitted: "Law | None"
+) -> "tuple[Callable | None, Pattern | None]":
     """(law for the simulator or None, pattern or None)."""
     from awescli.simulation.closed_loop import loop
     from awescli.stages.controller_artifact import wind_direction
     from awescli.stages.follower import follower_of
 
     if config.surfaces == "controller":
-        return loop(fitted, kite, wind_direction(log)), fitted.pattern
+        law = present(fitted, "the fitted law")
+        return loop(law, kite, wind_direction(log)), law.pattern
     if config.surfaces == "path_following":
         law = follower_of(log, kite.declaration)
         return law.setpoints, law.pattern

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from awescli.flightlog.log import FlightLog
     from awescli.flightlog.split import Split
     from awescli.physics.declaration import KiteDeclaration
+    from awescli.tracing.investigate import Finding
+    from awescli.tracing.models import TracedFlight
 
 
 class TraceResidualConfig(StageConfig):
@@ -130,7 +132,7 @@ class TraceResidual(Stage):
         }  # fmt: skip
 
 
-def traced(context: Context, closed: bool, log: "FlightLog", parts: "Split", declared: "KiteDeclaration", label: str):
+def traced(context: Context, closed: bool, log: "FlightLog", parts: "Split", declared: "KiteDeclaration", label: str) -> "TracedFlight":
     """A flight as tracing takes it; closed: the fitted controller moves its surfaces."""
     from awescli.stages.flight_parts import closing_upstream
     from awescli.tracing.models import TracedFlight
@@ -178,7 +180,7 @@ def begun(identified: dict, horizon: float, surfaces: str) -> dict:
     return found
 
 
-def failure(finding) -> dict:
+def failure(finding: "Finding") -> dict:
     """What the runner reports as a numerical failure, where the flight is not testable and nothing predicts better."""
     if finding.verdict != "not_testable" or finding.by_prediction:
         return {}
@@ -194,7 +196,7 @@ def detectable(effects: dict) -> dict:
     return {"would have been seen from": {key: {"size": size, **units[key]} for key, size in effects["detectable"].items()}}
 
 
-def answer_lines(effects: dict, kite_file) -> list[str]:
+def answer_lines(effects: dict, kite_file: Path) -> list[str]:
     """The answer of the stage, in a few lines: all sizes where they fit, else the first of each effect, else the effects' names."""
     error, verdict = effects["error"], effects["verdict"]
     before, after = error.get("before", {}).get("mean"), error["after"]["mean"]

@@ -1,6 +1,6 @@
 """train-hybrid: let a small network learn what the physics leaves, through the rollout (Rositani section 5)."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -13,7 +13,9 @@ from awescli.stages.base import KITE_FILE, Context, Inputs, Names, Need, Seconds
 
 if TYPE_CHECKING:
     from awescli.flightlog.log import FlightLog
-    from awescli.flightlog.split import Split
+    from awescli.flightlog.split import Range, Split
+    from awescli.learning.correction import Correction
+    from awescli.physics.kite import Kite
 
 CHECKPOINT = "training-{}.npz"
 """In the stage's scratch, one for each network; `State.to_arrays`."""
@@ -186,10 +188,8 @@ class TrainHybrid(Stage):
         }  # fmt: skip
 
 
-def replays_only(solver: str):
+def replays_only(solver: str) -> BadInput:
     """The mistake of a solver that cannot close the loop."""
-    from awescli.notation.errors import BadInput
-
     return BadInput(f"solver '{solver}' replays recorded set-points only", do="Use solver: rk4, or surfaces: recorded.")
 
 
@@ -203,7 +203,9 @@ def horizons_within(context: Context, config: TrainHybridConfig, log: "FlightLog
     return (*(h for h in config.horizons if h < longest), longest)
 
 
-def spread_over_test(kite, corrections, log: "FlightLog", ranges, horizon: float, spread) -> dict[str, float]:
+def spread_over_test(
+    kite: "Kite", corrections: "Sequence[Correction]", log: "FlightLog", ranges: "Sequence[Range]", horizon: float, spread: Callable
+) -> dict[str, float]:
     """Channel -> root mean square standard deviation of the members' predictions of the test loops."""
     import numpy as np
 

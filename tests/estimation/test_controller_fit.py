@@ -13,7 +13,8 @@ from awescli.control.laws import LAWS, from_artifact, to_artifact
 from awescli.control.pattern import Pattern
 from awescli.estimation.controller_bounds import Pairs, estimate_bounds, neighbour_pairs
 from awescli.estimation.controller_centres import farthest_points
-from awescli.estimation.controller_fit import ControllerConfig, fit_controller
+from awescli.estimation.controller_config import ControllerConfig
+from awescli.estimation.controller_fit import fit_controller
 from awescli.estimation.controller_greedy import greedy_order
 from awescli.estimation.controller_hold import displaced
 from awescli.estimation.controller_lp import sparse_coefficients

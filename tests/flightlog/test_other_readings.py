@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from awescli.flightlog.consistency import consistency_checks
 from awescli.flightlog.other_readings import reading_checks
 from awescli.flightlog.read import read_flight
 from awescli.notation.angles import wrap
@@ -102,3 +103,23 @@ def test_thinned_logs_are_left_alone(log, every):
         measured={n: s[cut] for n, s in log.measured.items()}, inputs={n: s[cut] for n, s in log.inputs.items()},
     )  # fmt: skip
     assert all(c.ok for c in checks(thin).values())
+
+
+def reeling(log):
+    return next(c for c in consistency_checks(log, np.ones(len(log), bool)) if c.name == "reel-out speed against length")
+
+
+@pytest.mark.parametrize(
+    "factor, says",
+    [(-1.0, "with the other sign"), (3.6, "in km/h"), (100.0, "in cm/s"), (1 / 0.3048, "in ft/s"), (-0.98, "with the other sign")],
+)
+def test_a_reel_out_speed_of_another_sign_or_unit_is_refused(log, factor, says):
+    """Guards a slow winch, whose flipped sign stayed below the limit in m/s: a clock that is off was named in its place."""
+    check = reeling(replace(log, inputs={**log.inputs, "reel_out_speed": factor * log["reel_out_speed"]}))
+    assert not check.ok and check.stops and says in check.sentence
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.05, 0.8])
+def test_a_reel_out_speed_that_is_a_little_off_is_not_refused(log, factor):
+    check = reeling(replace(log, inputs={**log.inputs, "reel_out_speed": factor * log["reel_out_speed"]}))
+    assert not check.stops and "Read" not in check.sentence

@@ -13,6 +13,7 @@ import numpy as np
 
 from awescli.estimation.axes import Axes
 from awescli.flightlog.log import FlightLog
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.disturbances import DISTURBANCES
 
 
@@ -79,7 +80,7 @@ class Process(ABC):
 
     @classmethod
     @abstractmethod
-    def of(cls, declaration, log: FlightLog) -> "Process":
+    def of(cls, declaration: KiteDeclaration, log: FlightLog) -> "Process":
         """The process as it is known before anything is fitted to a flight of a kite."""
 
     def at(self, levels: dict[str, float], memories: dict[str, float] | None = None) -> "Process":

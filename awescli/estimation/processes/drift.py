@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from awescli.estimation.processes.base import Group, Prior, Process
 from awescli.flightlog.log import FlightLog
+from awescli.physics.declaration import KiteDeclaration
 
 DEG = 3.14159265358979 / 180
 CHANNELS: dict[str, tuple[tuple[str, ...], Prior]] = {
@@ -27,7 +28,7 @@ class Drift(Process):
     doc = "errors of sensors that wander"
 
     @classmethod
-    def of(cls, declaration, log: FlightLog) -> "Drift":
+    def of(cls, declaration: KiteDeclaration, log: FlightLog) -> "Drift":
         there = {name: tuple(c for c in channels if c in log) for name, (channels, _) in CHANNELS.items()}
         groups = (Group(name, there[name], 0.0, MEMORY.median, level, MEMORY) for name, (_, level) in CHANNELS.items() if there[name])
         return cls(tuple(groups), SPACING)

@@ -6,6 +6,7 @@ import numpy as np
 
 from awescli.estimation.processes.base import Group, Prior, Process
 from awescli.flightlog.log import FlightLog
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.disturbances import GUSTS
 from awescli.simulation.gusts import LENGTH, VERTICAL_SHARE, transversal
 
@@ -30,7 +31,7 @@ class Gusts(Process):
     random = True
 
     @classmethod
-    def of(cls, declaration, log: FlightLog) -> "Gusts":
+    def of(cls, declaration: KiteDeclaration, log: FlightLog) -> "Gusts":
         airspeed = mean_airspeed(log)
         level, length = Prior(0.5, 0.7), Prior(LENGTH / airspeed, 0.7)
         vertical = Prior(VERTICAL_SHARE * LENGTH / airspeed / 2, 0.7)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from awescli.estimation.processes.base import Group, Prior, Process
 from awescli.flightlog.log import FlightLog
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.disturbances import FORCES, MOMENTS
 
 MEMORY = Prior(0.7, 0.7)
@@ -22,6 +23,6 @@ class ModelError(Process):
     random = True
 
     @classmethod
-    def of(cls, declaration, log: FlightLog) -> "ModelError":
+    def of(cls, declaration: KiteDeclaration, log: FlightLog) -> "ModelError":
         groups = (Group(axis, (axis,), 0.0, MEMORY.median, prior, MEMORY) for axis, prior in LEVELS.items())
         return cls(tuple(groups), SPACING)

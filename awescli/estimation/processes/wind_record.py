@@ -6,6 +6,7 @@ import numpy as np
 
 from awescli.estimation.processes.base import Group, Process
 from awescli.flightlog.log import FlightLog
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.disturbances import GUSTS
 
 SHARE = 0.7
@@ -28,7 +29,7 @@ class WindRecord(Process):
     certain = True
 
     @classmethod
-    def of(cls, declaration, log: FlightLog) -> "WindRecord":
+    def of(cls, declaration: KiteDeclaration, log: FlightLog) -> "WindRecord":
         entries = np.diff(log.recorded_wind.time)
         memory = max(float(np.median(entries)), LEAST) if len(entries) else 60.0
         memory = min(memory, passing_time(log))
