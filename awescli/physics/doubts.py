@@ -44,7 +44,7 @@ one means (Etkin & Reid, ch. 2 and 3: a surface's moment is its force times its 
 def doubts(declaration: KiteDeclaration) -> list[str]:
     """One sentence for each."""
     value = {name: row.value for name, row in declaration.parameters.items()}
-    return [*_body(value), *_sizes(value), *_signs(declaration, value), *_pairs(declaration, value), *_unused(declaration)]
+    return [*_body(value), *_sizes(value), *unusual_signs(declaration).values(), *_pairs(declaration, value), *_unused(declaration)]
 
 
 def _body(value: dict[str, float]) -> Iterator[str]:
@@ -67,12 +67,16 @@ def _sizes(value: dict[str, float]) -> Iterator[str]:
                 yield f"{name} = {value[name]:g} kg m2 is that of a mass {share:.3g} spans from the axis: is it in kg m2?"
 
 
-def _signs(declaration: KiteDeclaration, value: dict[str, float]) -> Iterator[str]:
+def unusual_signs(declaration: KiteDeclaration) -> dict[str, str]:
+    """Parameter whose sign hardly any aircraft has -> what it means, in a sentence."""
+    found = {}
     for coefficient, monomial, sign, means in SIGNS:
         terms = declaration.aerodynamics.terms.get(coefficient, {})
         for text, name in terms.items():
-            if _factors(text) == monomial and sign * value.get(name, 0.0) < 0:
-                yield f"{name} = {value[name]:g} ({coefficient} with {monomial}): {means}"
+            row = declaration.parameters.get(name)
+            if row and _factors(text) == monomial and sign * row.value < 0:
+                found[name] = f"{name} = {row.value:g} ({coefficient} with {monomial}): {means}"
+    return found
 
 
 def _pairs(declaration: KiteDeclaration, value: dict[str, float]) -> Iterator[str]:

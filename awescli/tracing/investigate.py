@@ -10,6 +10,7 @@ from awescli.estimation.processes.roll_gusts import RollGusts as RollGustProcess
 from awescli.flightlog.log import FlightLog
 from awescli.notation.quantities import SURFACES
 from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.doubts import unusual_signs
 from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
 from awescli.physics.kite import can_act, candidates, make_effect
 from awescli.simulation.rollout import Simulator
@@ -116,6 +117,7 @@ def investigate(
         bare, rest = rest_of(frame, null)
         evidence = replace(evidence, bare=bare, model=bare, rest=rest)
     evidence = replace(evidence, search=library, **_settled(frame, library, bare, rest, criteria))
+    evidence = replace(evidence, doubted=tuple(n for n in unusual_signs(frame.declared) if n in null.towards_zero))
     gusts = {g.name: g.level for g in gusts_of(evidence.model)}
     evidence = replace(evidence, gusts=gusts, gusts_repeat=repetition_of_gusts(frame, evidence.model))
     if evidence.model.keys:

@@ -160,6 +160,12 @@ class FittedModel:
         return [n for n in bounded(self.fit) if n not in self.strengths]
 
     @property
+    def towards_zero(self) -> list[str]:
+        """Those of `at_bound` that sit at the end next to zero, beyond which their sign would change."""
+        rows = {n: self.fit.parameters[n] for n in self.at_bound}
+        return [n for n, p in rows.items() if p.lower * p.upper > 0 and abs(p.value) < (abs(p.lower) + abs(p.upper)) / 2]
+
+    @property
     def flies(self) -> int:
         """Segments that did not diverge, of all flights."""
         return sum(int(f.flies.sum()) for f in (*self.fit.flights, *self.judged))

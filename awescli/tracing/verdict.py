@@ -10,6 +10,8 @@ from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import PRICE, Evidence
 
 VERDICTS = ("none", "found", "cannot_tell", "unexplained", "not_deterministic", "not_testable")
+UNOPPOSED = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible")
+"""Without these an effect that explains everything is no answer."""
 NULL = ("null_flew", "null_converged", "null_follows", "null_as_identified")
 """Without these there is no model in whose residual anything could be sought."""
 
@@ -20,6 +22,7 @@ OBJECTIONS = {
     "effect_leads": "another effect, which is no answer itself, fits better",
     "effect_steady": "its size drifts through the flight: look for what changes with time",
     "effect_constant": "its size changes with the way the kite flies ({row.says}: {row.value:.0f})",
+    "signs_plausible": "{row.value}, declared with a sign that hardly any aircraft has, is driven to the end of its range next to zero",
 }
 """Criterion -> why an effect that takes most of the residual away is no answer; `row`: the criterion's own."""
 
@@ -40,9 +43,10 @@ def verdict(table: Sequence[Criterion]) -> str:
     """The verdict that a table of criteria stands for.
 
     A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient, steady,
-    constant and alone; where others do as well nobody can tell. What is left without a name is unexplained where it repeats (called gusts
-    or not) or goes on from loop to loop, and so is an effect whose size drifts or goes with the way the kite flies, or which another one
-    outdoes that cannot be. That nothing is missing is said in calm air, and where all that could be missing was tried.
+    constant and alone, on a kite whose declared signs can be; where others do as well nobody can tell. What is left without a name is
+    unexplained where it repeats (called gusts or not) or goes on from loop to loop, and so is an effect whose size drifts or goes with the
+    way the kite flies, or which another one outdoes that cannot be. That nothing is missing is said in calm air, and where all that could
+    be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
@@ -58,7 +62,7 @@ def verdict(table: Sequence[Criterion]) -> str:
     if not passed["sensors_plausible"]:
         return "unexplained"
     if effect:
-        if not all(passed[name] for name in ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant")):
+        if not all(passed[name] for name in UNOPPOSED):
             return "unexplained"
         return "found" if passed["no_rival"] else "cannot_tell"
     if not passed["no_parameter_hides_it"]:
@@ -274,6 +278,14 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             e.empirical_lead < c.empirical,
             "deviance by which as few empirical terms lead the answer, each name more counted",
             "set on development flights",
+        ),
+        Criterion(
+            "signs_plausible",
+            ", ".join(e.doubted) or 0,
+            0,
+            not e.doubted,
+            "coefficients of an unlikely sign that the declared model drives to the end of their range next to zero",
+            "Etkin & Reid 1996, ch. 5",
         ),
         Criterion(
             "calm_air", gusts, c.gusty, gusts < c.gusty, "level of the gusts that the flight shows [m/s]", "set on development flights"

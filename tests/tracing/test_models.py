@@ -11,7 +11,7 @@ from awescli.estimation.prediction import predict
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
 from awescli.notation.parameters import Parameter, ParameterTable
-from awescli.tracing.models import Frame, TracedFlight, _asked_of, fit_null
+from awescli.tracing.models import FittedModel, Frame, TracedFlight, _asked_of, bounded, fit_null
 
 N, FIT, SEEN = 4, 30, 20
 
@@ -31,6 +31,21 @@ def linear(seed: int, bounded: tuple[int, ...] = ()):
     fitted = SimpleNamespace(names=names, parameters=ParameterTable(rows), solution=SimpleNamespace(H=H, x=x), places=(np.arange(N),))
     judged = SimpleNamespace(information=SimpleNamespace(H=B.T @ B, b=B.T @ r))
     return fitted, judged, r, B, H
+
+
+def test_a_coefficient_that_wants_the_other_sign_sits_at_the_end_next_to_zero():
+    """Guards `towards_zero`: at the far end, inside, and in a range that holds zero it says nothing."""
+    ranges = {
+        "wants": (0.4, 0.4, 1.2),
+        "negative": (-0.4, -1.2, -0.4),
+        "far": (1.2, 0.4, 1.2),
+        "inside": (0.8, 0.4, 1.2),
+        "free": (-1.0, -1.0, 1.0),
+    }
+    rows = [Parameter(n, v, "-", low, high, free=True) for n, (v, low, high) in ranges.items()]
+    fitted = SimpleNamespace(names=tuple(ranges), parameters=ParameterTable(rows))
+    model = SimpleNamespace(fit=fitted, at_bound=bounded(fitted))
+    assert FittedModel.towards_zero.fget(model) == ["wants", "negative"]
 
 
 @pytest.mark.parametrize("bounded", [(), (1,), (0, 3)])

@@ -18,7 +18,7 @@ from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, re
 
 ANSWER = ("effect_likelier", "effect_on_unseen_loops")
 REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
-ALONE = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant")
+ALONE = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible")
 OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "calm_air", *ALONE)
 REPEATS = ("rest_repeats", "rest_lasts", "gusts_do_not_repeat")
 ROWS = {
@@ -54,6 +54,8 @@ LEFT = dict.fromkeys(REST, False)
         ("unexplained", {**FOUND, "effect_steady": False}),
         ("unexplained", {**FOUND, "effect_constant": False}),
         ("unexplained", {**FOUND, "effect_leads": False}),
+        ("unexplained", {**FOUND, "signs_plausible": False}),
+        ("none", {"signs_plausible": False}),
         ("none", {"effect_steady": False}),
         ("unexplained", LEFT),
         ("unexplained", {**FOUND, **LEFT}),
@@ -84,6 +86,7 @@ def test_every_verdict_is_reached_by_its_table(expected, passed):
         ({**FOUND, "effect_steady": False}, "its size drifts"),
         ({**FOUND, "effect_constant": False}, "its size changes with the way the kite flies"),
         ({**FOUND, "effect_leads": False}, "another effect"),
+        ({**FOUND, "signs_plausible": False}, "a sign that hardly any aircraft has"),
         ({**FOUND, "no_better_empirical_term": False}, "empirical terms"),
         ({**FOUND, "sensors_plausible": False}, "a sensor"),
         ({**FOUND, **LEFT}, "more than noise"),
@@ -178,7 +181,7 @@ GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 21
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 22
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
@@ -216,6 +219,7 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("effect_leads", {"answer": GOOD, "beside": 109.0}, {"answer": GOOD, "beside": 111.0}),
         ("effect_steady", {"answer": GOOD, "steadiness": 2e-4}, {"answer": GOOD, "steadiness": 5e-5}),
         ("effect_constant", {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 99.0}}, {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 101.0}}),
+        ("signs_plausible", {"answer": GOOD}, {"answer": GOOD, "doubted": ("Cma",)}),
         ("calm_air", {"gusts": {"vertical gusts": 0.19}}, {"gusts": {"vertical gusts": 0.21}}),
         (
             "gusts_do_not_repeat", {"gusts": GUSTY, "gusts_repeat": Repetition({"gust_d": 0.19}, {"gust_d": 0.001}, 8)},
