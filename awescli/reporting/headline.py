@@ -139,7 +139,7 @@ def _error(evidence: Evidence) -> Words:
 def _linear(evidence: Evidence) -> Words:
     """Whether the models beat the linear baseline."""
     said = beside_linear(evidence.scores, evidence.models, evidence.label)
-    return (f"{said[0].upper()}{said[1:]}; ", Link("fig-horizon", "by how far ahead"), ".") if said else ""
+    return (f"{said[0].upper()}{said[1:]}", OnScreen(("; ", Link("fig-horizon", "by how far ahead"))), ".") if said else ""
 
 
 def _effect(evidence: Evidence, effect: dict) -> Words:
