@@ -57,6 +57,7 @@ def run_fit(name: str, case: tuple[str, int]) -> dict:
     from awescli.estimation.prediction_bands import bands
     from awescli.estimation.prediction_scores import scored
     from awescli.estimation.problem import build, levels_found, simulator_of, without_record
+    from awescli.estimation.record_level import with_record_level
     from awescli.estimation.staged_fit import Flight, fit_from_starts
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
@@ -71,12 +72,13 @@ def run_fit(name: str, case: tuple[str, int]) -> dict:
     simulator = problem.simulator.holding(without_record(problem.kite, fit.flights[0].parameters))
     known = replace(Known.fitted(params, simulator.kite), processes=fitted.processes, factors=fitted.factors)
     block, predictions = scored(simulator, log, parts, loops.bounds, HORIZON, (HORIZON,), told_by=(simulator, known))
+    levelled = with_record_level(simulator, log, parts, HORIZON, known)
     prediction, power, rows = predictions["test"], block["power"], params["parameters"]
     return {
         "air": case[0], "seed": case[1], "code": commit(), "outcome": fit.solution.outcome, "chi2": fit.chi2,
         "processes": {group: p["level"] for group, p in levels_found(fitted).items()},
         "parameters": {n: [(r["value"] - true[n].value) / r["std"], r["excited"], r["at_bound"]] for n, r in rows.items()},
-        "bands": bands(simulator, log, prediction, known).coverage(prediction),
+        "bands": bands(simulator, log, prediction, levelled).coverage(prediction),
         "power": {"error": power["error_share"], "measured": power["measured_mean_W"], "interval": power["interval_W"]},
     }  # fmt: skip
 
