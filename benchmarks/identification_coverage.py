@@ -71,8 +71,8 @@ def run_fit(name: str, case: tuple[str, int]) -> dict:
     params, true = describe(fit, set(problem.kite.record)), flight.flown.table()
     simulator = problem.simulator.holding(without_record(problem.kite, fit.flights[0].parameters))
     known = replace(Known.fitted(params, simulator.kite), processes=fitted.processes, factors=fitted.factors)
-    block, predictions = scored(simulator, log, parts, loops.bounds, HORIZON, (HORIZON,), told_by=(simulator, known))
     levelled = with_record_level(simulator, log, parts, HORIZON, known)
+    block, predictions = scored(simulator, log, parts, loops.bounds, HORIZON, (HORIZON,), told_by=(simulator, levelled))
     prediction, power, rows = predictions["test"], block["power"], params["parameters"]
     return {
         "air": case[0], "seed": case[1], "code": commit(), "outcome": fit.solution.outcome, "chi2": fit.chi2,

@@ -9,10 +9,11 @@ LEAST_COVERED = 0.5
 """Share of a loop that predictions must cover for its energy to be compared with that of other loops."""
 
 
-def mechanical_power(prediction: Prediction, speed: np.ndarray, loops: np.ndarray) -> dict | None:
+def mechanical_power(prediction: Prediction, speed: np.ndarray, loops: np.ndarray, believed: np.ndarray | float = 0.0) -> dict | None:
     """The power block of one model on one part of a flight; None where no prediction reaches a loop.
 
-    speed: (N,) logged reel-out speed [m/s], the same for both: the winch is driven by the log; loops: (L, 2) half-open sample ranges.
+    speed: (N,) logged reel-out speed [m/s], the same for both: the winch is driven by the log; loops: (L, 2) half-open sample ranges;
+    believed: (K, N) [J] what is known to be missing in the predicted energies between samples.
 
     mean_W, measured_mean_W: over all predicted seconds inside loops (seconds, of loop_seconds that these loops last: predictions begin
     anew every horizon, and what is left at the end of a stretch is not predicted); error_share: mean_W / measured_mean_W - 1, with
@@ -26,6 +27,7 @@ def mechanical_power(prediction: Prediction, speed: np.ndarray, loops: np.ndarra
     rows = prediction.first[:, None] + np.arange(len(prediction.time))[None]
     measured = prediction.measured["tension"]
     energies = [_trapezoids(T * speed[rows], dt) for T in (measured, measured - prediction.errors("tension"))]
+    energies[1] = energies[1] + believed
     of = np.searchsorted(loops[:, 0], rows[:, :-1], side="right") - 1
     inside = (of >= 0) & (rows[:, :-1] < loops[np.maximum(of, 0), 1])
     numbers = np.unique(of[inside])

@@ -1,7 +1,8 @@
 """How well predicted power is known: from the covariance of parameters, the error of the wind record, and what loops show of the rest.
 
     variance = J C J'                          parameters and the record's errors together, as the fit left them
-             + (b F)^2                         b: share by which the model errs on the loops that it was fitted and chosen on
+             + (b F)^2                         b: share by which the model, the found error of the record in it, errs on the loops that
+                                               it was fitted and chosen on
              + (s F)^2 / K                     s: scatter of single loops about that share; K: loops' worth of seconds
 
 F is the power that the mean tension of those loops would have at the speed of the line: a phase in which a model says no tension is not
@@ -124,6 +125,14 @@ def energy_sensitivities(simulator: Simulator, log: FlightLog, prediction: Predi
     result = np.zeros((*between.shape[:2], len(names)))
     result[..., [list(names).index(n) for n in asked]] = between
     return result
+
+
+def energy_believed(simulator: Simulator, log: FlightLog, prediction: Prediction, known: Known) -> np.ndarray:
+    """(K, N) [J] by how much a fit believes the energy between two samples to differ from what is predicted: the record's error, which
+    kite files leave out."""
+    differ = known.found != 0.0
+    names = [n for n, d in zip(known.names, differ, strict=True) if d]
+    return energy_sensitivities(simulator, log, prediction, names) @ known.found[differ]
 
 
 def power_interval(mean: float, seconds: float, reeled: float, J: np.ndarray, known: Known, seen: Seen | None) -> dict:

@@ -6,7 +6,7 @@ import numpy as np
 
 from awescli.estimation.mechanical_power import mechanical_power
 from awescli.estimation.phase_power import flown_ranges, phase_power
-from awescli.estimation.power_interval import Known, Seen, energy_sensitivities, power_interval
+from awescli.estimation.power_interval import Known, Seen, energy_believed, energy_sensitivities, power_interval
 from awescli.estimation.prediction import Prediction, predict, prediction_starts
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.phases import phases
@@ -38,9 +38,13 @@ def scored(
 
     block, predictions = scores_of(forecast, log, parts, loops, horizon, horizons)
     if power := power_of(simulator.kite, predictions["test"], log, loops):
-        seen = Seen.of([power_of(simulator.kite, predictions[part], log, loops) for part in PARTS[:2]])
+        physical, known = told_by or (simulator, Known.declared(simulator.kite))
+        seen = Seen.of([
+            power_of(simulator.kite, predictions[part], log, loops, energy_believed(physical, log, predictions[part], known))
+            for part in PARTS[:2]
+        ])  # fmt: skip
         test = predictions["test"]
-        block["power"] = power | _power_known(simulator, log, parts, loops, test, power, horizon, known_starts, seen, told_by)
+        block["power"] = power | _power_known(simulator, log, parts, loops, test, power, horizon, known_starts, seen, physical, known)
     return block, predictions
 
 
@@ -66,10 +70,9 @@ def scores_of(
 
 def _power_known(
     simulator: Simulator, log: FlightLog, parts: Split, loops: np.ndarray, test: Prediction, power: dict, horizon: float,
-    known_starts: bool, seen: Seen | None, told_by: tuple[Simulator, Known] | None,
+    known_starts: bool, seen: Seen | None, physical: Simulator, known: Known,
 ) -> dict:  # fmt: skip
     """The interval of the test loops' mean power, and power per phase and cycle with theirs."""
-    physical, known = told_by or (simulator, Known.declared(simulator.kite))
     rows = test.first[:, None] + np.arange(len(test.time) - 1)[None]
     inside = np.any([(rows >= first) & (rows < last) for first, last in loops], axis=0)
     J = energy_sensitivities(physical, log, test, known.names)[inside].sum(axis=0) / power["seconds"]
@@ -84,12 +87,14 @@ def _power_known(
     return summed | phase_power(flown, log["reel_out_speed"], labels, fitted, sensitivities, known, seen)
 
 
-def power_of(kite: FlightModel, prediction: Prediction, log: FlightLog, loops: np.ndarray) -> dict | None:
+def power_of(
+    kite: FlightModel, prediction: Prediction, log: FlightLog, loops: np.ndarray, believed: np.ndarray | float = 0.0
+) -> dict | None:
     """`mechanical_power` of a tethered flight; None without a line or a load cell, or where the model is given the measured tension."""
     tethered = any(e.name == "tether" for e in kite.effects) and kite.declaration.tether.tension == "constraint"
     if not tethered or "tension" not in prediction.simulated or "reel_out_speed" not in log:
         return None
-    return mechanical_power(prediction, log["reel_out_speed"], loops)
+    return mechanical_power(prediction, log["reel_out_speed"], loops, believed)
 
 
 RELATIVES = {

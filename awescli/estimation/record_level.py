@@ -3,11 +3,14 @@
 A fit holds the record's level as declared while everything else is sought (`processes/wind_record.py`: half a flight knows few entries, and
 what a model lacks is not to hide in them). Bands say how far off a prediction may be: a record that is twice as good as declared makes them
 too wide, one that is half as good too narrow. So the likeliest level is asked for once parameters are known: the slope of the marginal
-likelihood with a log-normal prior about what was declared (`levels.py`; empirical Bayes).
+likelihood with a log-normal prior about what was declared (`levels.py`; empirical Bayes). What lasts the whole flight is an error of the
+same record, so its prior is as many times as good, and parameters are known as a record of that level lets them be.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from awescli.estimation.fit import Fit, fit
 from awescli.estimation.levels import relevelled
@@ -36,14 +39,47 @@ def record_relevelled(fitted: Fit) -> tuple[Process, ...]:
 
 
 def with_record_level(simulator: Simulator, log: FlightLog, parts: Split, horizon: float, known: Known) -> Known:
-    """What is known of a model, with the record's likeliest level on the train loops; parameters and other processes as they are."""
-    declared = tuple(replace(p, spacing=max(p.spacing, SPACING)) for p in known.processes)
+    """What is known of a model, with the record's likeliest level on the train loops, and with what a record of that level tells more, or
+    less, of parameters and of its own lasting errors; other processes as they are."""
+    spaced = tuple(replace(p, spacing=max(p.spacing, SPACING)) for p in known.processes)
     table = simulator.kite.parameters
     found = {n: table[n].value + f for n, f in zip(known.names, known.found, strict=True) if n in simulator.kite.record}
     held = simulator.holding(table.with_values(found))
-    problem = build(held, log, parts, horizon, tuple(n for n in MEASURED if n in log)).at_noise(known.factors).with_processes(declared)
-    new = record_relevelled(fit(replace(problem.misfit(held), names=()), held.kite.parameters, prior=False))
-    return replace(known, processes=tuple(p.at(q.levels) for p, q in zip(known.processes, new, strict=True)))
+    problem = build(held, log, parts, horizon, tuple(n for n in MEASURED if n in log)).at_noise(known.factors).with_processes(spaced)
+    fitted = fit(replace(problem.misfit(held), names=()), held.kite.parameters, prior=False)
+    new = record_relevelled(fitted)
+    levelled = replace(known, processes=tuple(p.at(q.levels) for p, q in zip(known.processes, new, strict=True)))
+    told = [i for i, n in enumerate(known.names) if n in held.wrt]
+    return _told(levelled, np.array(told, int), fitted, spaced, new) if told and fitted.flies.any() else levelled
+
+
+def _told(known: Known, which: np.ndarray, fitted: Fit, declared: Sequence[Process], new: Sequence[Process]) -> Known:
+    """Covariance and found values, of the names `which`, after the likelihood of processes `declared` has given way to that of `new`, and
+    the record's prior to one that is as many times as good: to first order, with the difference of both information matrices."""
+    names, misfit = tuple(known.names[i] for i in which), fitted.misfit
+    links, _ = replace(misfit, names=names).links(fitted.parameters.vector(names), fitted.own)
+    gram = links.gram()
+    before, after = (misfit.eliminated(gram, fitted.own, fitted.counted, processes) for processes in (declared, new))
+    stds = np.array([fitted.parameters[n].prior_std for n in names])
+    tighter = _tighter(declared, new) * known.record[which] / stds**2
+    C, found = known.covariance[np.ix_(which, which)], known.found[which]
+    more = after.H - before.H + np.diag(tighter)
+    scale = np.sqrt(np.diag(C))
+    unit = np.diag(scale)
+    information = np.linalg.inv(C / np.outer(scale, scale)) + unit @ more @ unit
+    if np.linalg.eigvalsh(information)[0] <= 0:
+        return known  # a record so much worse than declared that to first order nothing is left: what is said of it stays
+    C = unit @ np.linalg.inv(information) @ unit
+    found = found + C @ (after.b - before.b - tighter * found)
+    covariance, whole = known.covariance.copy(), known.found.copy()
+    covariance[np.ix_(which, which)], whole[which] = C, found
+    return replace(known, covariance=covariance, found=whole)
+
+
+def _tighter(declared: Sequence[Process], new: Sequence[Process]) -> float:
+    """(declared level / new one)^2 - 1 of the record."""
+    levels = [(old.groups[0].level, q.groups[0].level) for old, q in zip(declared, new, strict=True) if old.certain]
+    return max((old / now) ** 2 - 1 for old, now in levels) if levels else 0.0
 
 
 def _asked(processes: Sequence[Process]) -> tuple[Process, ...]:

@@ -68,11 +68,13 @@ def score_models(
     for name, simulator in models.items():
         task.update(name)
         if name != "hybrid":  # a network is on top of the physics whose parameters were fitted
-            told_by = simulator, all_known_of(context, name, simulator.kite, log)
+            known = all_known_of(context, name, simulator.kite, log)
+            levelled = name in MADE_BY and not config.known_starts
+            known = with_record_level(simulator, log, parts, config.horizon, known) if levelled else known
+            told_by = simulator, known
         block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts, told_by)
         block["bands"] = NO_BANDS["network" if name == "hybrid" else "measured_starts"]
         if name != "hybrid" and not config.known_starts:
-            known = with_record_level(simulator, log, parts, config.horizon, told_by[1]) if name in MADE_BY else told_by[1]
             banded = bands(simulator, log, predictions["test"], known)
             block["bands"] = banded.coverage(predictions["test"])
             for which, edge in (("low", 0), ("high", 1)):
