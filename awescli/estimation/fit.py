@@ -186,8 +186,8 @@ class _Problem:
 
     shares: tuple[Share, ...]
     places: tuple[np.ndarray, ...]
-    centre: np.ndarray
-    precision: np.ndarray
+    names: tuple[str, ...]
+    prior: ParameterTable | None
     integrates: tuple[bool, ...]
     probes: int
 
@@ -204,7 +204,8 @@ class _Problem:
         linked = [s.misfit.links(x[place], i.own) for s, i, place in zip(self.shares, inner, self.places, strict=True)]
         flies = [t.alive > s.misfit.observed.segments.steps for s, (_, t) in zip(self.shares, linked, strict=True)]
         any_flies = any(f.any() for f in flies)
-        b, H, cost, gain = self.precision * (self.centre - x), np.diag(self.precision), self._prior(x), 0.0
+        away, slope = self._deviations(x)
+        b, H, cost, gain = -slope * away, np.diag(slope**2), float(away @ away), 0.0
         known, new = [], []
         each = zip(self.shares, self.places, inner, linked, flies, self.integrates, strict=True)
         for share, place, i, (links, trajectories), fly, integrates in each:
@@ -246,7 +247,7 @@ class _Problem:
     def _cost(self, at: Linearised, x: np.ndarray, moved: Sequence[NuisanceValues]) -> float:
         """The cost at x and nuisances `moved`, the log determinant to first order."""
         x0, known = at.known
-        total = self._prior(x)
+        total = float((self._deviations(x)[0] ** 2).sum())
         for share, place, own, k, i in zip(self.shares, self.places, moved, known, at.inner, strict=True):
             cost, whole = share.misfit.costs(x[place], own)
             if (k.flies & ~whole).any():
@@ -256,8 +257,9 @@ class _Problem:
             total += k.log_det - 2 * float(i.slope @ (x - x0)[place])
         return total
 
-    def _prior(self, x: np.ndarray) -> float:
-        return float(self.precision @ (self.centre - x) ** 2)
+    def _deviations(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """From the prior, with their slopes; none where nothing is drawn to it."""
+        return self.prior.deviations(self.names, x) if self.prior is not None else (0.0 * x, 0.0 * x)
 
     @staticmethod
     def _lost(share: Share, flies: np.ndarray, counted: np.ndarray) -> float:
@@ -299,7 +301,8 @@ class _Problem:
     def _slope(
         self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, links: Links, gram: Gram, info: Information, counted: np.ndarray
     ) -> np.ndarray | None:
-        return log_det_gradient(share.misfit, x[place], i.own, links, gram, info, counted, self.precision[place], self.probes)
+        precision = self._deviations(x)[1][place] ** 2
+        return log_det_gradient(share.misfit, x[place], i.own, links, gram, info, counted, precision, self.probes)
 
 
 def relaxed(misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> NuisanceValues:
@@ -332,7 +335,7 @@ def fit_together(
     """Fit the unknowns of all flights under the parameters' bounds and the kites' constraints, the nuisances integrated out. Raises
     BadInput where no values satisfy these.
 
-    prior: weigh deviations from the shares' `prior` with each row's `prior_std` (maximum a posteriori); probes: of each look at the log
+    prior: weigh deviations from the shares' `prior` (`ParameterTable.deviations`, maximum a posteriori); probes: of each look at the log
     determinant of the nuisances (`laplace.log_det_gradient`).
     """
     names = tuple(dict.fromkeys(u for share in shares for u in share.unknowns))
@@ -346,7 +349,7 @@ def fit_together(
     stds = np.array([parameters[n].prior_std for n in names])
     places = tuple(np.array([names.index(u) for u in share.unknowns], dtype=int) for share in shares)
     integrates = tuple(any(p.random for p in s.misfit.processes if any(g.level > 0 for g in p.groups)) for s in shares)
-    problem = _Problem(tuple(shares), places, weighed.vector(names), 1 / stds**2 if prior else np.zeros(len(names)), integrates, probes)
+    problem = _Problem(tuple(shares), places, names, weighed if prior else None, integrates, probes)
     x = parameters.vector(names)
     solution = minimise(problem, x, problem.begin(x), limits, tolerance=tolerance, iterations=iterations, on_iteration=on_iteration)
     found = parameters.with_values(dict(zip(names, solution.x, strict=True)))

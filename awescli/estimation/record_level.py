@@ -64,12 +64,14 @@ def _told(known: Known, which: np.ndarray, fitted: Fit, declared: Sequence[Proce
     tighter = _tighter(declared, new) * known.record[which] / stds**2
     C, found = known.covariance[np.ix_(which, which)], known.found[which]
     more = after.H - before.H + np.diag(tighter)
+    # (C^-1 + more)^-1 = S (1 + S'more S)^-1 S' with C = S S', in units of the deviations; what rounding has made negative is nothing
     scale = np.sqrt(np.diag(C))
-    unit = np.diag(scale)
-    information = np.linalg.inv(C / np.outer(scale, scale)) + unit @ more @ unit
+    values, vectors = np.linalg.eigh(C / np.outer(scale, scale))
+    S = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    information = np.eye(len(S)) + S.T @ more @ S
     if np.linalg.eigvalsh(information)[0] <= 0:
         return known  # a record so much worse than declared that to first order nothing is left: what is said of it stays
-    C = unit @ np.linalg.inv(information) @ unit
+    C = S @ np.linalg.inv(information) @ S.T
     found = found + C @ (after.b - before.b - tighter * found)
     covariance, whole = known.covariance.copy(), known.found.copy()
     covariance[np.ix_(which, which)], whole[which] = C, found

@@ -345,8 +345,7 @@ def fit_from_starts(
 
 def _whole_deviance(result: JointFit, problems: Sequence[EstimationProblem]) -> float:
     """-2 log posterior of parameters, levels and noise."""
-    fitted, rows = result.solution.x, [result.prior[n] for n in result.names]
-    away = [(x - p.value) / p.prior_std for x, p in zip(fitted, rows, strict=True)]
+    away, _ = result.prior.deviations(result.names, result.solution.x)
     levels = sum(prior_deviance(p.processes) for p in problems)
     return sum(f.deviance for f in result.flights) + float(np.square(away).sum()) + levels
 

@@ -3,7 +3,7 @@
 Estimators see only the vector of the free rows; physics sees only name -> number.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,8 @@ class Parameter:
     """One number of a model.
 
     name: unique in its table; value, lower, upper in `unit` (SI, radians inside); free: may an estimator move it;
-    std: prior standard deviation where one is known (None: a quarter of the bounded range, see `prior_std`).
+    std: prior standard deviation where one is known (None: a quarter of the bounded range, see `prior_std`); relative: guesses of it err by
+    a share, so that its prior is normal in the logarithm, std / value wide: its sign is known, and twice is as far off as half.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Parameter:
     free: bool = False
     source: str = ""
     std: float | None = None
+    relative: bool = False
 
     def __post_init__(self) -> None:
         if not self.lower <= self.value <= self.upper:
@@ -81,6 +83,13 @@ class ParameterTable(Mapping[str, Parameter]):
     def vector(self, names: Iterable[str] | None = None) -> np.ndarray:
         """Values of `names` (default: all rows), shape (n,)."""
         return np.array([self[n].value for n in (self if names is None else names)], dtype=float)
+
+    def deviations(self, names: Sequence[str], x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(How far values x (n,) of `names` are from these rows' in prior standard deviations, the slope of that), each (n,)."""
+        rows = [self[n] for n in names]
+        value, std, relative = (np.array([getattr(p, what) for p in rows]) for what in ("value", "prior_std", "relative"))
+        share = np.where(relative, x, 1.0) / np.where(relative, value, 1.0)
+        return np.where(relative, value * np.log(share), x - value) / std, 1 / (std * share)
 
     def with_values(self, values: Mapping[str, float]) -> "ParameterTable":
         """The same table with new values for some rows."""

@@ -25,7 +25,11 @@ class ParameterRow(_Frozen):
     lower: float | None = Field(default=None, description="least value that a fit may reach; nothing: no limit")
     upper: float | None = Field(default=None, description="largest value that a fit may reach; nothing: no limit")
     free: bool = Field(default=False, description="whether identify may change it; a free one is drawn to its value by std")
-    std: float | None = Field(default=None, gt=0, description="prior standard deviation; default a quarter of the bounded range")
+    std: float | None = Field(
+        default=None,
+        gt=0,
+        description="prior standard deviation, std / value in the logarithm where bounds exclude zero; default a quarter of the range",
+    )
     source: str = Field(default="", description="where the number comes from")
 
 
@@ -142,7 +146,7 @@ class KiteDeclaration(_Frozen):
 def parameter_of(name: str, row: ParameterRow) -> Parameter:
     lower = -float("inf") if row.lower is None else row.lower
     upper = float("inf") if row.upper is None else row.upper
-    return Parameter(name, row.value, row.unit, lower, upper, row.free, row.source, row.std)
+    return Parameter(name, row.value, row.unit, lower, upper, row.free, row.source, row.std, relative=lower > 0 or upper < 0)
 
 
 def row_of(p: Parameter) -> ParameterRow:

@@ -15,7 +15,7 @@ from scipy import stats
 from awescli.estimation.fit import Fit
 from awescli.estimation.information_filter import Information
 from awescli.estimation.links import Gram, joined
-from awescli.notation.parameters import Parameter
+from awescli.notation.parameters import ParameterTable
 from awescli.tracing.models import FittedModel
 from awescli.tracing.screen import firm
 
@@ -50,22 +50,21 @@ def gains_along(model: FittedModel) -> dict[str, float]:
     return found
 
 
-def _fits(model: FittedModel) -> Iterator[tuple[Fit, list[int], list[Parameter]]]:
+def _fits(model: FittedModel) -> Iterator[tuple[Fit, list[int], ParameterTable]]:
     """(fit, where the strengths stand among its names, prior of its names) of every flight that can be asked."""
     for fit, place in zip(model.fit.flights, model.fit.places, strict=True):
         strengths = [i for i, name in enumerate(fit.names) if name in model.strengths]
-        prior = [replace(model.fit.prior[model.fit.names[i]], name=name) for i, name in zip(place, fit.names, strict=True)]
+        prior = ParameterTable(replace(model.fit.prior[model.fit.names[i]], name=name) for i, name in zip(place, fit.names, strict=True))
         if strengths and len(fit.counted) > FEWEST:
             yield fit, strengths, prior
 
 
-def _gain(fit: Fit, info: Information, prior: Sequence[Parameter], asked: slice) -> float:
+def _gain(fit: Fit, info: Information, prior: ParameterTable, asked: slice) -> float:
     """Deviance that some further strengths would gain beside the parameters of a fit, to first order."""
     n = len(fit.names)
-    precision = np.array([1 / p.prior_std**2 for p in prior])
-    pull = precision * np.array([p.value - fit.parameters[p.name].value for p in prior])
-    absorbed = np.linalg.solve(info.H[:n, :n] + np.diag(precision), info.H[:n, asked])
-    left = info.b[asked] - absorbed.T @ (info.b[:n] + pull)
+    away, slope = prior.deviations(fit.names, fit.parameters.vector(fit.names))
+    absorbed = np.linalg.solve(info.H[:n, :n] + np.diag(slope**2), info.H[:n, asked])
+    left = info.b[asked] - absorbed.T @ (info.b[:n] - slope * away)
     A = firm(info.H[asked, asked] - info.H[asked, :n] @ absorbed)
     return float(left @ np.linalg.solve(A, left))
 

@@ -113,9 +113,9 @@ class FittedModel:
         train, validation = (np.concatenate([by_segment(f) for f in fits]) for fits in (fitted.flights, judged))
         judged, shift, step, unseen = _unseen(fitted, problems, judged)
         s, table = fitted.solution, fitted.prior
-        std = np.array([table[n].prior_std for n in fitted.names])
-        prior = float((((s.x - table.vector(fitted.names)) / std) ** 2).sum())
-        occam = float(np.linalg.slogdet(s.H * np.outer(std, std))[1])
+        away, slope = table.deviations(fitted.names, s.x)
+        prior = float((away**2).sum())
+        occam = float(np.linalg.slogdet(s.H / np.outer(slope, slope))[1])
         levels = sum(prior_deviance(p.processes) for p in problems)
         deviance = float(train.sum()) + unseen + prior + occam + levels
         return cls(tuple(keys), tuple(strengths), fitted, tuple(problems), judged, train, validation, shift, step, unseen, deviance)
@@ -361,7 +361,7 @@ def _fitted(
 
 
 def _unbounded(p: Parameter) -> Parameter:
-    return replace(p, lower=p.value - BEYOND * p.prior_std, upper=p.value + BEYOND * p.prior_std, std=p.prior_std)
+    return replace(p, lower=p.value - BEYOND * p.prior_std, upper=p.value + BEYOND * p.prior_std, std=p.prior_std, relative=False)
 
 
 def _gone(processes: Sequence[Process], kind: str) -> tuple[Process, ...]:

@@ -113,9 +113,8 @@ def informed(
     """(H, b) of all free parameters of a model, prior included, and behind them of the columns of candidates `keys`, from all flights in
     segments of `horizon` seconds."""
     names, n_free, n = model.fit.names, len(model.fit.names), len(columns)
-    precision = np.array([1 / model.fit.prior[name].prior_std ** 2 for name in names])
-    pull = precision * (model.fit.prior.vector(names) - model.fit.solution.x)
-    whole, gradient = np.diag(np.r_[precision, np.zeros(n)]), np.r_[pull, np.zeros(n)]
+    away, slope = model.fit.prior.deviations(names, model.fit.solution.x)
+    whole, gradient = np.diag(np.r_[slope**2, np.zeros(n)]), np.r_[-slope * away, np.zeros(n)]
     for flight, problem, fitted, place in zip(frame.flights, model.problems, model.fit.flights, model.fit.places, strict=True):
         H, b = _says(flight, problem, fitted.parameters, model.keys, keys, columns, horizon)
         at = np.r_[place, n_free + np.arange(len(H) - len(place))]
