@@ -14,6 +14,7 @@ from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
 from calibration import brier, stated
 from calibration import lines as calibration_lines
 from campaign import add_options, commit, kept, run_campaign
@@ -158,16 +159,37 @@ def run_case(name: str, case: dict) -> dict:
         finding = trace_flight(declared, flight.log, parts)
         before, after = (predict(model, flight.log, parts.test, 5.0) for model in (finding.before(), finding.after()))
         told = summary(finding, flight.log, 5.0, before, after)
+        spent, lasted = time.process_time() - begin, time.perf_counter() - clock
+        power = powers(finding, flight.log, parts, told)
     except AwesError as e:
         return {"case": name, **case, "commit": made_by, "verdict": "failed", "error": str(e)}
     return {
         "case": name, **case, "commit": made_by, "flown": effects, "verdict": told["verdict"],
-        "cpu_s": round(time.process_time() - begin, 2), "wall_s": round(time.perf_counter() - clock, 2),
+        "cpu_s": round(spent, 2), "wall_s": round(lasted, 2),
         "effects": told["effects"], "probability": told["probability"], "chi2": told["chi2"], "gust": told["gust_m_s"],
         "before": told["error"].get("before", {}).get("mean"), "after": told["error"]["after"]["mean"],
-        "floor": told["error"]["noise_floor"]["mean"], "unexplained": told["unexplained"],
+        "floor": told["error"]["noise_floor"]["mean"], "power": power, "unexplained": told["unexplained"],
         "top": [r["name"] for r in told["ranking"][:3]], "detectable": {k: v for k, v in told["detectable"].items() if k in effects},
     }  # fmt: skip
+
+
+def powers(finding, log, parts, told: dict) -> dict:
+    """Mean power of the test loops, as shares of the measured one: error before and after, and the 90 % interval of the traced model."""
+    from dataclasses import replace
+
+    from awescli.estimation.power_interval import Known
+    from awescli.estimation.prediction_scores import scored
+    from awescli.estimation.record_level import with_record_level
+    from awescli.flightlog.loops import find_loops
+    from awescli.stages.handed_on import traced_params
+
+    loops, model, problem = find_loops(log).bounds, finding.after(), finding.model.problems[0]
+    known = Known.fitted(traced_params(finding.model, told), model.kite)
+    known = with_record_level(model, log, parts, 5.0, replace(known, processes=problem.processes, factors=problem.factors))
+    found = {"before": scored(finding.before(), log, parts, loops, 5.0, ())[0]["power"]}
+    found["after"] = scored(model, log, parts, loops, 5.0, (), told_by=(model, known))[0]["power"]
+    measured = found["after"]["measured_mean_W"]
+    return {which: p["error_share"] for which, p in found.items()} | {"interval": [w / measured - 1 for w in found["after"]["interval_W"]]}
 
 
 def _with_terms(truth, terms: dict):
@@ -251,8 +273,8 @@ def table(results: list[dict], family: int) -> str:
         f"a trace takes {wall[len(wall) // 2]:.0f} s (median; longest {wall[-1]:.0f} s), of processor time {cpu[len(cpu) // 2]:.0f} s "
         f"(longest {cpu[-1]:.0f} s).", "",
         f"| set | flights | {' | '.join(OUTCOMES)} | silent, and too small to be seen | sizes inside their 95 % interval | "
-        "probability, mean | Brier |",
-        "|" + "---|" * (6 + len(OUTCOMES)),
+        "probability, mean | Brier | mean power off, before | after: median, 95 % of flights | inside its 90 % interval |",
+        "|" + "---|" * (9 + len(OUTCOMES)),
     ]  # fmt: skip
     for name, group in by_set.items():
         counts, sizes = counted(map(scored, group)), [x for r in group for x in inside(r)]
@@ -260,7 +282,8 @@ def table(results: list[dict], family: int) -> str:
         small = sum(scored(r) == "silent" and not seen(r) for r in group)
         pairs = claimed(group)
         sure = f"{sum(p for p, _ in pairs) / len(pairs):.2f} | {brier(pairs):.3f}" if pairs else " | "
-        lines.append(f"| {name} | {len(group)} | {' | '.join(str(n or '') for n in counts)} | {small or ''} | {held} | {sure} |")
+        row = f"| {name} | {len(group)} | {' | '.join(str(n or '') for n in counts)} | {small or ''} | {held} | {sure} |"
+        lines.append(row + _power(group))
     lines += [
         "", *calibration_lines(claimed(results)), "## Every flight", "",
         "| flight | outcome | verdict | named | probability | chi2 before -> after | test error before -> after (floor) |",
@@ -268,6 +291,16 @@ def table(results: list[dict], family: int) -> str:
     ]  # fmt: skip
     lines += [_line(r) for r in sorted(results, key=lambda r: r["case"])]
     return "\n".join(lines) + "\n"
+
+
+def _power(group: list[dict]) -> str:
+    """The cells that say how far the mean power of test loops is off, before and after, and how often its interval holds it."""
+    rows = [r["power"] for r in group if r.get("power")]
+    if not rows:
+        return " | | |"
+    before, after = (np.abs([p[which] for p in rows]) * 100 for which in ("before", "after"))
+    held = sum(low <= 0 <= high for low, high in (p["interval"] for p in rows))
+    return f" {np.median(before):.2f} % | {np.median(after):.2f} %, {np.quantile(after, 0.95):.2f} % | {held} of {len(rows)} |"
 
 
 def _line(r: dict) -> str:

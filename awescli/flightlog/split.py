@@ -40,13 +40,15 @@ def split(
     validation: float = 0.2,
     test: float = 0.3,
     order: Order = "balanced",
+    turn: int = 0,
     log: FlightLog | None = None,
 ) -> Split:
     """Whole loops dealt to the three parts by their shares (of their sum), at least one each.
 
     balanced: train, validation, test, train, and the same backwards, in as few stretches as make the parts' ranges alike (see `_balanced`;
     without a `log` nothing is known of ranges, and the fewest are taken). chronological: first train, then validation, then test.
-    interleaved: spread over the flight. Raises BadInput for fewer than three loops, shares that are not positive, or an unknown order.
+    interleaved: spread over the flight. turn: every loop takes the part of the one so many loops before it, the first ones those of the
+    last: so that on a short flight each loop is unseen once (cross-validation). Raises BadInput for fewer than three loops, shares that are not positive, or an unknown order.
 
     What balanced costs: test loops lie between loops that were fitted and share slow disturbances with them, the wind above all. Their
     error is that of a model between flown states, on this flight; how it does later, on a longer line, is asked by chronological.
@@ -67,6 +69,7 @@ def split(
         part = _balanced(counts, loop_ranges(log, loops.bounds) if log is not None else ())
     else:
         part = np.repeat(np.arange(3), counts) if order == "chronological" else _dealt(counts)
+    part = np.roll(part, turn)
     ranges = [_merged(loops.bounds[part == k]) for k in range(3)]
     return Split(*ranges, counts=(int(counts[0]), int(counts[1]), int(counts[2])), of=loops.kind)
 

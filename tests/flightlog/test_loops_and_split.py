@@ -84,6 +84,17 @@ def test_default_shares():
         split(equal(2))
 
 
+def test_turns_make_every_loop_unseen_once():
+    """Guards cross-validation: ten loops in turns of one are test three times each, and the shares stay; in ten turns all is as at first."""
+    unseen = np.zeros(1000, int)
+    for turn in range(10):
+        parts = split(equal(10), order="interleaved", turn=turn)
+        assert parts.counts == (5, 2, 3)
+        for first, last in parts.test:
+            unseen[first:last] += 1
+    assert (unseen == 3).all() and split(equal(10), turn=10) == split(equal(10)) != split(equal(10), turn=1)
+
+
 @given(st.integers(1, 60), st.one_of(st.none(), st.integers(1, 50)), st.lists(st.integers(0, 399), max_size=12))
 def test_segments_stay_inside_and_valid(length, stride, bad):
     valid = np.ones(400, bool)
