@@ -48,7 +48,8 @@ def split(
     balanced: train, validation, test, train, and the same backwards, in as few stretches as make the parts' ranges alike (see `_balanced`;
     without a `log` nothing is known of ranges, and the fewest are taken). chronological: first train, then validation, then test.
     interleaved: spread over the flight. turn: every loop takes the part of the one so many loops before it, the first ones those of the
-    last: so that on a short flight each loop is unseen once (cross-validation). Raises BadInput for fewer than three loops, shares that are not positive, or an unknown order.
+    last: so that on a short flight each loop is unseen once (cross-validation). Raises BadInput for fewer than three loops, shares that
+    are not positive, or an unknown order.
 
     What balanced costs: test loops lie between loops that were fitted and share slow disturbances with them, the wind above all. Their
     error is that of a model between flown states, on this flight; how it does later, on a longer line, is asked by chronological.

@@ -87,7 +87,7 @@ class Split(BaseModel):
         description="balanced: few stretches with alike ranges; chronological: train first, test last; interleaved: spread over the flight",
     )
     turn: int = Field(
-        default=0, ge=0, le=1000, description="loops by which the parts are moved on: a few runs that differ in it see each loop unseen once"
+        default=0, ge=0, le=1000, description="loops by which the parts move on: a few runs that differ in it see each loop unseen once"
     )
     of: Literal["loops", "cycles"] = Field(
         default="loops", description="what is dealt whole: loops of the traction, or pumping cycles with all their phases"

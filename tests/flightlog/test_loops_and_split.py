@@ -85,7 +85,7 @@ def test_default_shares():
 
 
 def test_turns_make_every_loop_unseen_once():
-    """Guards cross-validation: ten loops in turns of one are test three times each, and the shares stay; in ten turns all is as at first."""
+    """Guards cross-validation: ten loops in turns of one are test three times each, with the same shares; ten turns are none."""
     unseen = np.zeros(1000, int)
     for turn in range(10):
         parts = split(equal(10), order="interleaved", turn=turn)
