@@ -1,8 +1,8 @@
 """How well predicted power is known: from the covariance of parameters, the error of the wind record, and what loops show of the rest.
 
     variance = J C J'                          parameters and the record's errors together, as the fit left them
-             + (b F)^2                         b: share by which the model, the found error of the record in it, errs on the loops that
-                                               it was fitted and chosen on
+             + (b^2 - s^2 / L) F^2             b: share by which the model, the found error of the record in it, errs on the L loops that
+                                               it was fitted and chosen on, if more than chance
              + (s F)^2 / K                     s: scatter of single loops about that share; K: loops' worth of seconds
 
 F is the power that the mean tension of those loops would have at the speed of the line: a phase in which a model says no tension is not
@@ -26,6 +26,8 @@ from awescli.simulation.rollout import Columns, Simulator
 from awescli.simulation.segments import observe
 
 LEVEL = 0.9
+AT_END = 1 - 1e-6
+"""Share of its range from which an error of the record stands at the end of it."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +53,16 @@ class Known:
 
     @classmethod
     def fitted(cls, params: Mapping, kite: FlightModel) -> "Known":
-        """Of what a fit left in params.json; what the kite does not have (of another flight) is left out."""
+        """Of what a fit left in params.json; what the kite does not have (of another flight) is left out. An error of the record at the end
+        of its range is none (`physics.kite.record_errors`): it stands for what the model lacks, and is not believed."""
         rows = params["parameters"] | params["wind_record_error"]
         correlation = params["correlation"]
         kept = [i for i, n in enumerate(correlation["names"]) if n in kite.parameter_names and n in rows]
         names = tuple(correlation["names"][i] for i in kept)
         std = np.array([rows[n]["std"] for n in names])
         record = np.isin(names, kite.record)
-        found = np.array([rows[n]["value"] if n in kite.record else 0.0 for n in names])
+        believed = [n in kite.record and abs(rows[n]["value"]) < AT_END * kite.parameters[n].upper for n in names]
+        found = np.array([rows[n]["value"] if b else 0.0 for n, b in zip(names, believed, strict=True)])
         return cls(names, np.array(correlation["matrix"])[np.ix_(kept, kept)] * np.outer(std, std), record, found)
 
     def draws(self, kite: FlightModel, count: int, seed: int, of: np.ndarray | None = None) -> list[dict[str, float]]:
@@ -146,8 +150,8 @@ def power_interval(mean: float, seconds: float, reeled: float, J: np.ndarray, kn
         return {"interval_W": None, "interval_level": LEVEL, "std_W": {}}
     usual = seen.tension * reeled / seconds
     once = (seen.scatter * usual) ** 2 * max(seen.seconds / seconds, 1e-12)
-    # where the model is right, this estimates by itself what the scatter leaves of a mean over the seen loops
-    shared = (seen.share * usual) ** 2
+    # a model that is right has a share too, by chance: what the scatter leaves of a mean over the seen loops
+    shared = max(seen.share**2 - seen.scatter**2 / seen.loops, 0.0) * usual**2
     total = of["together"] + shared + once
     own = (shared + once) ** 2 / (seen.loops - 1)
     freedom = total**2 / own if own > 0 else np.inf

@@ -39,8 +39,8 @@ def record_relevelled(fitted: Fit) -> tuple[Process, ...]:
 
 
 def with_record_level(simulator: Simulator, log: FlightLog, parts: Split, horizon: float, known: Known) -> Known:
-    """What is known of a model, with the record's likeliest level on the train loops, and with what a record of that level tells more, or
-    less, of parameters and of its own lasting errors; other processes as they are."""
+    """What is known of a model, with the record's likeliest level on the train loops, and with what a record that is better than declared
+    tells more of parameters and of its own lasting errors; other processes as they are."""
     spaced = tuple(replace(p, spacing=max(p.spacing, SPACING)) for p in known.processes)
     table = simulator.kite.parameters
     found = {n: table[n].value + f for n, f in zip(known.names, known.found, strict=True) if n in simulator.kite.record}
@@ -50,7 +50,9 @@ def with_record_level(simulator: Simulator, log: FlightLog, parts: Split, horizo
     new = record_relevelled(fitted)
     levelled = replace(known, processes=tuple(p.at(q.levels) for p, q in zip(known.processes, new, strict=True)))
     told = [i for i, n in enumerate(known.names) if n in held.wrt]
-    return _told(levelled, np.array(told, int), fitted, spaced, new) if told and fitted.flies.any() else levelled
+    if not told or not fitted.flies.any() or _tighter(spaced, new) <= 0:
+        return levelled  # in a level that has risen is also what the model lacks, and that says nothing of parameters
+    return _told(levelled, np.array(told, int), fitted, spaced, new)
 
 
 def _told(known: Known, which: np.ndarray, fitted: Fit, declared: Sequence[Process], new: Sequence[Process]) -> Known:
@@ -68,10 +70,7 @@ def _told(known: Known, which: np.ndarray, fitted: Fit, declared: Sequence[Proce
     scale = np.sqrt(np.diag(C))
     values, vectors = np.linalg.eigh(C / np.outer(scale, scale))
     S = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    information = np.eye(len(S)) + S.T @ more @ S
-    if np.linalg.eigvalsh(information)[0] <= 0:
-        return known  # a record so much worse than declared that to first order nothing is left: what is said of it stays
-    C = S @ np.linalg.inv(information) @ S.T
+    C = S @ np.linalg.inv(np.eye(len(S)) + S.T @ more @ S) @ S.T
     found = found + C @ (after.b - before.b - tighter * found)
     covariance, whole = known.covariance.copy(), known.found.copy()
     covariance[np.ix_(which, which)], whole[which] = C, found

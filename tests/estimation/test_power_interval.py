@@ -93,16 +93,19 @@ def test_no_tension_is_not_known_exactly():
 
 
 def test_the_declared_kite_and_a_fit_are_read_alike(noisy):
-    """Guards params.json -> covariance: order, correlation, units; the fitted error of the record moves the centre."""
+    """Guards params.json -> covariance: order, correlation, units; the fitted error of the record moves the centre, unless it
+    stands at the end of its range."""
     kite = Kite(noisy.flown, noisy.log.wind.height)
-    row, err = {"value": 0.5, "std": 0.2}, {"value": -1.0, "std": 0.3}
+    row, err = {"value": 0.5, "std": 0.2}, {"value": -0.2, "std": 0.3}
     params = {
         "parameters": {"CL0": row, "dl@other": row}, "wind_record_error": {"record.speed_0": err},
         "correlation": {"names": ["CL0", "dl@other", "record.speed_0"], "matrix": [[1, 0, -0.5], [0, 1, 0], [-0.5, 0, 1]]},
     }  # fmt: skip
     known = Known.fitted(params, kite)
-    assert known.names == ("CL0", "record.speed_0") and known.found.tolist() == [0.0, -1.0] and known.record.tolist() == [False, True]
+    assert known.names == ("CL0", "record.speed_0") and known.found.tolist() == [0.0, -0.2] and known.record.tolist() == [False, True]
     assert known.covariance == pytest.approx(np.array([[0.04, -0.03], [-0.03, 0.09]]))
+    err["value"] = kite.parameters["record.speed_0"].lower
+    assert Known.fitted(params, kite).found.tolist() == [0.0, 0.0]
     before = Known.declared(kite)
     assert np.sqrt(before.covariance[0, 0]) == kite.parameters[before.names[0]].prior_std
 
