@@ -25,6 +25,8 @@ DAMPINGS = 5
 """So often is a step that does not help tried again, ten times more damped each time."""
 STALLED = 3
 """So many steps that together gain less than what a fit need not gain are enough: at a kink, as a dead band has one, they never end."""
+RISEN = 2.0
+"""Cost by which a minimisation may end above the lowest point it has been at: a trial does not see all of a new linearisation."""
 FEASIBLE = 1e-9
 """Largest violation of a row of `Limits` that counts as none."""
 
@@ -165,13 +167,20 @@ def minimise(
     iterations: int = 30,
     on_iteration: Callable[[int, float], None] = lambda i, c: None,
 ) -> Solution:
-    """Minimise a sum of squares over x in `limits`, at most so many steps."""
+    """Minimise a sum of squares over x in `limits`, at most so many steps. Where it has wandered off uphill, it ends where it was lowest,
+    without progress."""
     state = init(problem, x, inner, limits)
+    lowest = state.at.cost, state.x, state.at.inner
     for iteration in range(iterations):
         on_iteration(iteration, state.at.cost)
         state = step(problem, limits, state, tolerance)
+        if state.at.cost < lowest[0] and limits.violation(state.x).max(initial=0.0) < FEASIBLE:
+            lowest = state.at.cost, state.x, state.at.inner
         if state.outcome:
             break
+    if state.at.cost > lowest[0] + RISEN and limits.violation(lowest[1]).max(initial=0.0) < FEASIBLE:
+        cost, x, inner = lowest
+        state = replace(state, x=x, at=problem.linearise(x, inner, None), outcome="no_progress")
     s = state
     return Solution(s.x, float(s.at.cost), s.at.H, s.at, s.outcome or "iteration_limit", s.kkt, s.history, 2 * s.multipliers)
 

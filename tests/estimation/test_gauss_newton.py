@@ -1,6 +1,7 @@
 """The constrained Gauss-Newton: its quadratic program against independent solvers, its search on problems with known minima."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -193,6 +194,21 @@ def test_steps_that_promise_more_than_they_bring_come_to_an_end():
     found = minimise(Kink(), tolerance=0.9, **how)
     assert found.outcome == "no_progress" and len(found.history) == 4 and found.kkt == pytest.approx(1.0)
     assert minimise(Kink(), tolerance=0.7, **how).outcome == "iteration_limit"
+
+
+def test_who_wanders_off_uphill_ends_where_it_was_lowest():
+    """Guards a fit against what a trial does not see: beyond b = 1 every new linearisation shows a cost that no trial had, and the fit of a
+    curve with b = 2 ends below that, at the lowest point it was at."""
+
+    class Hidden(Curve):
+        def linearise(self, x, inner, before):
+            at = super().linearise(x, inner, before)
+            return replace(at, cost=at.cost + 1e4 * (x[1] > 1))
+
+    start = {"start": (2.0, 0.5, 0.3), "lower": (-9, 0, -9), "tolerance": 1e-12}
+    assert Curve((2.0, 2.0, 0.3)).solve(**start).x[1] == pytest.approx(2.0, abs=1e-3)
+    found = Hidden((2.0, 2.0, 0.3)).solve(**start)
+    assert found.outcome == "no_progress" and found.x[1] < 1 and found.cost == min(found.history) < 1e4 < max(found.history)
 
 
 @pytest.mark.parametrize("seed", range(20))
