@@ -27,6 +27,9 @@ STALLED = 3
 """So many steps that together gain less than what a fit need not gain are enough: at a kink, as a dead band has one, they never end."""
 RISEN = 2.0
 """Cost by which a minimisation may end above the lowest point it has been at: a trial does not see all of a new linearisation."""
+STRAYED = 25.0
+"""The same from which on it has not converged, whatever the slopes say at the end: below, both places are one minimum, as well as the slope
+of what is not linear is known."""
 FEASIBLE = 1e-9
 """Largest violation of a row of `Limits` that counts as none."""
 
@@ -168,7 +171,7 @@ def minimise(
     on_iteration: Callable[[int, float], None] = lambda i, c: None,
 ) -> Solution:
     """Minimise a sum of squares over x in `limits`, at most so many steps. Where it has wandered off uphill, it ends where it was lowest,
-    without progress."""
+    and without progress where that was far below."""
     state = init(problem, x, inner, limits)
     lowest = state.at.cost, state.x, state.at.inner
     for iteration in range(iterations):
@@ -180,7 +183,8 @@ def minimise(
             break
     if state.at.cost > lowest[0] + RISEN and limits.violation(lowest[1]).max(initial=0.0) < FEASIBLE:
         cost, x, inner = lowest
-        state = replace(state, x=x, at=problem.linearise(x, inner, None), outcome="no_progress")
+        outcome = state.outcome if state.at.cost < cost + STRAYED else "no_progress"
+        state = replace(state, x=x, at=problem.linearise(x, inner, None), outcome=outcome)
     s = state
     return Solution(s.x, float(s.at.cost), s.at.H, s.at, s.outcome or "iteration_limit", s.kkt, s.history, 2 * s.multipliers)
 
