@@ -251,31 +251,68 @@ def eliminate(gram: Gram, axes: Axes, path: np.ndarray, starts: np.ndarray, dt: 
     """
     which = np.arange(len(gram)) if which is None else np.asarray(which)
     times = gram.bounds * dt
-    x, xy, E = _with_axes(gram, axes)
-    inner, start, of_ends, log_det = _segments(gram, axes, path, x, xy, E, np.diff(times))
+    E = _end_sensitivities(gram, axes)
+    inner, start, of_ends, log_det = _segments(gram, axes, path, E, np.diff(times))
     return _joined(gram, axes, path, starts[:, None] + times, which, of_ends, log_det, E, start, inner)
 
 
-def _with_axes(gram: Gram, axes: Axes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gram matrices of [state, w, w+] (K, L, n_s + 2 W, n_s + 2 W), these with [globals, residual] (K, L, n_s + 2 W, n + 1), and
-    (K, L - 1, n_s, n_s + 2 W) sensitivities of the state at the next node to [state, w, w+]."""
-    n_s, W, A = gram.n_s, len(axes), gram.disturbances
+def _end_sensitivities(gram: Gram, axes: Axes) -> np.ndarray:
+    """(K, L - 1, n_s, n_s + 2 W) sensitivities of the state at the next node to [state, w, w+]; to drifts there are none."""
+    n_s, A = gram.n_s, gram.disturbances
+    E = np.zeros((*gram.E.shape[:3], n_s + 2 * len(axes)))
+    for columns, of_columns in _together(_places(gram, axes)):
+        if of_columns.start < n_s + 2 * A:
+            E[..., columns] = gram.E[..., of_columns]
+    return E
+
+
+def _places(gram: Gram, axes: Axes) -> np.ndarray:
+    """(n_s + 2 W,) where the columns of [state, w, w+] stand among those of a link."""
+    n_s, A = gram.n_s, gram.disturbances
     width = n_s + 2 * A
     D = (gram.x.shape[-1] - width) // 2
     nodes = (np.where(axes.acts >= 0, n_s + node * A + axes.acts, width + node * D + axes.drifts) for node in (0, 1))
-    place = np.concatenate([np.arange(n_s), *nodes]).astype(int)
-    E, acting = np.zeros((*gram.E.shape[:3], n_s + 2 * W)), np.flatnonzero(axes.acts >= 0)
-    E[..., :n_s] = gram.E[..., :n_s]
-    for node in (0, 1):
-        E[..., n_s + node * W + acting] = gram.E[..., n_s + node * A + axes.acts[acting]]
-    if len(place) == gram.x.shape[-1] and (place == np.arange(len(place))).all():
-        return gram.x, gram.xy, E
-    # row by row, column by column: of both at once numpy makes a copy across the memory
-    return gram.x.take(place, axis=2).take(place, axis=3), gram.xy.take(place, axis=2), E
+    return np.concatenate([np.arange(n_s), *nodes]).astype(int)
+
+
+def _together(place: np.ndarray) -> list[tuple[slice, slice]]:
+    """(where, from where) to copy, in pieces that lie together on both sides: one place at a time numpy takes longer to copy than to
+    eliminate."""
+    runs = np.split(np.arange(len(place)), np.flatnonzero(np.diff(place) != 1) + 1)
+    return [(slice(run[0], run[-1] + 1), slice(place[run[0]], place[run[-1]] + 1)) for run in runs]
+
+
+@dataclass(frozen=True)
+class _WithAxes:
+    """Gram matrices, link by link, of [state, w, w+] instead of what the axes act on. runs: of `_together`."""
+
+    gram: Gram
+    width: int
+    runs: list[tuple[slice, slice]]
+
+    @classmethod
+    def of(cls, gram: Gram, axes: Axes) -> "_WithAxes":
+        place = _places(gram, axes)
+        return cls(gram, len(place), _together(place))
+
+    def x(self, link: int) -> np.ndarray:
+        """(K, n_s + 2 W, n_s + 2 W)"""
+        found, own = np.empty((len(self.gram), self.width, self.width)), self.gram.x[:, link]
+        for rows, of_rows in self.runs:
+            for columns, of_columns in self.runs:
+                found[:, rows, columns] = own[:, of_rows, of_columns]
+        return found
+
+    def xy(self, link: int) -> np.ndarray:
+        """(K, n_s + 2 W, n + 1) with [globals, residual]."""
+        found, own = np.empty((len(self.gram), self.width, self.gram.xy.shape[-1])), self.gram.xy[:, link]
+        for rows, of_rows in self.runs:
+            found[:, rows] = own[:, of_rows]
+        return found
 
 
 def _segments(
-    gram: Gram, axes: Axes, path: np.ndarray, x: np.ndarray, xy: np.ndarray, E: np.ndarray, spans: np.ndarray
+    gram: Gram, axes: Axes, path: np.ndarray, E: np.ndarray, spans: np.ndarray
 ) -> tuple[tuple[_Eliminated, ...], _Eliminated, np.ndarray, np.ndarray]:
     """(eliminated inner nodes, first one first; eliminated starts; Gram matrices (K, 2 W + n + 1, ...) of [w at the first node, w at the
     last one, globals, residual]; (K,) log det of all this)."""
@@ -293,7 +330,8 @@ def _segments(
     G = gram.y.copy()
     G[:, -1, -1] += (step * step / Q).sum(axis=(1, 2))
     # the last link: w at its second node stays, with globals and residual
-    M, U = x[:, L - 1] + P[L - 1], xy[:, L - 1].copy()
+    links = _WithAxes.of(gram, axes)
+    M, U = links.x(L - 1) + P[L - 1], links.xy(L - 1)
     U[..., -1] += asks[:, L - 1]
     V = M[:, : n_s + W, : n_s + W]
     cross = np.concatenate([M[:, : n_s + W, w1], U[:, : n_s + W]], axis=2)
@@ -301,7 +339,8 @@ def _segments(
     inner: list[_Eliminated] = []
     nothing = np.zeros((len(gram), n_s + 2 * W, W))
     for m in range(L - 2, -1, -1):
-        M, U = x[:, m] + P[m], np.concatenate([nothing, xy[:, m]], axis=2)
+        M, U = links.x(m), np.concatenate([nothing, links.xy(m)], axis=2)
+        M += P[m]
         U[..., -1] += asks[:, m]
         e = E[:, m]
         back = e.swapaxes(1, 2)
