@@ -8,7 +8,7 @@ import numpy as np
 from awescli.estimation.axes import Axes, gap_between
 from awescli.estimation.information_filter import Information, Nuisances, eliminate
 from awescli.estimation.links import Gram, Links
-from awescli.estimation.processes.base import Process, axes_of, disturbances_of, drifts_of, labels_of, spacing
+from awescli.estimation.processes.base import Process, active, axes_of, disturbances_of, drifts_of, labels_of, spacing
 from awescli.notation.quantities import STATES
 from awescli.physics.disturbances import PHASE, both
 from awescli.simulation.rollout import Segments, Simulator, Trajectories
@@ -53,10 +53,12 @@ class Misfit:
         object.__setattr__(self, "nodes", nodes_of(self.observed.segments, spacing(self.processes)))
 
     def own(self) -> NuisanceValues:
-        """Where a fit begins: the starts that the observations hold, processes at rest."""
+        """Where a fit begins: the starts that the observations hold, processes at rest or where they say."""
         K = len(self.observed.segments)
-        starts = self.observed.segments.starts[:, : len(STATES)]
-        return NuisanceValues(np.hstack([starts, np.zeros((K, len(self.spread)))]), np.zeros((K, len(self.nodes), len(self.axes))))
+        starts, groups = self.observed.segments.starts[:, : len(STATES)], {g.name: g for g in active(self.processes)}
+        path = [groups[name].begins(self.observed, self.nodes) for name, _ in self.labels]
+        path = np.stack(path, axis=-1) if path else np.zeros((K, len(self.nodes), 0))
+        return NuisanceValues(np.hstack([starts, np.zeros((K, len(self.spread)))]), path)
 
     @property
     def spread(self) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from awescli.estimation.coloured import coloured_information
 from awescli.estimation.fit import Fit, JointFit, Share, fit_together
 from awescli.estimation.levels import noise_factors, opened, prior_deviance, relevelled
-from awescli.estimation.misfit import Misfit, NuisanceValues
+from awescli.estimation.misfit import DIVERGED_COST, Misfit, NuisanceValues
 from awescli.estimation.problem import EstimationProblem
 from awescli.estimation.processes.base import Group, Process
 from awescli.notation.parameters import ParameterTable
@@ -26,6 +26,8 @@ SLIGHT = 0.05
 GUSTS, ROLL_GUSTS = "gusts", "roll_gusts"
 OPEN = (GUSTS, "drift", ROLL_GUSTS)
 """Processes that are looked for once model error has shown what they are not."""
+IN_GUSTS = (GUSTS, ROLL_GUSTS, "line")
+"""Processes that are there from the beginning, beside model error, where a fit is said to begin in gusts."""
 LEVEL_ROUNDS = 4
 """The same while parameters are held."""
 OUTPUT_ERROR_ITERATIONS = 100
@@ -75,12 +77,17 @@ def own_names(problem: EstimationProblem, patterns: Sequence[str]) -> tuple[str,
 
 def fit_flights(
     flights: Sequence[Flight], horizons: Sequence[float], *, per_flight: Sequence[str] = (), prior: bool = True,
-    start: dict[str, float] | None = None, on_iteration: OnIteration = lambda h, i, c: None,
+    start: dict[str, float] | None = None, in_gusts: bool = False, on_iteration: OnIteration = lambda h, i, c: None,
 ) -> tuple[JointFit, tuple[EstimationProblem, ...]]:  # fmt: skip
     """Fit from short horizons to the whole one (a poor guess cannot follow five seconds), levels of processes and of noise along.
 
     per_flight: patterns of the parameters that every flight has for itself; start: name -> value to start from where that differs from
-    the declared one. Returns the fit and the problems with processes and noise as finally used.
+    the declared one; in_gusts: begin with gusts, roll gusts and the line's length beside model error, on the whole horizon. Returns the fit
+    and the problems with processes and noise as finally used.
+
+    On a measured flight air, line and what the model does not say act together, under a controller that answers all of them. Model error
+    alone, at its wide nodes, leaves quick motion to the noise; surfaces that answer gusts then count as surfaces that do nothing, and
+    derivatives come out small.
     """
     problems = [f.problem for f in flights]
     if not prior:
@@ -88,6 +95,10 @@ def fit_flights(
         problems = [replace(p, names=tuple(n for n in p.names if n not in p.kite.record)) for p in problems]
     labels = [f.label for f in flights]
     tables = declared = [p.simulator.kite.parameters.with_values(start or {}) for p in problems]
+    if in_gusts:
+        open_ = [p.with_processes(opened(opened(p.processes, (MODEL_ERROR,), WIDE), IN_GUSTS, 1.0)) for p in problems]
+        result, problems = fit_levels(open_, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
+        return widened(result), tuple(problems)
     owns: list[NuisanceValues | None] = [None] * len(problems)
     for horizon in horizons:
         short = [
@@ -179,14 +190,15 @@ def recut(fit: Fit, misfit: Misfit) -> NuisanceValues:
 
 def unaided(problem: EstimationProblem, fitted: Fit) -> float:
     """Chi-square per degree of freedom of the fitted loops with nothing but starts, and what is certain beside a model, to help it: output
-    error."""
+    error. A model that leaves the flight without that help is as far off as a diverged one."""
     certain = [p if p.certain else p.at(dict.fromkeys(p.levels, 0.0)) for p in problem.processes]
     misfit = replace(problem.misfit(fitted.misfit.simulator), names=(), processes=tuple(certain))
     own = misfit.carried(fitted.own, fitted.misfit)
     share = Share(misfit, fitted.parameters, fitted.parameters, (), own)
     alone = fit_together([share], prior=False, tolerance=LOOSE)
     dof = max(float(alone.flights[0].information.dof.sum()), 1.0)
-    return float(alone.chi2 * dof / max(dof - len(fitted.names), 1.0))
+    chi2 = float(alone.chi2 * dof / max(dof - len(fitted.names), 1.0))
+    return chi2 if alone.flights[0].flies.all() and chi2 >= 0 else DIVERGED_COST
 
 
 def widened(result: JointFit) -> JointFit:

@@ -29,6 +29,7 @@ _INPUTS = {
     "gust_p": ("rad/s", "roll gust: gradient of the vertical gust along the span"),
     **{f"force_{axis}": ("m/s2", f"force per mass beside the modelled ones, body {axis}") for axis in "xyz"},
     **{f"moment_{axis}": ("rad/s2", f"angular acceleration beside the modelled moments, body {axis}") for axis in "xyz"},
+    "line_length": ("m", "length of the line beside what the winch has paid out"),
     "reel_out_acceleration": ("m/s2", "rate of the reel-out speed"),
     "time": ("s", "the flight's clock, which runs on as it flies"),
     "tension_rate": ("N/s", "rate of the measured pull of the line"),

@@ -1,4 +1,4 @@
-"""What acts on every kite beside its effects and is not known: gusts, and what the model does not say of forces and moments.
+"""What acts on every kite beside its effects and is not known: gusts, and what the model does not say of forces, moments and the line.
 
 Each is an input of a kite, null unless somebody fills it. An estimator integrates it out; for that each comes with two parameters,
 through which it is differentiated: between two nodes in time a disturbance runs linearly from its value at one to its value at the other.
@@ -17,10 +17,14 @@ FORCES = ("force_x", "force_y", "force_z")
 """Force per mass [m/s2], body axes, beside the aerodynamic one: a tether answers it."""
 MOMENTS = ("moment_x", "moment_y", "moment_z")
 """Angular acceleration [rad/s2], body axes, beside that of the moments."""
-DISTURBANCES = (*GUSTS, ROLL_GUST, *FORCES, *MOMENTS)
+LINE = "line_length"
+"""[m] what the line is longer than the winch says: stretch, sag, slack, slip on the drum."""
+DISTURBANCES = (*GUSTS, ROLL_GUST, *FORCES, *MOMENTS, LINE)
 PHASE = "phase"
 
-DISTURBANCE_UNITS = dict.fromkeys(GUSTS, "m/s") | {ROLL_GUST: "rad/s"} | dict.fromkeys(FORCES, "m/s2") | dict.fromkeys(MOMENTS, "rad/s2")
+DISTURBANCE_UNITS = {
+    **dict.fromkeys(GUSTS, "m/s"), ROLL_GUST: "rad/s", **dict.fromkeys(FORCES, "m/s2"), **dict.fromkeys(MOMENTS, "rad/s2"), LINE: "m",
+}  # fmt: skip
 
 
 def even(name: str) -> str:

@@ -16,7 +16,7 @@ from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.notation.scalars import Scalar, sqrt
 from awescli.physics.airflow import air_data, declared_wind, wind_vector
 from awescli.physics.declaration import KiteDeclaration, parameter_of
-from awescli.physics.disturbances import DISTURBANCES, FORCES, GUSTS, MOMENTS, PHASE, ROLL_GUST, disturbances
+from awescli.physics.disturbances import DISTURBANCES, FORCES, GUSTS, LINE, MOMENTS, PHASE, ROLL_GUST, disturbances
 from awescli.physics.disturbances import parameters as nuisance_parameters
 from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.aerodynamics import COEFFICIENTS, body_axes, parse_monomial
@@ -240,7 +240,8 @@ class Kite:
         at.coefficients = self._through("coefficients", Coefficients(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), at)
         # line, where there is one
         if self.tether is not None:
-            at.line = self._through("line", self.tether.declared_line(at), at)
+            line = self._through("line", self.tether.declared_line(at), at)
+            at.line = line._replace(length=line.length + beside[LINE])
         # loads, each seeing the sum of those before it
         at.applied = at.loads["aerodynamics"] = aerodynamic_load(at)
         at.applied = at.applied._replace(force=add(at.applied.force, scale(at.body.mass, tuple(beside[f] for f in FORCES))))

@@ -47,6 +47,11 @@ class IdentifyConfig(AheadConfig):
         description="parameters with a value of their own in each phase of the cycles that are fitted, names or patterns ([CD0]); "
         "needs split.of: cycles",
     )
+    air: Literal["calm", "gusts"] = Field(
+        "calm",
+        description="what is random from the beginning: model error alone, and gusts where they show beside it; or gusts, roll gusts, the "
+        "line's length and model error at once, for derivatives from measured flight under an autopilot that answers gusts",
+    )
     starts: int = Field(1, ge=1, le=100, description="fits from so many starts: the declared values, then draws of the prior")
 
 
@@ -71,6 +76,9 @@ class Identify(Stage):
         yield from unknown_channels(inputs.log, config.outputs, closed=closed)
         if config.too_long == "refuse":
             yield from too_long(inputs, config.horizon, ("train", "validation", "test"))
+        if config.air == "gusts" and config.weights == "range":
+            do = "Set identify.weights to noise: errors that are weighed by ranges have no likelihood in which gusts could be found."
+            yield "air", BadInput("gusts need errors that are weighed by their noise", do=do)
         yield from unknown_own(inputs.declared, config)
         yield from refused_phases(inputs.declared, config.per_phase, inputs.log, inputs.parts)
         yield from refused_flights(inputs, config.also, config.outputs, closed)
@@ -100,11 +108,11 @@ class Identify(Stage):
 
         fitted, problems, optima = fit_from_starts(
             flights, [h for h in config.curriculum if h < config.horizon], config.starts, context.seed, on_start=on_start,
-            per_flight=config.per_flight, prior=config.prior, on_iteration=on_iteration,
+            per_flight=config.per_flight, prior=config.prior, in_gusts=config.air == "gusts", on_iteration=on_iteration,
         )  # fmt: skip
         method = "filter error" if problems[0].processes else "output error"
         good = fitted.ended and better_than_declared(problems[0], fitted.flights[0], config.horizon, config.known_starts)
-        if problems[0].processes and not good:
+        if problems[0].processes and not good and config.air == "calm":
             method = "output error"
             context.progress.note(
                 "model error leaves the parameters little to say on this flight; they are fitted without it (output error)"

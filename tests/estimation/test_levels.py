@@ -148,6 +148,24 @@ def test_gusts_that_were_flown_are_found_and_none_where_none_were():
     assert found[0.8]["horizontal gusts"] == pytest.approx(0.8, rel=0.4)
 
 
+def test_a_fit_that_begins_in_gusts_finds_them_and_keeps_the_derivatives():
+    """Guards `in_gusts` against inventing model error: in gusts of 0.8 m/s, which the controller answers, their level is found at once,
+    nothing is left to the line, and the parameters lie within three standard deviations of the truth."""
+    flown = flight(seed=5, duration=42.0, noise=True, effects=(("turbulence", (("sigma", 0.8), ("L", 150.0))),))
+    n = len(flown.log)
+    parts = Split(((0, int(0.85 * n)),), ((int(0.85 * n), n),), (), (1, 1, 0), "time")
+    truth, guess, asked = flown.flown.table(), flown.declared.table(), ("CL0", "Cma", "Cndr")
+    rows = [guess[p] if p in asked else replace(guess[p], value=truth[p].value, free=False) for p in guess]
+    declared = flown.declared.with_parameters(ParameterTable(rows))
+    problem = build(simulator_of(declared, flown.log), flown.log, parts, 2.5, tuple(flown.log.measured))
+    fitted, problem = fit_in_stages(problem, (1.0,), in_gusts=True)
+    levels = {name: said["level"] for name, said in levels_found(problem).items()}
+    assert levels["horizontal gusts"] == pytest.approx(0.8, rel=0.4) and "line length" not in levels
+    std = dict(zip(fitted.names, np.sqrt(np.diag(fitted.covariance)), strict=True))
+    for name in asked:
+        assert abs(fitted.parameters[name].value - truth[name].value) < 3 * std[name], name
+
+
 def test_a_level_falls_fast_until_it_has_risen():
     """Guards a gusty flight against levels that swing: with falls taken twice as far, round after round, vertical gusts went from 0.36 to
     0.45 m/s and back, and model error that was not there stayed. A level that has risen once goes only as far as it was asked."""

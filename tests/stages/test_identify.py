@@ -67,6 +67,16 @@ def test_a_second_flight_with_its_own_offset(folder):
         assert scored["nrmse"]["test"]["mean"] < 0.5 * scored["initial"]["nrmse"]["test"]["mean"]
 
 
+def test_a_fit_may_begin_in_gusts(folder):
+    """Guards `air: gusts` from the YAML to params.json: in calm air nothing stays of what was open, and parameters are the truth."""
+    params, metrics = identify(folder, "gusts", air="gusts")
+    assert metrics["method"] == "filter error" and set(metrics["processes"]) <= {"wind record"}
+    assert 0.9 < metrics["chi2"] < 1.1
+    for name in ("CLa", "CD0", "CtD"):
+        row = params["parameters"][name]
+        assert abs(row["value"] - DEVELOPMENT.table()[name].value) < 4 * row["std"], name
+
+
 def test_several_starts_reach_one_optimum(folder):
     """Guards `starts`: the draws of the prior are reported with the optimum they reach, the same again for the same seed."""
     _, metrics = identify(folder, "starts", starts="2", curriculum="[0.5, 1.0]")
@@ -88,6 +98,7 @@ def test_a_start_counts_for_one_optimum_only():
     ("settings", "words"),
     [
         ({"per_flight": "[dl]"}, "only one flight"),
+        ({"air": "gusts", "weights": "range"}, "gusts need errors that are weighed by their noise"),
         ({"per_flight": "[dx]", "also": "[{{flight: {0}/b, kite: {0}/kite_b.yaml}}]"}, "no free parameter is called 'dx'"),
         ({"also": "[{{flight: {0}/b, kite: {0}/other.yaml}}]"}, "its effects differ"),
         ({"also": "[{{fligth: {0}/b}}]"}, "unknown key"),

@@ -15,6 +15,7 @@ from awescli.estimation.axes import Axes
 from awescli.flightlog.log import FlightLog
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.disturbances import DISTURBANCES
+from awescli.simulation.segments import Observed
 
 
 @dataclass(frozen=True)
@@ -39,13 +40,19 @@ def exponential(group: "Group", dt: np.ndarray) -> np.ndarray:
     return group.level**2 * np.exp(-dt / group.memory)
 
 
+def at_rest(observed: Observed, nodes: np.ndarray) -> np.ndarray:
+    """(K, L + 1) zero at the nodes of all segments."""
+    return np.zeros((len(observed.segments), len(nodes)))
+
+
 @dataclass(frozen=True)
 class Group:
     """Axes that share a level (standard deviation, in their unit) and a memory [s], each an Ornstein-Uhlenbeck process of its own.
 
     axes: disturbances of the kite (`disturbances.DISTURBANCES`) or measured channels (`quantities.MEASURED`); level, memory: present
     values; of_level, of_memory: their priors; form: (group, time differences >= 0 [s]) -> covariance of what the Ornstein-Uhlenbeck process
-    stands for in a fit, where that is known: for predictions.
+    stands for in a fit, where that is known: for predictions; begins: (segments, samples of the nodes) -> (K, L + 1) values that
+    a fit begins from.
     """
 
     name: str
@@ -55,6 +62,7 @@ class Group:
     of_level: Prior
     of_memory: Prior
     form: Callable[["Group", np.ndarray], np.ndarray] = exponential
+    begins: Callable[[Observed, np.ndarray], np.ndarray] = at_rest
 
     @classmethod
     def known(cls, name: str, axes: Sequence[str], level: float, memory: float) -> "Group":
