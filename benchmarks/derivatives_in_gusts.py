@@ -24,53 +24,51 @@ SHORT = 0.03
 """[s] where the fit of a delay begins."""
 
 
-def with_delays(kite, log):
-    """The declaration with a delay of each surface that moves, free."""
-    from awescli.physics.kite import Kite
-    from awescli.tracing.investigate import moving
-
-    keys = [f"actuator_delay:{surface}" for surface in moving(log) if surface != "throttle"]
-    names = [f"{key}.tau" for key in keys]
-    whole = Kite(kite, log.recorded_wind.height, tuple(keys))
-    return whole.declare(keys, free=names, table=whole.parameters.with_values(dict.fromkeys(names, SHORT)))
-
-
 def fits(flight: str, folder: Path) -> list[dict]:
-    """The fits of a flight: what was fitted, the table of its parameters, deviance, prediction error."""
+    """The fits of a flight: what was fitted, the values of its parameters, deviance, prediction error."""
     import numpy as np
 
     from awescli.estimation.prediction import predict
-    from awescli.estimation.problem import build, simulator_of, without_record
     from awescli.estimation.staged_fit import Flight, fit_flights, fit_output_error, levels_of
     from awescli.flightlog.read import read_flight
     from awescli.physics.declaration import read_kite
     from awescli.stages import STAGES
     from awescli.stages.plan import read_plan
-    from awescli.tracing.models import bounded
+    from awescli.tracing.investigate import moving
+    from awescli.tracing.models import FittedModel, Frame, TracedFlight, bounded, fit_added, fit_on
 
     plan = read_plan(HERE.parent / "examples" / PLANS[flight] / "stages.yaml", STAGES, {"flight": str(folder)})
     log, kite = read_flight(plan.flight), read_kite(plan.kite)
     parts, settings = parted(plan, log), plan.settings["identify"]
-    shorter = [h for h in settings.curriculum if h < settings.horizon]
-    found = []
-    for name, declared, in_gusts in (
-        ("output error", kite, False), ("in gusts", kite, True), ("in gusts, delays free", with_delays(kite, log), True),
-    ):  # fmt: skip
-        problem = build(simulator_of(declared, log), log, parts, settings.horizon, tuple(log.measured))
+    frame = Frame((TracedFlight(log, parts, kite),), settings.horizon, tuple(log.measured))
+    shorter, (problem,) = [h for h in settings.curriculum if h < settings.horizon], frame.problems(())
+    delays = [f"actuator_delay:{surface}" for surface in moving(log) if surface != "throttle"]
+
+    def beside_delays(model: FittedModel) -> FittedModel:
+        """From its levels and noise: two models whose noise differs could not be compared."""
+        for key in delays:
+            model = fit_added(frame, model, key, {f"{key}.tau": SHORT}, {}, alone=False)
+        return fit_on(frame, model)
+
+    found: list[dict] = []
+    for name in ("output error", "in gusts", "in gusts, delays free"):
         begin = time.perf_counter()
-        if in_gusts:
-            fit, (problem,) = fit_flights([Flight(problem)], shorter, in_gusts=True)
+        if name == "output error":
+            model = FittedModel.of((), (), *fit_output_error([Flight(problem)], shorter))
+        elif name == "in gusts":
+            model = FittedModel.of((), (), *fit_flights([Flight(problem)], shorter, in_gusts=True))
         else:
-            fit, (problem,) = fit_output_error([Flight(problem)], shorter)
-        held = problem.simulator.holding(without_record(problem.kite, fit.flights[0].parameters))
-        errors = [predict(held, log, part, settings.horizon).nrmse()["mean"] for part in (parts.validation, parts.test)]
+            model = beside_delays(model).widened()
+        fit, unseen = model.fit, (parts.validation, parts.test)
+        errors = [predict(model.simulator, log, part, settings.horizon).nrmse()["mean"] for part in unseen]
         std = dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
-        rows = {n: (float(fit.parameters[n].value), float(s), n in bounded(fit)) for n, s in std.items()}
         found.append(
             {
-                "name": name, "rows": rows, "prior": {n: problem.prior[n].value for n in fit.names}, "outcome": fit.solution.outcome,
-                "deviance": fit.flights[0].deviance, "chi2": fit.chi2, "levels": levels_of(problem.processes), "errors": errors,
-                "wall_s": time.perf_counter() - begin, "horizon": settings.horizon, "record": set(problem.kite.record),
+                "name": name, "rows": {n: (fit.parameters[n].value, s, n in bounded(fit)) for n, s in std.items()},
+                "prior": {n: problem.prior[n].value for n in fit.names if n in problem.prior}, "record": set(problem.kite.record),
+                "outcome": fit.solution.outcome, "still": fit.still_to_gain, "train": float(model.train.sum()),
+                "flies": model.flies, "segments": model.segments, "errors": errors, "horizon": settings.horizon,
+                "levels": levels_of(model.problems[0].processes), "wall_s": time.perf_counter() - begin,
             }
         )  # fmt: skip
     return found
@@ -79,18 +77,22 @@ def fits(flight: str, folder: Path) -> list[dict]:
 def told(flight: str, found: Sequence[dict]) -> str:
     """The table of a flight."""
     names = [n for n in dict.fromkeys(n for f in found for n in f["rows"]) if n not in found[0]["record"]]
-    prior = {n: v for f in found for n, v in f["prior"].items()}
+    prior = found[0]["prior"]
     lines = [
         f"## {NAMES[flight]}", "", "| | declared | " + " | ".join(f["name"] for f in found) + " |", "|---|" + "---|" * (len(found) + 1),
-        *(f"| {n} | {prior[n]:.3g} | " + " | ".join(_cell(f["rows"].get(n)) for f in found) + " |" for n in names),
-        "| outcome | | " + " | ".join(f["outcome"] for f in found) + " |",
-        "| deviance of the fitted blocks beside the fit before | | | | "
-        f"{found[2]['deviance'] - found[1]['deviance']:.0f} |",
+        *(f"| {n} | {_declared(prior.get(n))} | " + " | ".join(_cell(f["rows"].get(n)) for f in found) + " |" for n in names),
+        "| outcome, share of the cost still promised | | " + " | ".join(f"{f['outcome']}, {f['still']:.0e}" for f in found) + " |",
+        f"| deviance of the fitted blocks gained by the delays | | | | {found[1]['train'] - found[2]['train']:.0f} |",
+        "| segments flown, validation included | | " + " | ".join(f"{f['flies']} of {f['segments']}" for f in found) + " |",
         "| NRMSE ahead, validation, test | | " + " | ".join(_errors(f) for f in found) + " |",
         "| levels of processes | | " + " | ".join(_levels(f) for f in found) + " |",
         "| time | | " + " | ".join(f"{f['wall_s']:.0f} s" for f in found) + " |",
     ]  # fmt: skip
     return "\n".join(lines)
+
+
+def _declared(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
 
 
 def _cell(row: tuple[float, float, bool] | None) -> str:
@@ -111,10 +113,8 @@ def main() -> None:
         parser.add_argument(f"--{flight}", type=Path, help=f"folder with the log of {name}")
     folders = {f: folder for f, folder in vars(parser.parse_args()).items() if folder}
     tables = [told(flight, fits(flight, folder)) for flight, folder in folders.items()]
-    head = [
-        "# Derivatives of measured flights, in gusts", "",
-        f"`python benchmarks/derivatives_in_gusts.py --ap2 FOLDER --thor FOLDER`, commit {commit()}. +-: half of the 95 % interval.", "",
-    ]  # fmt: skip
+    made = f"`python benchmarks/derivatives_in_gusts.py --ap2 FOLDER --thor FOLDER`, commit {commit()}"
+    head = ["# Derivatives of measured flights, in gusts", "", f"{made}. +-: half of the 95 % interval.", "", ""]
     write_text(TABLE, "\n".join(head) + "\n\n".join(tables) + "\n")
     print(TABLE.read_text())
 
