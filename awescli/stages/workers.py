@@ -7,7 +7,7 @@ given to another one. It pickles between our own processes only; nothing that is
 import os
 import signal
 from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from queue import SimpleQueue
 from typing import Any
 from uuid import uuid4
@@ -57,6 +57,9 @@ def connected(workers: int, scheduler: str | None = None) -> Iterator[Any]:
         Client(cluster) as client,
     ):
         yield client
+        # a process that is just being started anew, after a death, makes Dask stumble over it as it closes
+        with suppress(TimeoutError):
+            client.wait_for_workers(workers, timeout=PATIENCE)
 
 
 def dask_setup(worker: Any) -> None:
