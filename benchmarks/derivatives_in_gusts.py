@@ -109,8 +109,8 @@ def _levels(f: dict) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for flight, name in NAMES.items():
-        parser.add_argument(f"--{flight}", type=Path, help=f"folder with the log of {name}")
+    parser.add_argument("--ap2", type=Path, help="folder with the log of the Ampyx AP2")
+    parser.add_argument("--thor", type=Path, help="folder with the log of the University of Minnesota's Thor")
     folders = {f: folder for f, folder in vars(parser.parse_args()).items() if folder}
     tables = [told(flight, fits(flight, folder)) for flight, folder in folders.items()]
     made = f"`python benchmarks/derivatives_in_gusts.py --ap2 FOLDER --thor FOLDER`, commit {commit()}"
