@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.estimation.axes import Axes, gap_between
+from awescli.estimation.gram_of_axes import GramOfAxes
 from awescli.estimation.links import Gram
 from awescli.notation.present import present
 
@@ -251,71 +252,18 @@ def eliminate(gram: Gram, axes: Axes, path: np.ndarray, starts: np.ndarray, dt: 
     """
     which = np.arange(len(gram)) if which is None else np.asarray(which)
     times = gram.bounds * dt
-    E = _end_sensitivities(gram, axes)
-    inner, start, of_ends, log_det = _segments(gram, axes, path, E, np.diff(times))
+    links = GramOfAxes.of(gram, axes)
+    E = links.end_sensitivities()
+    inner, start, of_ends, log_det = _segments(links, axes, path, E, np.diff(times))
     return _joined(gram, axes, path, starts[:, None] + times, which, of_ends, log_det, E, start, inner)
 
 
-def _end_sensitivities(gram: Gram, axes: Axes) -> np.ndarray:
-    """(K, L - 1, n_s, n_s + 2 W) sensitivities of the state at the next node to [state, w, w+]; to drifts there are none."""
-    n_s, A = gram.n_s, gram.disturbances
-    E = np.zeros((*gram.E.shape[:3], n_s + 2 * len(axes)))
-    for columns, of_columns in _together(_places(gram, axes)):
-        if of_columns.start < n_s + 2 * A:
-            E[..., columns] = gram.E[..., of_columns]
-    return E
-
-
-def _places(gram: Gram, axes: Axes) -> np.ndarray:
-    """(n_s + 2 W,) where the columns of [state, w, w+] stand among those of a link."""
-    n_s, A = gram.n_s, gram.disturbances
-    width = n_s + 2 * A
-    D = (gram.x.shape[-1] - width) // 2
-    nodes = (np.where(axes.acts >= 0, n_s + node * A + axes.acts, width + node * D + axes.drifts) for node in (0, 1))
-    return np.concatenate([np.arange(n_s), *nodes]).astype(int)
-
-
-def _together(place: np.ndarray) -> list[tuple[slice, slice]]:
-    """(where, from where) to copy, in pieces that lie together on both sides: one place at a time numpy takes longer to copy than to
-    eliminate."""
-    runs = np.split(np.arange(len(place)), np.flatnonzero(np.diff(place) != 1) + 1)
-    return [(slice(run[0], run[-1] + 1), slice(place[run[0]], place[run[-1]] + 1)) for run in runs]
-
-
-@dataclass(frozen=True)
-class _WithAxes:
-    """Gram matrices, link by link, of [state, w, w+] instead of what the axes act on. runs: of `_together`."""
-
-    gram: Gram
-    width: int
-    runs: list[tuple[slice, slice]]
-
-    @classmethod
-    def of(cls, gram: Gram, axes: Axes) -> "_WithAxes":
-        place = _places(gram, axes)
-        return cls(gram, len(place), _together(place))
-
-    def x(self, link: int) -> np.ndarray:
-        """(K, n_s + 2 W, n_s + 2 W)"""
-        found, own = np.empty((len(self.gram), self.width, self.width)), self.gram.x[:, link]
-        for rows, of_rows in self.runs:
-            for columns, of_columns in self.runs:
-                found[:, rows, columns] = own[:, of_rows, of_columns]
-        return found
-
-    def xy(self, link: int) -> np.ndarray:
-        """(K, n_s + 2 W, n + 1) with [globals, residual]."""
-        found, own = np.empty((len(self.gram), self.width, self.gram.xy.shape[-1])), self.gram.xy[:, link]
-        for rows, of_rows in self.runs:
-            found[:, rows] = own[:, of_rows]
-        return found
-
-
 def _segments(
-    gram: Gram, axes: Axes, path: np.ndarray, E: np.ndarray, spans: np.ndarray
+    links: GramOfAxes, axes: Axes, path: np.ndarray, E: np.ndarray, spans: np.ndarray
 ) -> tuple[tuple[_Eliminated, ...], _Eliminated, np.ndarray, np.ndarray]:
     """(eliminated inner nodes, first one first; eliminated starts; Gram matrices (K, 2 W + n + 1, ...) of [w at the first node, w at the
     last one, globals, residual]; (K,) log det of all this)."""
+    gram = links.gram
     n_s, n_start, W, L = gram.n_s, gram.n_start, len(axes), len(spans)
     s, w0, w1 = slice(0, n_s), slice(n_s, n_s + W), slice(n_s + W, n_s + 2 * W)
     F, Q = axes.decay(spans), axes.variance(spans)
@@ -330,7 +278,6 @@ def _segments(
     G = gram.y.copy()
     G[:, -1, -1] += (step * step / Q).sum(axis=(1, 2))
     # the last link: w at its second node stays, with globals and residual
-    links = _WithAxes.of(gram, axes)
     M, U = links.x(L - 1) + P[L - 1], links.xy(L - 1)
     U[..., -1] += asks[:, L - 1]
     V = M[:, : n_s + W, : n_s + W]

@@ -120,6 +120,14 @@ def test_elimination_is_dense_least_squares(how):
         assert back.path[which[-1], -1, :, 0] == pytest.approx(own[len(own) - len(axes) :], rel=1e-6, abs=1e-7)
 
 
+def test_drifts_alone_are_eliminated_where_nothing_acts_on_the_kite(monkeypatch):
+    """Guards the columns of a link without any disturbance: those of drifts follow those of states there, and the state knows none."""
+    monkeypatch.setitem(globals(), "A", 0)
+    links, axes, path, begins = system(1, acts=())
+    found, (H, b, *_) = eliminate(links.gram(), axes, path, begins, DT), dense(links, axes, path, begins, np.arange(3))
+    assert found.H == pytest.approx(H, rel=1e-8, abs=1e-10) and found.b == pytest.approx(b, rel=1e-8, abs=1e-10)
+
+
 def test_increments_are_those_of_flights_that_grow_to_the_front():
     """Guards the cost of a segment: what a flight costs with it, less what the segments behind it cost alone."""
     links, axes, path, begins = system(2)

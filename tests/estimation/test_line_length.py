@@ -48,6 +48,8 @@ def test_a_kite_that_flies_free_has_none(flown):
     """Guards untethered aircraft: without a line there is nothing to be longer."""
     inputs = {n: s for n, s in flown.log.inputs.items() if n not in ("tether_length", "reel_out_speed")}
     assert LineLength.of(DEVELOPMENT, replace(flown.log, inputs=inputs)).groups == ()
+    free = DEVELOPMENT.model_copy(update={"effects": ("gravity", "aerodynamics")})
+    assert LineLength.of(free, flown.log).groups == ()
 
 
 def test_a_level_of_the_line_that_was_flown_is_estimated(kite, calm):

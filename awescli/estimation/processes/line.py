@@ -8,6 +8,7 @@ from awescli.estimation.processes.base import Group, Prior, Process
 from awescli.flightlog.log import FlightLog
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.disturbances import LINE
+from awescli.physics.kite import has_line
 from awescli.simulation.segments import Observed
 
 LEAST, SPREAD, MEMORY = 0.3, 1.0, Prior(2.0, 0.7)
@@ -38,7 +39,7 @@ class LineLength(Process):
 
     @classmethod
     def of(cls, declaration: KiteDeclaration, log: FlightLog) -> "LineLength":
-        if "tether_length" not in log.inputs:
+        if "tether_length" not in log.inputs or not has_line(declaration):
             return cls((), SPACING)
         longer = np.linalg.norm([log[n] for n in POSITION], axis=0) - log["tether_length"]
         longer = longer - np.median(longer[log.valid])
