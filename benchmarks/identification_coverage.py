@@ -53,7 +53,7 @@ def flown(air: str, seed: int):
 def run_fit(name: str, case: tuple[str, int]) -> dict:
     """One flight, one declaration, one fit: parameter -> (error in std, excited, at bound); channel -> share inside its bands."""
     from awescli.estimation.identifiability import describe
-    from awescli.estimation.power_interval import Known
+    from awescli.estimation.known import Known
     from awescli.estimation.prediction_bands import bands
     from awescli.estimation.prediction_scores import scored
     from awescli.estimation.problem import build, levels_found, simulator_of, without_record

@@ -177,7 +177,7 @@ def powers(finding, log, parts, told: dict) -> dict:
     """Mean power of the test loops, as shares of the measured one: error before and after, and the 90 % interval of the traced model."""
     from dataclasses import replace
 
-    from awescli.estimation.power_interval import Known
+    from awescli.estimation.known import Known
     from awescli.estimation.prediction_scores import scored
     from awescli.estimation.record_level import with_record_level
     from awescli.flightlog.loops import find_loops

@@ -16,6 +16,8 @@ from awescli.simulation.segments import Observed
 
 DIVERGED_COST = 25.0
 """Cost of a sample that a diverged rollout never reached: a five-sigma error. Keeps the line search away without infinities."""
+FOR_EVER = 1e6
+"""[s] after which no process remembers anything."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +40,15 @@ class NuisanceValues:
 @dataclass(frozen=True)
 class Misfit:
     """One flight's segments, what is simulated of them, and the processes that are integrated out. names: of the globals; known_starts:
-    segments begin where they are said to, as if that were known without error (Rositani eq. 11c)."""
+    segments begin where they are said to, as if that were known without error (Rositani eq. 11c); apart: what processes are in one segment
+    says nothing of the others."""
 
     simulator: Simulator
     observed: Observed
     names: tuple[str, ...]
     processes: tuple[Process, ...] = ()
     known_starts: bool = False
+    apart: bool = False
     axes: Axes = field(init=False)
     nodes: np.ndarray = field(init=False)
 
@@ -80,8 +84,9 @@ class Misfit:
 
     @property
     def begins(self) -> np.ndarray:
-        """(K,) times of the first samples [s], on the log's own count."""
-        return self.observed.segments.first * self.observed.segments.dt
+        """(K,) times of the first samples [s], on the log's own count; `apart`: for ever away from each other."""
+        segments = self.observed.segments
+        return np.arange(len(segments)) * FOR_EVER if self.apart else segments.first * segments.dt
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         return dict(zip(self.names, x, strict=True))
@@ -100,11 +105,17 @@ class Misfit:
     def residual(self, trajectories: Trajectories, own: NuisanceValues) -> np.ndarray:
         """(K, N+1, n_out) whitened residual, drifts taken off."""
         r = self.observed.residual(trajectories)
-        if self.drifts:
-            drifting = np.matmul(self._hats, self.axes.summed(own.path[..., None], self.axes.drifts, len(self.drifts))[..., 0])
-            place = [self.observed.outputs.index(n) for n in self.drifts]
-            r[..., place] -= np.where(r[..., place] != 0, drifting / self.observed.sigma[..., place], 0.0)
+        for name, drift in self.drifted(own).items():
+            place = self.observed.outputs.index(name)
+            r[..., place] -= np.where(r[..., place] != 0, drift / self.observed.sigma[..., place], 0.0)
         return r
+
+    def drifted(self, own: NuisanceValues) -> dict[str, np.ndarray]:
+        """Compared channel -> (K, N+1) its drift, where it has one."""
+        if not self.drifts:
+            return {}
+        drifting = np.matmul(self._hats, self.axes.summed(own.path[..., None], self.axes.drifts, len(self.drifts))[..., 0])
+        return dict(zip(self.drifts, np.moveaxis(drifting, -1, 0), strict=True))
 
     def reached(self, trajectories: Trajectories) -> np.ndarray:
         """(K, N+1) which samples came before a divergence."""
@@ -187,7 +198,7 @@ class Misfit:
 
     def with_processes(self, processes: Sequence[Process]) -> "Misfit":
         """The same with other processes."""
-        return Misfit(self.simulator, self.observed, self.names, tuple(processes), self.known_starts)
+        return Misfit(self.simulator, self.observed, self.names, tuple(processes), self.known_starts, self.apart)
 
     def carried(self, own: NuisanceValues, before: "Misfit") -> NuisanceValues:
         """Nuisances of the same segments under other processes, with other effects: paths of axes that both have, read off at these

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from awescli.estimation.power_interval import Known, Seen, power_interval
+from awescli.estimation.known import Known
+from awescli.estimation.power_interval import Seen, power_interval
 from awescli.estimation.prediction import Prediction
 from awescli.flightlog.cycles import cycles
 from awescli.flightlog.log import runs_of

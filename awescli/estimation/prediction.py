@@ -1,7 +1,8 @@
 """Multi-step prediction of unseen flight: starts estimated from the second before, then simulated freely, and scored.
 
-The start of a prediction is fitted to the measurements of a warm-up window that ends where the prediction begins; nothing
-measured after that moment is used (but the replayed set-points, the winch and the wind, where the model is driven by them).
+The start of a prediction is fitted to the measurements of a warm-up window that ends where the prediction begins; nothing measured after
+that moment is used (but the replayed set-points, the winch and the wind, where the model is driven by them). What acts beside the model
+(gusts, a longer line, model error) is left out, or begins as the warm-up shows it and fades (`filtered_start`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,7 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from awescli.estimation.filtered_start import as_reported, filtered
 from awescli.estimation.fit import fit
+from awescli.estimation.known import Known
 from awescli.estimation.misfit import Misfit
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import segments as segment_starts
@@ -69,28 +72,34 @@ class Prediction:
 def predict(
     simulator: Simulator, log: FlightLog, ranges: Sequence[tuple[int, int]], horizon: float,
     values: Mapping[str, float] | None = None, warm_up: float = WARM_UP, every: float | None = None, known_starts: bool = False,
+    known: Known | None = None,
 ) -> Prediction:  # fmt: skip
     """Predict `horizon` seconds ahead, again and again through the sample `ranges`, and compare.
 
     values: parameter name -> value where it differs from the simulator's kite; every: [s] between predictions, default one after the
-    other; known_starts: begin at the measured states, smoothed, instead of those that the warm-up says (Rositani eq. 11c). Divergence is
-    counted, never raised. Raises BadInput where no range is long enough.
+    other; known_starts: begin at the measured states, smoothed, instead of those that the warm-up says (Rositani eq. 11c); known: begin in
+    the air, line and model error as well that a filter over the warm-up sees, with the processes and the noise of that (`filtered_start`).
+    Divergence is counted, never raised. Raises BadInput where no range is long enough.
     """
     before, ahead = int(round(warm_up / log.dt)), int(round(horizon / log.dt))
     begin = prediction_starts(log, ranges, horizon, warm_up, every)
     if not begin.size:
         what = f"no prediction of {horizon:g} s fits into the loops of flight '{log.name}' that it is to be scored on"
         raise BadInput(what, do="Use a shorter horizon, or a longer flight; `awes check` lists what was left out and why.")
-    trajectories, skip = forecast(simulator, log, begin + before, ahead, 0 if known_starts else before, values)
+    trajectories, skip = forecast(simulator, log, begin + before, ahead, 0 if known_starts else before, values, known)
     return compare(log, trajectories, begin + before, skip, ranges, simulator.kite.declaration.noise)
 
 
 def forecast(
-    simulator: Simulator, log: FlightLog, first: np.ndarray, ahead: int, before: int, values: Mapping[str, float] | None = None
-) -> tuple[Trajectories, int]:
+    simulator: Simulator, log: FlightLog, first: np.ndarray, ahead: int, before: int, values: Mapping[str, float] | None = None,
+    known: Known | None = None,
+) -> tuple[Trajectories, int]:  # fmt: skip
     """(trajectories, which of their samples stands at `first`): `ahead` samples from each of the samples `first` (K,) of the log; before:
-    samples of the warm-up that a start is fitted to, or 0: it is the measured state, smoothed."""
+    samples of the warm-up that a start is fitted to, or 0: it is the measured state, smoothed; known: as in `predict`."""
     observed = observe(log, simulator.kite, first - before, before + ahead, MEASURED)
+    if before and known is not None:
+        held = simulator.holding(simulator.kite.parameters.with_values(values or {}))
+        return as_reported(*filtered(held, observed, before, known)), before
     segments = warmed_up(simulator, observed, before, values) if before else observed.segments
     return simulator.rollout(segments, values), before
 

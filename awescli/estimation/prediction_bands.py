@@ -8,7 +8,9 @@ prediction are linear in what is not known:
     dy  = P dp + G dw + D dd + v + S dz0                       over the prediction
 
 K, o: prior precision and true values of the effects' own states at the start. So a drift of the attitude shifts the start too, and what the
-start has taken up of it is taken off again. dp is as the fit left it (the common factor of the moment equation with its prior, and the
+start has taken up of it is taken off again. Where a prediction begins in the air that a filter over the warm-up sees
+(`filtered_start`), what is fitted is (z0, w, d) together: S has a column for each unit step that the processes take up to there, K is 1 for
+it, and what they do later counts as it comes. dp is as the fit left it (the common factor of the moment equation with its prior, and the
 record's error), dw and dd are processes at their levels, v is white. Nothing else is approximated than linearity:
 variances are those of the dense covariance (tests/estimation/test_prediction_bands.py).
 """
@@ -19,9 +21,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
+from awescli.estimation.filtered_start import filtered
+from awescli.estimation.known import Known
 from awescli.estimation.links import Links
 from awescli.estimation.misfit import Misfit, NuisanceValues
-from awescli.estimation.power_interval import LEVEL, Known
+from awescli.estimation.power_interval import LEVEL
 from awescli.estimation.prediction import WARM_UP, Prediction, warmed_up
 from awescli.estimation.processes.base import active
 from awescli.flightlog.log import FlightLog
@@ -41,6 +45,8 @@ NO_BANDS = {
     "measured_starts": {"outcome": "none: it begins at measured states, whose smoothing is not modelled"},
 }
 """What is said of models and settings without bands."""
+ROUNDING = 1e-9
+"""Share of a variance that keeps a slow process's covariance positive."""
 SOURCES = ("parameters", "processes", "start", "noise")
 VELOCITY, ATTITUDE = ("v_n", "v_e", "v_d"), ("phi", "theta", "psi")
 
@@ -92,33 +98,38 @@ class Bands:
         }
 
 
-def bands(simulator: Simulator, log: FlightLog, prediction: Prediction, known: Known) -> Bands:
-    """Of predictions that `prediction.predict` made with this simulator from starts that a warm-up said."""
+def bands(simulator: Simulator, log: FlightLog, prediction: Prediction, known: Known, filters: bool = False) -> Bands:
+    """Of predictions that `prediction.predict` made with this simulator from starts that a warm-up said; filters: it had `known` too."""
     kite, dt = simulator.kite, float(prediction.time[1])
     before, ahead = int(round(WARM_UP / dt)), len(prediction.time) - 1
     kept = [i for i, n in enumerate(known.names) if n in simulator.wrt]
     names = tuple(known.names[i] for i in kept)
     observed = observe(log, kite, prediction.first - before, before + ahead, MEASURED)
-    observed = replace(observed, segments=warmed_up(simulator, observed, before))
+    processes = tuple(replace(p, spacing=max(p.spacing, SPACING)) for p in known.processes)
+    if filters:
+        begun, own = filtered(simulator, observed, before, known)
+        observed = begun.observed
+    else:
+        observed = replace(observed, segments=warmed_up(simulator, observed, before))
+        begun = Misfit(simulator, observed, ())
+        own = begun.own()
+    misfit = Misfit(simulator, observed, names, processes)
+    own = misfit.carried(own, begun)
     rows = observed.segments.first[:, None] + np.arange(before + ahead + 1)
     noise = np.stack([known.factors.get(n, 1.0) * noise_std(kite.declaration.noise, n, log[n]) for n in observed.outputs], axis=1)[rows]
-    whole = simulator.rollout(observed.segments).alive > before + ahead
+    whole = simulator.rollout(misfit.segments(own)).alive > before + ahead
     channels = [n for n in prediction.simulated if n in observed.outputs or (n in BODY_VELOCITY and {*VELOCITY} <= {*observed.outputs})]
     shape = prediction.measured[channels[0]].shape
     shift = {n: np.zeros(shape) for n in channels}
     std = {source: {n: np.zeros(shape) for n in channels} for source in SOURCES}
-    processes = tuple(replace(p, spacing=max(p.spacing, SPACING)) for p in known.processes)
-    misfit = Misfit(simulator, observed, names, processes)
     cases = len(misfit.axes) * len(misfit.nodes) + 2 * (len(names) + misfit.simulator.n_s)
     at_once = max(int(ROOM / (8 * cases * rows.shape[1] * len(observed.outputs))), 1)
     factor, found = _root(known.covariance[np.ix_(kept, kept)]), known.found[kept]
     every = np.flatnonzero(whole)
     for part in np.split(every, range(at_once, len(every), at_once)) if len(every) else ():
         some = replace(misfit, observed=observed.pick(part))
-        starts = observed.segments.starts[part]
-        own = NuisanceValues(starts, np.zeros((len(part), len(misfit.nodes), len(misfit.axes))))
-        links, trajectories = some.links(kite.parameters.vector(names), own)
-        shifts, variances = spread(some, links, before, factor, found, noise[part], node_covariances(some))
+        links, trajectories = some.links(kite.parameters.vector(names), NuisanceValues(own.starts[part], own.path[part]))
+        shifts, variances = spread(some, links, before, factor, found, noise[part], node_covariances(some), filters)
         of = {n: trajectories[n][:, before:] for n in ATTITUDE} | {n: prediction.simulated[n][part] for n in BODY_VELOCITY}
         for name in channels:
             M = _of_outputs(name, observed.outputs, of)
@@ -134,11 +145,12 @@ def bands(simulator: Simulator, log: FlightLog, prediction: Prediction, known: K
 
 
 def spread(
-    misfit: Misfit, links: Links, before: int, factor: np.ndarray, found: np.ndarray, noise: np.ndarray, covariances: np.ndarray
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    misfit: Misfit, links: Links, before: int, factor: np.ndarray, found: np.ndarray, noise: np.ndarray, covariances: np.ndarray,
+    filters: bool = False,
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:  # fmt: skip
     """((K, N_a, n_out) change of the outputs with what is `found` of the globals, source -> (K, N_a, n_out, n_out) covariances) over the
     N_a samples from `before` on, the start fitted to those up to it. factor: (n, m) root of the globals' covariance; noise: (K, N, n_out)
-    standard deviations of the white noise; covariances: (W, L + 1, L + 1) of the processes at the nodes."""
+    standard deviations of the white noise; covariances: (W, L + 1, L + 1) of the processes at the nodes; filters: they are fitted too."""
     K, N, n_out = links.r.shape
     n_start, unknown = links.n_start, links.unknown
     bare = replace(links, weight=np.ones_like(links.weight))
@@ -148,10 +160,12 @@ def spread(
         at_rest = np.zeros((n_start, c)), np.zeros((len(links.bounds), len(misfit.axes), c)), np.zeros((links.n, c))
         return responses(misfit, bare, *(rest if a is None else a for a, rest in zip((start, path, change), at_rest, strict=True)))
 
-    S = response(start=np.eye(n_start))
-    head = S[:, : before + 1].reshape(K, -1, n_start)
+    S, precision = response(start=np.eye(n_start)), np.r_[np.zeros(unknown), 1 / links.spread**2]
+    if filters:
+        seen, later = steps_of(covariances, misfit.nodes, before)
+        S, precision = np.concatenate([S, response(path=seen)], axis=-1), np.r_[precision, np.ones(seen.shape[-1])]
+    head = S[:, : before + 1].reshape(K, -1, len(precision))
     weighted = head * (links.weight[:, : before + 1].reshape(K, -1, 1)) ** 2
-    precision = np.r_[np.zeros(unknown), 1 / links.spread**2]
     H = np.linalg.inv(np.matmul(weighted.swapaxes(1, 2), head) + np.diag(precision))
     A = np.matmul(H, weighted.swapaxes(1, 2))
 
@@ -163,10 +177,14 @@ def spread(
     def squared(Y: np.ndarray) -> np.ndarray:
         return np.matmul(Y, Y.swapaxes(-1, -2))
 
-    of_globals, processes = ahead(response(change=np.eye(links.n))), ahead(response(path=unit_paths(covariances)))
+    of_globals = ahead(response(change=np.eye(links.n)))
+    if filters:
+        processes = squared(np.matmul(S[:, before:], H[:, None, :, n_start:])) + squared(response(path=later)[:, before:])
+    else:
+        processes = squared(ahead(response(path=unit_paths(covariances))))
     # what the warm-up's white noise does to the start, and what is not known of the effects' states there
     v = noise[:, : before + 1].reshape(K, 1, -1)
-    started = np.concatenate([A * v, H[:, :, unknown:] * np.sqrt(precision[unknown:])], axis=2)
+    started = np.concatenate([A * v, H[:, :, unknown:n_start] * np.sqrt(precision[unknown:n_start])], axis=2)
     white = np.zeros((K, N - before, n_out, n_out))
     white[..., np.arange(n_out), np.arange(n_out)] = noise[:, before:] ** 2
     start = squared(np.matmul(S[:, before:], _reduced(started)[:, None]))
@@ -174,7 +192,7 @@ def spread(
     both = np.matmul(S[:, before], A[:, :, -n_out:] * noise[:, before, None] ** 2)
     white[:, 0] += start[:, 0] - both - both.swapaxes(1, 2)
     start[:, 0] = 0.0
-    variances = {"parameters": squared(np.matmul(of_globals, factor)), "processes": squared(processes), "start": start, "noise": white}
+    variances = {"parameters": squared(np.matmul(of_globals, factor)), "processes": processes, "start": start, "noise": white}
     return np.matmul(of_globals, found), variances
 
 
@@ -207,6 +225,16 @@ def unit_paths(covariances: np.ndarray) -> np.ndarray:
     for w, C in enumerate(covariances):
         path[:, w, w] = _root(C)
     return path.reshape(L1, W, W * L1)
+
+
+def steps_of(covariances: np.ndarray, nodes: np.ndarray, before: int) -> tuple[np.ndarray, np.ndarray]:
+    """The same (L + 1, W, c), by one step at every node after the other: (those that samples up to `before` can see, later ones)."""
+    W, L1 = covariances.shape[:2]
+    path = np.zeros((L1, W, W, L1))
+    for w, C in enumerate(covariances):
+        path[:, w, w] = np.linalg.cholesky(C + ROUNDING * np.diag(np.diag(C)))
+    seen = np.r_[True, nodes[:-1] < before]
+    return path[..., seen].reshape(L1, W, -1), path[..., ~seen].reshape(L1, W, -1)
 
 
 def _root(C: np.ndarray) -> np.ndarray:

@@ -1,12 +1,14 @@
 """All scores of a model on a flight: per part, channel, horizon and loop, from one step to many seconds, and how often it diverges."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from awescli.estimation.known import Known
 from awescli.estimation.mechanical_power import mechanical_power
 from awescli.estimation.phase_power import flown_ranges, phase_power
-from awescli.estimation.power_interval import Known, Seen, energy_believed, energy_sensitivities, power_interval
+from awescli.estimation.power_interval import Seen, energy_believed, energy_sensitivities, power_interval
 from awescli.estimation.prediction import Prediction, predict, prediction_starts
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.phases import phases
@@ -25,26 +27,29 @@ Forecast = Callable[..., Prediction]
 
 def scored(
     simulator: Simulator, log: FlightLog, parts: Split, loops: np.ndarray, horizon: float, horizons: Sequence[float],
-    known_starts: bool = False, told_by: tuple[Simulator, Known] | None = None,
+    known_starts: bool = False, told_by: tuple[Simulator, Known] | None = None, filtered: Known | None = None,
 ) -> tuple[dict, dict[str, Prediction]]:  # fmt: skip
     """(scores of one model, part -> its prediction).
 
     loops: (K, 2) half-open sample ranges; horizon: seconds predicted ahead in all scores but by_horizon, one_step;
-    known_starts: as in `predict`; told_by: who says how well its power is known (a physical model), default the model as it was declared.
+    known_starts: as in `predict`; told_by: who says how well its power is known (a physical model), default the model as it was declared;
+    filtered: predictions begin where a filter with what is known of it leaves the model.
     """
 
     def forecast(ranges, horizon: float, every: float | None = None) -> Prediction:
-        return predict(simulator, log, ranges, horizon, every=every, known_starts=known_starts)
+        return predict(simulator, log, ranges, horizon, every=every, known_starts=known_starts, known=filtered)
 
     block, predictions = scores_of(forecast, log, parts, loops, horizon, horizons)
     if power := power_of(simulator.kite, predictions["test"], log, loops):
         physical, known = told_by or (simulator, Known.declared(simulator.kite))
+        # a filter has found the record's error, as far as a second shows it, for itself
+        known = replace(known, found=0.0 * known.found) if filtered else known
         seen = Seen.of([
             power_of(simulator.kite, predictions[part], log, loops, energy_believed(physical, log, predictions[part], known))
             for part in PARTS[:2]
         ])  # fmt: skip
         test = predictions["test"]
-        block["power"] = power | _power_known(simulator, log, parts, loops, test, power, horizon, known_starts, seen, physical, known)
+        block["power"] = power | _power_known(forecast, log, parts, loops, test, power, horizon, seen, physical, known)
     return block, predictions
 
 
@@ -69,8 +74,8 @@ def scores_of(
 
 
 def _power_known(
-    simulator: Simulator, log: FlightLog, parts: Split, loops: np.ndarray, test: Prediction, power: dict, horizon: float,
-    known_starts: bool, seen: Seen | None, physical: Simulator, known: Known,
+    forecast: Forecast, log: FlightLog, parts: Split, loops: np.ndarray, test: Prediction, power: dict, horizon: float,
+    seen: Seen | None, physical: Simulator, known: Known,
 ) -> dict:  # fmt: skip
     """The interval of the test loops' mean power, and power per phase and cycle with theirs."""
     rows = test.first[:, None] + np.arange(len(test.time) - 1)[None]
@@ -82,7 +87,7 @@ def _power_known(
     ranges = flown_ranges(labels, log.valid)
     if not len(prediction_starts(log, ranges, horizon)):
         return summed
-    flown = predict(simulator, log, ranges, horizon, known_starts=known_starts)
+    flown = forecast(ranges, horizon)
     fitted, sensitivities = (*parts.train, *parts.validation), energy_sensitivities(physical, log, flown, known.names)
     return summed | phase_power(flown, log["reel_out_speed"], labels, fitted, sensitivities, known, seen)
 

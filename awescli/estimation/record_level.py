@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from awescli.estimation.fit import Fit, fit
+from awescli.estimation.known import Known
 from awescli.estimation.levels import relevelled
-from awescli.estimation.power_interval import Known
 from awescli.estimation.problem import build
 from awescli.estimation.processes.base import Prior, Process
 from awescli.flightlog.log import FlightLog

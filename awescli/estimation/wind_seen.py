@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from awescli.estimation.fit import fit
+from awescli.estimation.known import Known
 from awescli.estimation.misfit import Misfit, NuisanceValues
-from awescli.estimation.power_interval import Known
 from awescli.estimation.processes import PROCESSES
 from awescli.estimation.processes.base import Process
 from awescli.flightlog.log import FlightLog

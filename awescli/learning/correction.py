@@ -13,7 +13,7 @@ from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.notation.quantities import OUTPUTS, STATES
 from awescli.notation.scalars import Scalar, exp, maximum, tanh
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.disturbances import GUSTS, even
+from awescli.physics.disturbances import DISTURBANCES, both
 from awescli.physics.instant import Instant
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
@@ -233,7 +233,7 @@ def hybrid_from_artifact(
 ) -> Simulator:
     """The simulator of what train-hybrid left (network.json, network.safetensors) on the kite file beside them; law: as of the physics."""
     kite = kite_from_artifact(description, arrays, declaration, log.recorded_wind.height)
-    return Simulator(kite, tuple(map(even, GUSTS)), law and of_physics(law, kite))
+    return Simulator(kite, both(DISTURBANCES), law and of_physics(law, kite))
 
 
 def of_physics(law: Callable, kite: "Kite | HybridKite") -> Callable:

@@ -14,13 +14,19 @@ from awescli.reporting.words import COLOURS, GROUPS, channel, listed, number, pe
 BAND_POINTS = 500
 """Samples of the edge of a band at most: it hardly changes between."""
 SPATIAL = ("p_n", "p_e", "p_d")
+BEGINS = {
+    "measured": "the measured state",
+    "free": "a start fitted to the second before it",
+    "filtered": "the state and the air that a filter over the second before it sees (what acts beside the model then fades)",
+}
+"""Where predictions begin, in words."""
 
 
 def prediction(evidence: Evidence) -> Section:
     count = len(evidence.predictions["first"])
     closed = evidence.scores.get("surfaces") == "controller"
     known = (*(() if closed else ("set-points",)), *(("winch",) if evidence.log.on_line else ()), "wind")
-    start = "the measured state" if evidence.scores.get("initial_states") == "measured" else "a start fitted to the second before it"
+    start = BEGINS[evidence.scores.get("initial_states", "free")]
     text = (
         f"{count} predictions of {evidence.horizon:g} s on the test {evidence.parts.of}: each sets out from {start}, "
         f"{'is flown by the fitted controller (closed loop), ' if closed else ''}and sees nothing of the flight after that but "

@@ -1,7 +1,7 @@
 """evaluate: what every step was worth, on loops that no stage was fitted to; with a page that shows it, and figures for papers."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -17,6 +17,11 @@ SHOWN = ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p",
 class EvaluateConfig(HandedOnConfig):
     """Settings of evaluate."""
 
+    initial_states: Literal["free", "measured", "filtered"] = Field(
+        "free",
+        description="where a prediction begins: a state fitted to the second before, the measured one (Rositani 11c), or the state, gusts, "
+        "line and model error that a filter over that second sees; these then fade with their memories",
+    )
     horizon: float = Field(5.0, gt=0.2, le=60, description="seconds predicted ahead [s]")
     horizons: tuple[Seconds, ...] = Field((0.5, 1.0, 2.0, 5.0, 10.0), description="further horizons scored on the test loops [s]")
     wind_profile: bool = Field(True, description="tell the wind against height that the last fitted kite needs, beside the station")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from awescli.stages.base import KITE_FILE, Context, Task
 
 if TYPE_CHECKING:
-    from awescli.estimation.power_interval import Known
+    from awescli.estimation.known import Known
     from awescli.estimation.prediction import Prediction
     from awescli.flightlog.log import FlightLog
     from awescli.flightlog.split import Split
@@ -71,11 +71,12 @@ def score_models(
             known = all_known_of(context, name, simulator.kite, log)
             levelled = name in MADE_BY and not config.known_starts
             known = with_record_level(simulator, log, parts, config.horizon, known) if levelled else known
-            told_by = simulator, known
-        block, predictions = scored(simulator, log, parts, loops, config.horizon, config.horizons, config.known_starts, told_by)
+            told_by, filtered = (simulator, known), known if config.initial_states == "filtered" else None
+        ahead = config.horizon, config.horizons, config.known_starts
+        block, predictions = scored(simulator, log, parts, loops, *ahead, told_by, filtered)
         block["bands"] = NO_BANDS["network" if name == "hybrid" else "measured_starts"]
         if name != "hybrid" and not config.known_starts:
-            banded = bands(simulator, log, predictions["test"], known)
+            banded = bands(simulator, log, predictions["test"], known, filters=filtered is not None)
             block["bands"] = banded.coverage(predictions["test"])
             for which, edge in (("low", 0), ("high", 1)):
                 arrays |= {f"{which}_{name}_{n}": banded.edges(n)[edge] for n in banded.centre}
@@ -99,7 +100,7 @@ def enter(name: str, block: dict, predictions: dict, context: Context, log: "Fli
 def known_of(context: Context, name: str, kite: "FlightModel") -> "Known":
     """What the fit behind a model says of its parameters; of one that nothing was fitted to, what is declared."""
     from awescli.artifacts import read_json
-    from awescli.estimation.power_interval import Known
+    from awescli.estimation.known import Known
 
     folder = context.upstream(MADE_BY[name]) if name in MADE_BY else None
     file = folder / "params.json" if folder else None

@@ -12,7 +12,7 @@ from awescli.notation.present import present
 if TYPE_CHECKING:
     from awescli.control.held import Held
     from awescli.control.law import Law
-    from awescli.estimation.power_interval import Known
+    from awescli.estimation.known import Known
     from awescli.flightlog.log import FlightLog, WindRecord
     from awescli.physics.declaration import KiteDeclaration
     from awescli.physics.flight_model import FlightModel

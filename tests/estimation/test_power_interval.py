@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, declared, flight
 
+from awescli.estimation.known import Known
 from awescli.estimation.phase_power import flown_ranges, phase_power
-from awescli.estimation.power_interval import LEVEL, Known, Seen, energy_sensitivities, power_interval
+from awescli.estimation.power_interval import LEVEL, Seen, energy_sensitivities, power_interval
 from awescli.estimation.prediction import Prediction, predict
 from awescli.estimation.prediction_scores import scored
 from awescli.flightlog.cycles import cycles

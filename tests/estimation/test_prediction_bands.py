@@ -8,8 +8,9 @@ import pytest
 from kites import DEVELOPMENT, declared, flight
 
 from awescli.estimation.axes import Axes
+from awescli.estimation.known import Known
 from awescli.estimation.links import Links
-from awescli.estimation.power_interval import LEVEL, Known
+from awescli.estimation.power_interval import LEVEL
 from awescli.estimation.prediction import predict
 from awescli.estimation.prediction_bands import BODY_VELOCITY, SOURCES, VELOCITY, _of_outputs, bands, spread
 from awescli.estimation.problem import simulator_of
@@ -105,6 +106,36 @@ def test_variances_are_those_of_the_dense_covariance():
         assert shifts[k].reshape(-1) == pytest.approx(T @ found)
 
 
+def test_what_a_filter_has_seen_is_known():
+    """Guards the same where processes are fitted with the start: the posterior covariance of all that a stack of equations over the warm-up
+    says of start and processes, and the prior of what these do later; residuals of the first sample, which was fitted, are smaller than
+    its noise by what the fit has taken up."""
+    misfit, links, noise, random = linear_case(1)
+    links = replace(links, weight=np.where(links.weight > 0, 1 / noise, 0.0))
+    before, factor = 8, random.standard_normal((3, 2))
+    axes, times, n_out = misfit.axes, misfit.nodes * 0.1, 15
+    covariances = axes.level[:, None, None] ** 2 * np.exp(-np.abs(times[:, None] - times) / axes.memory[:, None, None])
+    _, variances = spread(misfit, links, before, factor, np.zeros(3), noise, covariances, filters=True)
+    prior = np.zeros((len(times), len(axes), len(times), len(axes)))
+    for w in range(len(axes)):
+        prior[:, w, :, w] = covariances[w]
+    prior = np.linalg.inv(prior.reshape(len(times) * len(axes), -1))
+    head = (before + 1) * n_out
+    for k in range(2):
+        S, G, P = dense(misfit, links, k)
+        to, weight = np.hstack([S, G]), links.weight[k].reshape(-1)[:head]
+        H = np.linalg.inv((to[:head].T * weight**2) @ to[:head] + np.pad(prior, (13, 0)) + np.diag(np.eye(13 + len(prior))[12] / 0.36))
+        V = (to @ H @ to.T)[before * n_out :, before * n_out :].reshape(13, n_out, 13, n_out)[np.arange(13), :, np.arange(13)]
+        assert (variances["start"] + variances["processes"])[k, 1:] == pytest.approx(V[1:], rel=1e-6, abs=1e-6)
+        counted = np.ix_(np.flatnonzero(links.weight[k, before]), np.flatnonzero(links.weight[k, before]))
+        together = sum(variances[source][k, 0] for source in ("noise", "start", "processes"))
+        assert together[counted] == pytest.approx((np.diag(noise[k, before] ** 2) - V[0])[counted], rel=1e-6, abs=1e-6)
+        A = H @ (to[:head].T * weight**2)
+        T = (P - to @ A @ P[:head])[before * n_out :] @ factor
+        V = np.einsum("nai,nbi->nab", *[T.reshape(13, n_out, -1)] * 2)
+        assert variances["parameters"][k] == pytest.approx(V, rel=1e-6, abs=1e-6)
+
+
 def test_vertical_gusts_have_the_spectrum_that_was_flown():
     """Guards the form behind the level: a process that is fitted to fast changes of Dryden's vertical gusts of 0.9 m/s stands for these,
     their slow changes included, in variance and in correlation; every other axis is as it is fitted."""
@@ -190,6 +221,23 @@ def test_bands_hold_as_often_as_they_say():
     found = {case: np.mean(shares) for case, shares in inside.items()}
     assert 0.86 < found["all"] < 0.94, found
     assert found["no processes"] < 0.8 and found["no parameters"] < found["all"] - 0.02, found
+
+
+def test_bands_of_filtered_predictions_hold_and_are_narrower():
+    """Guards the same for predictions that begin in the air of the warm-up: as many samples inside, less far from the centre."""
+    inside, width, error = [], {"free": [], "filtered": []}, {"free": [], "filtered": []}
+    for seed in range(8):
+        log, simulator, known = flown_otherwise(seed)
+        for name, filters in (("free", False), ("filtered", True)):
+            p = predict(simulator, log, PARTS.test, 3.0, known=known if filters else None)
+            told = bands(simulator, log, p, known, filters).coverage(p)
+            width[name].append(told["half_width"]["V_a"])
+            error[name].append(p.nrmse()["mean"])
+            if filters:
+                inside.append(told["inside"]["all"])
+    assert 0.86 < np.mean(inside) < 0.94, inside
+    assert np.mean(width["filtered"]) < 0.95 * np.mean(width["free"])
+    assert np.mean(error["filtered"]) < np.mean(error["free"])
 
 
 def test_what_is_known_of_the_record_moves_the_centre():

@@ -7,7 +7,7 @@ import pytest
 from kites import declared, flight
 
 from awescli.estimation.fit import fit
-from awescli.estimation.power_interval import Known
+from awescli.estimation.known import Known
 from awescli.estimation.problem import build, simulator_of
 from awescli.estimation.record_level import with_record_level
 from awescli.estimation.wind_seen import processes_at

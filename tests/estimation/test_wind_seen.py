@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, flight
 
+from awescli.estimation.known import Known
 from awescli.estimation.phase_power import flown_ranges
-from awescli.estimation.power_interval import Known
 from awescli.estimation.problem import simulator_of
 from awescli.estimation.wind_seen import processes_at, wind_profile
 from awescli.flightlog.phases import phases
