@@ -96,7 +96,7 @@ def fit_flights(
     labels = [f.label for f in flights]
     tables = declared = [p.simulator.kite.parameters.with_values(start or {}) for p in problems]
     if in_gusts:
-        open_ = [p.with_processes(opened(opened(p.processes, (MODEL_ERROR,), WIDE), IN_GUSTS, 1.0)) for p in problems]
+        open_ = [p.with_processes(wide_open(p.processes)) for p in problems]
         result, problems = fit_levels(open_, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
         return widened(result), tuple(problems)
     owns: list[NuisanceValues | None] = [None] * len(problems)
@@ -153,6 +153,11 @@ def fit_output_error(
         tables = [f.parameters for f in result.flights]
     result = _fitted(problems, labels, tables, none, per_flight, prior, TIGHT, on_iteration, OUTPUT_ERROR_ITERATIONS)
     return widened(result), tuple(problems)
+
+
+def wide_open(processes: Sequence[Process]) -> tuple[Process, ...]:
+    """Processes with all that there may be in gusts."""
+    return opened(opened(processes, (MODEL_ERROR,), WIDE), IN_GUSTS, 1.0)
 
 
 def levels_first(

@@ -54,6 +54,7 @@ def score_models(
     models: dict, context: Context, log: "FlightLog", parts: "Split", config: "EvaluateConfig", task: Task
 ) -> tuple[dict, dict]:
     """(metrics.json, arrays of predictions.npz): every model predicted alike on train, validation and test."""
+    from awescli.estimation.filter_levels import with_levels
     from awescli.estimation.prediction_bands import NO_BANDS, bands
     from awescli.estimation.prediction_scores import scored
     from awescli.estimation.record_level import with_record_level
@@ -71,6 +72,7 @@ def score_models(
             known = all_known_of(context, name, simulator.kite, log)
             levelled = name in MADE_BY and not config.known_starts
             known = with_record_level(simulator, log, parts, config.horizon, known) if levelled else known
+            known = with_levels(simulator, log, parts, config.horizon, known) if config.initial_states == "filtered" else known
             told_by, filtered = (simulator, known), known if config.initial_states == "filtered" else None
         ahead = config.horizon, config.horizons, config.known_starts
         block, predictions = scored(simulator, log, parts, loops, *ahead, told_by, filtered)

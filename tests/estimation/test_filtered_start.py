@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, declared, flight
 
+from awescli.estimation.filter_levels import with_levels
 from awescli.estimation.filtered_start import filtered
 from awescli.estimation.known import Known
 from awescli.estimation.prediction import predict
 from awescli.estimation.problem import simulator_of
 from awescli.estimation.wind_seen import processes_at
+from awescli.flightlog.split import Split
 from awescli.notation.quantities import MEASURED, STATES
 from awescli.simulation.campaign_flights import dev_like
 from awescli.simulation.segments import observe
@@ -99,3 +101,16 @@ def test_a_model_that_leaves_the_flight_in_the_warm_up_is_counted(gusty):
     simulator = simulator_of(declared(Cmq=4e4), log)
     p = predict(simulator, log, RANGES, 2.0, known=told(log, simulator, GUSTS))
     assert p.diverged == len(p.first) and np.isfinite(list(p.nrmse().values())).all()
+
+
+def test_levels_are_those_that_the_train_loops_show_unless_a_fit_has_left_some(gusty):
+    """Guards the filter's tuning: gusts of 0.9 m/s are found at their level beside a model that was fitted without them, and those that a
+    fit has left are taken as they are."""
+    log, simulator = gusty
+    parts = Split(((100, 1600),), ((1600, 2200),), ((2200, 2900),), (1, 1, 1), "loops")
+    found = with_levels(simulator, log, parts, 5.0, told(log, simulator, {}))
+    levels = {g.name: g.level for p in found.processes for g in p.groups}
+    assert levels["horizontal gusts"] == pytest.approx(0.9, rel=0.25) and levels["vertical gusts"] == pytest.approx(0.78, rel=0.25)
+    assert all(0.8 < f < 1.25 for f in found.factors.values()), found.factors
+    left = told(log, simulator, GUSTS)
+    assert with_levels(simulator, log, parts, 5.0, left) is left
