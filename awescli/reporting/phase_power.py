@@ -27,7 +27,8 @@ def phase_table(evidence: Evidence) -> Body:
             )  # fmt: skip
     note = (
         "Tension times reel-out speed; phases of what no stage was fitted to, and whole cycles. In brackets: 90 % intervals from the "
-        "covariance of parameters, the error of the wind record, and how far single loops lie apart."
+        "covariance of parameters, the error of the wind record, and how far single loops lie apart; they are of the wind that the fit has "
+        "found, and a value, which is of the wind as it was recorded, may lie outside."
     )
     return Group(TABLE, "Power per phase and cycle", (Paragraph(note, "soft"), table(head, rows)))
 
