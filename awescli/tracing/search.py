@@ -212,8 +212,11 @@ def _reshaped(
 
 
 def _failed(before: FittedModel, after: FittedModel) -> bool:
-    """Does a model with one effect more lose segments, or follow those it was fitted to worse?"""
-    return after.flies < before.flies or after.train.sum() >= before.train.sum() + WORSE
+    """Does a model with one effect more lose segments, or follow those it was fitted to worse? Not where its cost has fallen with the same
+    noise and levels: then what is not known of the effect's own states makes it less likely, and no optimiser has failed."""
+    alike = all(p.factors == q.factors and p.processes == q.processes for p, q in zip(before.problems, after.problems, strict=True))
+    nearer = alike and after.fit.solution.cost < before.fit.solution.cost
+    return after.flies < before.flies or (after.train.sum() >= before.train.sum() + WORSE and not nearer)
 
 
 def _best(

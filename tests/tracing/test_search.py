@@ -15,12 +15,14 @@ from awescli.tracing.search import STARTS, Search
 SEGMENTS = 4
 
 
-def fitted(gain: float, flies: int = SEGMENTS):
-    """What the search asks of a fit: deviance, cost of every train segment, segments that fly."""
+def fitted(gain: float, flies: int = SEGMENTS, cost: float | None = None, noise: float = 1.0):
+    """What the search asks of a fit: deviance, that of every train segment, segments that fly; cost with the parameters' prior and without
+    what nuisances leave unknown, factor on the noise."""
     model = SimpleNamespace(
         deviance=100.0 - gain, unseen=50.0 - gain, train=np.full(SEGMENTS, 25.0 - gain / SEGMENTS), flies=flies, strengths=(),
         rest={"force_z": 1.0},
-        fit=SimpleNamespace(solution=SimpleNamespace(outcome="converged")),
+        fit=SimpleNamespace(solution=SimpleNamespace(outcome="converged", cost=100.0 - gain if cost is None else cost)),
+        problems=(SimpleNamespace(factors={"alpha": noise}, processes=()),),
     )  # fmt: skip
     model.light = lambda: model
     return model
@@ -62,6 +64,17 @@ def test_a_quick_fit_that_goes_astray_is_fitted_to_the_end(monkeypatch):
     found, begun = beaten(monkeypatch, [FAILED], lambda frame, model: GOOD)
     assert begun == [STARTS[0]] and found.outcome == "converged" and found.gain == 40.0
     found, _ = beaten(monkeypatch, [LOST, LOST, LOST], lambda frame, model: GOOD)
+    assert found.outcome == "failed"
+
+
+def test_an_effect_that_its_own_states_make_less_likely_has_not_failed(monkeypatch):
+    """Guards weak lags against "a candidate's fit failed": the fit of a lag of lift of 0.04 s came to a lower cost, and was 11 less likely
+    for what is not known of the lag where segments begin. With another noise, costs say nothing."""
+    weak = fitted(-11.0, cost=45.0)
+    weak.unseen = BASE.unseen - 3.0
+    found, begun = beaten(monkeypatch, [weak])
+    assert begun == [STARTS[0]] and found.outcome == "converged" and found.gain == -11.0
+    found, _ = beaten(monkeypatch, [fitted(-11.0, cost=45.0, noise=1.3)] * 3)
     assert found.outcome == "failed"
 
 
