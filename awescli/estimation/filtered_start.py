@@ -26,6 +26,8 @@ SHARES = (1.0, 0.5, 0.25, 0.1)
 """Of a step, in turn, until a segment gains by it."""
 ENOUGH = 0.1
 """Cost (chi-square) below which a segment gains nothing any more: it is at its best."""
+AT_ONCE = 200
+"""Warm-ups that are filtered together: an hour of flight has thousands, and each has sensitivities of its own."""
 UNKNOWN = np.zeros(0)
 """No parameter is fitted."""
 
@@ -35,7 +37,10 @@ def filtered(simulator: Simulator, observed: Observed, before: int, known: Known
     simulator must be differentiable in the disturbances."""
     whole = Misfit(simulator, observed.scaled(known.factors), (), known.processes, apart=True)
     warm = replace(whole, observed=whole.observed.head(before))
-    return whole, faded(whole, warm, smoothed(warm))
+    every = np.arange(len(warm.observed.segments))
+    parts = [smoothed(replace(warm, observed=warm.observed.pick(some))) for some in np.split(every, every[AT_ONCE::AT_ONCE])]
+    own = NuisanceValues(*(np.concatenate([getattr(p, what) for p in parts]) for what in ("starts", "path")))
+    return whole, faded(whole, warm, own)
 
 
 def smoothed(misfit: Misfit) -> NuisanceValues:

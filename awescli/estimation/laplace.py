@@ -11,7 +11,8 @@ import numpy as np
 from awescli.estimation.information_filter import Information, Nuisances
 from awescli.estimation.links import Gram, Links
 from awescli.estimation.misfit import Misfit, NuisanceValues
-from awescli.estimation.processes.gusts import Gusts
+from awescli.estimation.processes.base import active
+from awescli.physics.disturbances import GUSTS
 
 PROBE = 0.5
 """Size of the probes, in standard deviations: small enough not to lose a segment."""
@@ -36,7 +37,7 @@ def log_det_gradient(
     found = estimates(misfit, x, own, links, gram, which, info.samples(probes, seed=0))
     if found is None:
         return None
-    if any(g.level > 0 for p in misfit.processes if p.name == Gusts.name for g in p.groups):
+    if any({*GUSTS} & {*g.axes} for g in active([p for p in misfit.processes if not p.certain])):
         # gusts take up an error of the wind's record: its log determinant is a small difference of large numbers, and moves it by chance
         found[:, np.isin(misfit.names, misfit.simulator.kite.record)] = 0.0
     H = info.H + np.diag(precision)

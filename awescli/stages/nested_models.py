@@ -72,8 +72,9 @@ def score_models(
             known = all_known_of(context, name, simulator.kite, log)
             levelled = name in MADE_BY and not config.known_starts
             known = with_record_level(simulator, log, parts, config.horizon, known) if levelled else known
-            known = with_levels(simulator, log, parts, config.horizon, known) if config.initial_states == "filtered" else known
-            told_by, filtered = (simulator, known), known if config.initial_states == "filtered" else None
+            filtered = with_levels(simulator, log, parts, config.horizon, known) if config.initial_states == "filtered" else None
+            known = filtered or known
+            told_by = simulator, known
         ahead = config.horizon, config.horizons, config.known_starts
         block, predictions = scored(simulator, log, parts, loops, *ahead, told_by, filtered)
         block["bands"] = NO_BANDS["network" if name == "hybrid" else "measured_starts"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, declared, flight
 
+from awescli.estimation import filtered_start
 from awescli.estimation.filter_levels import with_levels
 from awescli.estimation.filtered_start import filtered
 from awescli.estimation.known import Known
@@ -72,6 +73,17 @@ def test_nothing_measured_later_is_used(gusty):
     for name in STATES:
         assert q.simulated[name][:4] == pytest.approx(p.simulated[name][:4], rel=1e-9, abs=1e-12), name
         assert np.abs(q.simulated[name][5] - p.simulated[name][5]).max() > 1e-3, name
+
+
+def test_warm_ups_filtered_a_few_at_a_time_are_those_filtered_together(gusty, monkeypatch):
+    """Guards long flights, whose warm-ups do not fit into memory at once."""
+    log, simulator = gusty
+    known = told(log, simulator, GUSTS)
+    together = predict(simulator, log, RANGES, 1.0, known=known)
+    monkeypatch.setattr(filtered_start, "AT_ONCE", 7)
+    apart = predict(simulator, log, RANGES, 1.0, known=known)
+    for name in STATES:
+        assert apart.simulated[name] == pytest.approx(together.simulated[name], rel=1e-9, abs=1e-9), name
 
 
 def test_without_processes_it_is_the_start_that_fits_the_warm_up(gusty):
