@@ -281,6 +281,11 @@ def fit_on(frame: Frame, model: FittedModel, values: Mapping[str, float] | None 
     return _fitted(frame, model, model.keys, tuple(dict.fromkeys((*model.strengths, *free))), dict(values or {}), WHOLE)
 
 
+def fit_held(frame: Frame, model: FittedModel, values: Mapping[str, float]) -> FittedModel:
+    """The same model fitted to the end, some of its strengths held at `values`."""
+    return _fitted(frame, model, model.keys, tuple(n for n in model.strengths if n not in values), dict(values), WHOLE)
+
+
 def fit_without(frame: Frame, model: FittedModel, gone: Sequence[str]) -> FittedModel:
     """The model without some of its effects."""
     kept = [k for k in model.keys if k not in gone]

@@ -9,7 +9,7 @@ import numpy as np
 from awescli.notation.present import present
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.models import FittedModel, Frame, Say, fit_added, fit_on, fit_swapped, fit_without
+from awescli.tracing.models import FittedModel, Frame, Say, fit_added, fit_held, fit_on, fit_swapped, fit_without
 from awescli.tracing.screen import Score, Screening, holm, screen
 
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
@@ -131,14 +131,16 @@ def mends(frame: Frame, keys: Sequence[str]) -> bool:
 
 def plausible(model: FittedModel, key: str) -> bool:
     """No fitted strength of an effect sits at the end of its plausible range, null aside."""
-    for name in (n for n in model.strengths if n.startswith(f"{key}.")):
-        p = model.table[name]
-        near, null_at_lower = AT_END * (p.upper - p.lower), abs(p.lower) < 1e-12
-        # a range over decades begins where its smallest sizes are distinguished
-        above = min(near, AT_END * p.lower) if p.lower > 0 else near
-        if p.value > p.upper - near or (p.value < p.lower + above and not null_at_lower):
-            return False
-    return True
+    return not any(_at_end(model, name) for name in model.strengths if name.startswith(f"{key}."))
+
+
+def _at_end(model: FittedModel, name: str) -> bool:
+    """Does a parameter sit at an end of its range, null at the lower one aside?"""
+    p = model.table[name]
+    near, null_at_lower = AT_END * (p.upper - p.lower), abs(p.lower) < 1e-12
+    # a range over decades begins where its smallest sizes are distinguished
+    above = min(near, AT_END * p.lower) if p.lower > 0 else near
+    return p.value > p.upper - near or (p.value < p.lower + above and not null_at_lower)
 
 
 def _detectable(screening: Screening) -> dict[str, tuple[str, float]]:
@@ -250,6 +252,7 @@ def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> 
         name, probes = f"{effect.key}.{shape}", effect.probes.get(shape, ())
         if model.table[name].value != null[shape]:
             model = _freed(frame, model, name, [p for p in probes if p != null[shape]], criteria)
+            model = _held_where_null(frame, model, name, null[shape], criteria)
             continue
         for start in (s for s in (*probes, *effect.refinements.get(shape, ())) if s != null[shape]):
             trial = fit_on(frame, model, {name: start}, free=(name,))
@@ -271,6 +274,15 @@ def _freed(frame: Frame, model: FittedModel, name: str, probes: Sequence[float],
         either = {min(max(there.value + side, there.lower), there.upper) for side in (-step, step)} - {there.value}
         best = min((best, *(fit_on(frame, best, {name: value}) for value in sorted(either))), key=lambda m: m.deviance)
     return best if best.deviance < model.deviance + criteria.decisive and best.unseen < model.unseen + criteria.decisive else model
+
+
+def _held_where_null(frame: Frame, model: FittedModel, name: str, null: float, criteria: Criteria) -> FittedModel:
+    """The model with a shape held at its null where that is as likely: a lag that was probed with a limit of its rate, and has none, ended
+    with that limit at the end of its range and counted as an implausible size."""
+    if not _at_end(model, name):
+        return model
+    held = fit_held(frame, model, {name: null})
+    return held if held.deviance < model.deviance + criteria.decisive else model
 
 
 def crowded(tried: Sequence[Tried]) -> bool:

@@ -5,11 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from kites import DEVELOPMENT
-from tracing.traced import traced
+from tracing.traced import null_model, traced
 
 from awescli.notation.parameters import Parameter
 from awescli.tracing import search as searching
 from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.models import fit_added
 from awescli.tracing.search import STARTS, Search
 
 SEGMENTS = 4
@@ -141,3 +142,14 @@ def test_a_range_over_decades_does_not_end_in_its_middle(rate, there):
     row = Parameter("actuator_lag:elevator.rate", rate, "rad/s", 0.002, 50.0)
     model = SimpleNamespace(strengths=(row.name,), table={row.name: row})
     assert searching.plausible(model, "actuator_lag:elevator") is there
+
+
+def test_a_limit_that_comes_to_none_is_no_part_of_an_effect():
+    """Guards a rudder's lag of 0.1 s (blind flight of half size, twice): fitted first with a limit of its rate, whose fit then ran to no
+    limit, the end of its range, it was "no plausible size", and terms without a name took its place."""
+    frame, null = null_model((("actuator_lag:rudder", (("tau", 0.1),)),))
+    limited = fit_added(frame, null, "actuator_lag:rudder", {"actuator_lag:rudder.tau": 0.1}, {"actuator_lag:rudder.rate": 0.8}, True)
+    model = searching.refined(frame, limited)
+    assert model.strengths == ("actuator_lag:rudder.tau",) and model.table["actuator_lag:rudder.rate"].value == 50.0
+    assert searching.plausible(model, "actuator_lag:rudder")
+    assert model.table["actuator_lag:rudder.tau"].value == pytest.approx(0.1, abs=0.02)
