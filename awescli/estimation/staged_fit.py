@@ -23,10 +23,12 @@ COARSE = 0.1
 """[s] between nodes while processes are only looked for."""
 SLIGHT = 0.05
 """The same of whatever may be there, once the parameters are near."""
-GUSTS, ROLL_GUSTS = "gusts", "roll_gusts"
-OPEN = (GUSTS, "drift", ROLL_GUSTS)
+GUSTS = "gusts"
+TURNING = ("roll_gusts", "pitch_yaw_gusts")
+"""Gusts that turn a kite: there where gusts are."""
+OPEN = (GUSTS, "drift", *TURNING)
 """Processes that are looked for once model error has shown what they are not."""
-IN_GUSTS = (GUSTS, ROLL_GUSTS, "line")
+IN_GUSTS = (GUSTS, *TURNING, "line")
 """Processes that are there from the beginning, beside model error, where a fit is said to begin in gusts."""
 LEVEL_ROUNDS = 4
 """The same while parameters are held."""
@@ -82,8 +84,8 @@ def fit_flights(
     """Fit from short horizons to the whole one (a poor guess cannot follow five seconds), levels of processes and of noise along.
 
     per_flight: patterns of the parameters that every flight has for itself; start: name -> value to start from where that differs from
-    the declared one; in_gusts: begin with gusts, roll gusts and the line's length beside model error, on the whole horizon. Returns the fit
-    and the problems with processes and noise as finally used.
+    the declared one; in_gusts: begin with gusts, those that turn the kite, and the line's length beside model error, on the whole horizon.
+    Returns the fit and the problems with processes and noise as finally used.
 
     On a measured flight air, line and what the model does not say act together, under a controller that answers all of them. Model error
     alone, at its wide nodes, leaves quick motion to the noise; surfaces that answer gusts then count as surfaces that do nothing, and
@@ -126,7 +128,7 @@ def fit_flights(
     looked = [_looked_for(p, f, OPEN) for p, f in zip(problems, result.flights, strict=True)] if result.ended else []
     if any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=False)):
         tables = [f.parameters for f in result.flights]
-        problems = [p.with_processes(_closed(p.processes, MODEL_ERROR, SLIGHT)) if gusty(p) else p for p, _ in looked]
+        problems = [p.with_processes(_closed(p.processes, (MODEL_ERROR,), SLIGHT)) if gusty(p) else p for p, _ in looked]
         owns = [new.misfit().carried(own, old.misfit()) for new, (old, own) in zip(problems, looked, strict=True)]
         result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
     return widened(result), tuple(problems)
@@ -225,15 +227,15 @@ def gusty(flight: EstimationProblem | Misfit) -> bool:
     return any(g.level > 0 for p in flight.processes if p.name == GUSTS for g in p.groups)
 
 
-def _closed(processes: Sequence[Process], kind: str, share: float) -> tuple[Process, ...]:
-    """The processes with those of a kind at a share of their prior's median at most: what they stood for may have been found since. What
-    was not opens them again."""
-    return tuple(p.at({g.name: min(g.level, share * g.of_level.median) for g in p.groups}) if p.name == kind else p for p in processes)
+def _closed(processes: Sequence[Process], kinds: Sequence[str], share: float) -> tuple[Process, ...]:
+    """The processes with those of some kinds at a share of their prior's median at most: what they stood for may have been found since.
+    What was not opens them again."""
+    return tuple(p.at({g.name: min(g.level, share * g.of_level.median) for g in p.groups}) if p.name in kinds else p for p in processes)
 
 
 def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> tuple[EstimationProblem, NuisanceValues]:
     """The problem with what of some kinds of processes the flight shows at a fit, at nodes as far apart as they are, and the nuisances to
-    go on from. Roll gusts are there where gusts are: in calm air, what rolls a kite against its model is no gust."""
+    go on from. Gusts that turn a kite are there where gusts are: in calm air, what rolls it against its model is no gust."""
     if not problem.processes or not len(fit.counted):
         return problem, fit.own
     wide = fit.misfit.with_processes([replace(p, spacing=max(p.spacing, COARSE)) for p in opened(problem.processes, kinds, SLIGHT)])
@@ -241,7 +243,7 @@ def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> t
     links, trajectories = wide.links(fit.parameters.vector(fit.names), own)
     processes, _ = relevelled(wide, links.gram(), own, fit.counted)
     if not gusty(wide.with_processes(processes)):
-        processes = _closed(processes, ROLL_GUSTS, 0.0)
+        processes = _closed(processes, TURNING, 0.0)
     new = problem.with_processes(tuple(replace(p, spacing=old.spacing) for p, old in zip(processes, problem.processes, strict=True)))
     return new, new.misfit(fit.misfit.simulator).carried(own, wide)
 

@@ -15,7 +15,7 @@ from awescli.export.model import ExportedModel
 from awescli.export.programs import Program, known_quantities, needed, values_of
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import OUTPUTS, STATES, SURFACES
-from awescli.physics.disturbances import DISTURBANCES, GUSTS, ROLL_GUST
+from awescli.physics.disturbances import DISTURBANCES, GUST_RATES, GUSTS
 from awescli.physics.instant import Body, Load
 
 FT = 1 / 0.3048
@@ -47,7 +47,7 @@ _ATMOSPHERE = {
         gust: element("product", read(f"atmosphere/total-wind-{way}-fps"), _FROM_FT)
         for gust, way in zip(GUSTS, ("north", "east", "down"), strict=True)
     },
-    ROLL_GUST: read("atmosphere/p-turb-rad_sec"),
+    **{rate: read(f"atmosphere/{axis}-turb-rad_sec") for rate, axis in zip(GUST_RATES, "pqr", strict=True)},
 }  # fmt: skip
 """Inputs that JSBSim's atmosphere gives: its wind comes on top of the model's own."""
 _AFTER_FIRST = element("sum", value(1e-9), element("product", value(1.5), read("simulation/dt")))

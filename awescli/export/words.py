@@ -27,6 +27,8 @@ _INPUTS = {
     "turbulence_p": ("-", "roll gust of unit variance"),
     **{f"gust_{axis}": ("m/s", f"gust beside the wind, {way}") for axis, way in _WAYS.items()},
     "gust_p": ("rad/s", "roll gust: gradient of the vertical gust along the span"),
+    "gust_q": ("rad/s", "pitch gust: gradient of the vertical gust along the fuselage"),
+    "gust_r": ("rad/s", "yaw gust: gradient of the lateral gust along the fuselage"),
     **{f"force_{axis}": ("m/s2", f"force per mass beside the modelled ones, body {axis}") for axis in "xyz"},
     **{f"moment_{axis}": ("rad/s2", f"angular acceleration beside the modelled moments, body {axis}") for axis in "xyz"},
     "line_length": ("m", "length of the line beside what the winch has paid out"),

@@ -11,19 +11,21 @@ from awescli.notation.parameters import Parameter
 
 GUSTS = ("gust_n", "gust_e", "gust_d")
 """Velocity of the air [m/s], NED, added to the wind that the record and the effects say."""
-ROLL_GUST = "gust_p"
-"""[rad/s] gradient of the vertical gust along the span (MIL-F-8785C's p_g)."""
+GUST_RATES = ("gust_p", "gust_q", "gust_r")
+"""[rad/s] Gradients of the gusts along the kite, which roll, pitch and yaw it (MIL-F-8785C's p_g, q_g, r_g): of the vertical gust along
+span and fuselage, of the lateral one along the fuselage."""
 FORCES = ("force_x", "force_y", "force_z")
 """Force per mass [m/s2], body axes, beside the aerodynamic one: a tether answers it."""
 MOMENTS = ("moment_x", "moment_y", "moment_z")
 """Angular acceleration [rad/s2], body axes, beside that of the moments."""
 LINE = "line_length"
 """[m] what the line is longer than the winch says: stretch, sag, slack, slip on the drum."""
-DISTURBANCES = (*GUSTS, ROLL_GUST, *FORCES, *MOMENTS, LINE)
+DISTURBANCES = (*GUSTS, *GUST_RATES, *FORCES, *MOMENTS, LINE)
 PHASE = "phase"
 
 DISTURBANCE_UNITS = {
-    **dict.fromkeys(GUSTS, "m/s"), ROLL_GUST: "rad/s", **dict.fromkeys(FORCES, "m/s2"), **dict.fromkeys(MOMENTS, "rad/s2"), LINE: "m",
+    **dict.fromkeys(GUSTS, "m/s"), **dict.fromkeys(GUST_RATES, "rad/s"), **dict.fromkeys(FORCES, "m/s2"),
+    **dict.fromkeys(MOMENTS, "rad/s2"), LINE: "m",
 }  # fmt: skip
 
 

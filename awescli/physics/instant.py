@@ -8,14 +8,16 @@ from awescli.notation.scalars import Scalar
 
 
 class Wind(NamedTuple):
-    """Air at the kite: velocity NED [m/s], density [kg/m3], and the roll gust [rad/s]: the gradient of the vertical gust along the span,
-    which rolls the wing as a roll rate of minus that would (MIL-F-8785C's p_g)."""
+    """Air at the kite: velocity NED [m/s], density [kg/m3], and the gusts' gradients [rad/s] along span and fuselage, which turn the kite
+    as rates of minus that would (MIL-F-8785C's p_g, q_g, r_g)."""
 
     n: Scalar
     e: Scalar
     d: Scalar
     density: Scalar
     roll: Scalar = 0.0
+    pitch: Scalar = 0.0
+    yaw: Scalar = 0.0
 
 
 class Body(NamedTuple):

@@ -16,7 +16,7 @@ from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.notation.scalars import Scalar, sqrt
 from awescli.physics.airflow import air_data, declared_wind, wind_vector
 from awescli.physics.declaration import KiteDeclaration, parameter_of
-from awescli.physics.disturbances import DISTURBANCES, FORCES, GUSTS, LINE, MOMENTS, PHASE, ROLL_GUST, disturbances
+from awescli.physics.disturbances import DISTURBANCES, FORCES, GUST_RATES, GUSTS, LINE, MOMENTS, PHASE, disturbances
 from awescli.physics.disturbances import parameters as nuisance_parameters
 from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.aerodynamics import COEFFICIENTS, body_axes, parse_monomial
@@ -226,8 +226,8 @@ class Kite:
         wind = self._through("airflow", wind, at)
         # gusts last, so that no effect scales them
         beside = disturbances(inputs, values)
-        gusts = {axis: getattr(wind, axis) + beside[gust] for axis, gust in zip("ned", GUSTS, strict=True)}
-        wind = wind._replace(roll=wind.roll + beside[ROLL_GUST], **gusts)
+        axes = zip(("n", "e", "d", "roll", "pitch", "yaw"), (*GUSTS, *GUST_RATES), strict=True)
+        wind = wind._replace(**{axis: getattr(wind, axis) + beside[gust] for axis, gust in axes})
         at.wind = wind
         at.air_velocity, at.V_a, at.alpha, at.beta = air_data(R, at.v_ned, wind)
         at.dynamic_pressure = wind.density * at.V_a * at.V_a / 2

@@ -42,6 +42,16 @@ def roll_corner(airspeed: float, span: float) -> float:
     return np.pi * airspeed / (4 * span)
 
 
+def pitch_corner(airspeed: float, span: float) -> float:
+    """[rad/s] corner frequency of the pitch gust's spectrum."""
+    return np.pi * airspeed / (4 * span)
+
+
+def yaw_corner(airspeed: float, span: float) -> float:
+    """[rad/s] corner frequency of the yaw gust's spectrum."""
+    return np.pi * airspeed / (3 * span)
+
+
 def longitudinal(time: np.ndarray, a: float) -> np.ndarray:
     """Correlation over a time difference >= 0 [s]; a = V/L [1/s]."""
     return np.exp(-a * time)

@@ -16,7 +16,7 @@ from awescli.notation.parameters import ParameterTable
 from awescli.notation.phases import input_of
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.notation.scalars import Scalar
-from awescli.physics.disturbances import DISTURBANCES, GUSTS, PHASE, ROLL_GUST, both
+from awescli.physics.disturbances import DISTURBANCES, GUST_RATES, GUSTS, PHASE, both
 from awescli.physics.flight_model import FlightModel
 from awescli.simulation.stepping import Stepping, longest_step
 
@@ -124,7 +124,7 @@ class Simulator:
 
     def __init__(self, kite: FlightModel, wrt: Sequence[str] | None = None, law: Callable | None = None, step: float | None = None):
         self.kite, self.step, self._longest = kite, step, step
-        self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *both((*GUSTS, ROLL_GUST))])
+        self.wrt = tuple(wrt if wrt is not None else [*kite.parameters.free, *both((*GUSTS, *GUST_RATES))])
         self.n_s = len(kite.state_names)
         self.f, self.g = (self._compiled(fn, linearised=False) for fn in (kite.derivative, self._at_sample))
         self.initial = self._compiled(kite.initial)

@@ -49,8 +49,9 @@ class IdentifyConfig(AheadConfig):
     )
     air: Literal["calm", "gusts"] = Field(
         "calm",
-        description="what is random from the beginning: model error alone, and gusts where they show beside it; or gusts, roll gusts, the "
-        "line's length and model error at once, for derivatives from measured flight under an autopilot that answers gusts",
+        description="what is random from the beginning: model error alone, and gusts where they show beside it; or gusts, also those that "
+        "turn the kite, the line's length and model error at once, for derivatives from measured flight under an autopilot that answers "
+        "gusts",
     )
     starts: int = Field(1, ge=1, le=100, description="fits from so many starts: the declared values, then draws of the prior")
 

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 WORDS = {
     "n": ("wind towards north", "m/s"), "e": ("wind towards east", "m/s"), "d": ("wind down", "m/s"), "density": ("air density", "kg/m3"),
-    "roll": ("roll gust", "rad/s"), "CD": ("drag coefficient", "-"), "CY": ("side force coefficient", "-"), "CL": ("lift coefficient", "-"),
+    "roll": ("roll gust", "rad/s"), "pitch": ("pitch gust", "rad/s"), "yaw": ("yaw gust", "rad/s"),
+    "CD": ("drag coefficient", "-"), "CY": ("side force coefficient", "-"), "CL": ("lift coefficient", "-"),
     "Cl": ("roll moment coefficient", "-"), "Cm": ("pitch moment coefficient", "-"), "Cn": ("yaw moment coefficient", "-"),
     "force_x": ("force forward", "N"), "force_y": ("force right", "N"), "force_z": ("force down", "N"), "moment_x": ("roll moment", "N m"),
     "moment_y": ("pitch moment", "N m"), "moment_z": ("yaw moment", "N m"), "acceleration_x": ("acceleration forward", "m/s2"),

@@ -14,6 +14,7 @@ from awescli.estimation.problem import build, levels_found, simulator_of
 from awescli.estimation.processes.base import Group, Prior
 from awescli.estimation.processes.gusts import Gusts
 from awescli.estimation.processes.model_error import ModelError
+from awescli.estimation.processes.pitch_yaw_gusts import PitchYawGusts
 from awescli.estimation.staged_fit import MODEL_ERROR, _closed, _hurried, fit_in_stages
 from awescli.flightlog.split import Split
 from awescli.notation.parameters import ParameterTable
@@ -77,6 +78,20 @@ def test_a_level_that_was_flown_is_estimated(simulator, observed, kite):
             assert levels[axis] == pytest.approx(level, rel=0.2), axis  # 160 nodes: 6 % if every step were seen
         assert max(abs(f - 1) for f in factors.values()) < 0.1
     assert found[0] == pytest.approx(found[1], rel=0.05)
+
+
+def test_gusts_that_pitch_and_yaw_the_kite_are_estimated(simulator, observed, kite, calm):
+    """Guards the gusts' gradients along the fuselage: drawn, flown and measured with noise, from levels three times too small, beside model
+    error of the same moments, which is slower and was not flown."""
+    true = {"pitch gusts": 0.3, "yaw gusts": 0.5}
+    gusts = replace(PitchYawGusts.of(kite.declaration, calm.log), spacing=0.05)
+    loose = Misfit(simulator, observed, (), (gusts.at(true),))
+    flown = truly(replace(observed, segments=loose.segments(replace(loose.own(), path=drawn(loose, 5)))), simulator, noise_seed=6)
+    begun = gusts.at({name: level / 3 for name, level in true.items()}), wandering(("moment_y", 0.05), ("moment_z", 0.05))
+    levels, _ = levelled(Misfit(simulator, replace(observed, measured=flown.measured), (), begun), kite.parameters)
+    for name, level in true.items():
+        assert levels[name] == pytest.approx(level, rel=0.2), name
+    assert levels["moment_y"] == levels["moment_z"] == 0.0
 
 
 def test_what_was_not_flown_is_not_found(simulator, observed, kite):

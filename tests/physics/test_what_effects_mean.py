@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, at_point, declared, lively
 from oracles import body_to_ned
-from physics.effect_cases import both, flown
+from physics.effect_cases import HEIGHTS, both, flown
 
 from awescli.notation.quantities import STATES
 from awescli.physics.effects.custom_term import FEATURES
@@ -36,7 +36,7 @@ def test_wind_veer():
 def test_wind_offset_and_density():
     """Guards addition in NED, and that a factor on the density is one on the dynamic pressure."""
     with_it, without = both("wind_offset")
-    assert np.subtract(with_it.wind, without.wind) == pytest.approx([1.5, -1.0, 0.5, 0.0, 0.0])
+    assert np.subtract(with_it.wind, without.wind) == pytest.approx([1.5, -1.0, 0.5, 0.0, 0.0, 0.0, 0.0])
     with_it, without = both("air_density")
     assert with_it.dynamic_pressure / without.dynamic_pressure == pytest.approx(1.037)
 
@@ -44,13 +44,23 @@ def test_wind_offset_and_density():
 def test_turbulence_scales_its_input():
     """Guards sigma: the unit series times sigma is added to the wind."""
     with_it, without = both("turbulence", {"sigma": 0.9}, turbulence_n=1.0, turbulence_d=-2.0)
-    assert np.subtract(with_it.wind, without.wind) == pytest.approx([0.9, 0.0, -1.8, 0.0, 0.0])
+    assert np.subtract(with_it.wind, without.wind) == pytest.approx([0.9, 0.0, -1.8, 0.0, 0.0, 0.0, 0.0])
 
 
 def test_a_roll_gust_rolls_as_the_opposite_roll_rate_would():
     """Guards sign and place: air that rolls at 0.2 rad/s makes the coefficients of a kite that rolls at -0.2 rad/s, and no other load."""
     with_it, still = both("turbulence", {"roll": 0.2}, turbulence_p=1.0)
     _, opposite = both("turbulence", p=still.z.p - 0.2)
+    assert with_it.coefficients == pytest.approx(opposite.coefficients) and with_it.coefficients != pytest.approx(still.coefficients)
+    assert with_it.V_a == still.V_a and with_it.alpha == still.alpha
+
+
+@pytest.mark.parametrize("gust, rate", [("gust_p", "p"), ("gust_q", "q"), ("gust_r", "r")])
+def test_gradients_of_gusts_act_as_opposite_rates(gust, rate):
+    """Guards sign and place of what an estimator integrates out: air that turns with the kite leaves it without damping."""
+    kite = Kite(DEVELOPMENT, HEIGHTS)
+    still, with_it = kite.instant(*at_point(kite)), kite.instant(*at_point(kite, **{gust: 0.2}))
+    opposite = kite.instant(*at_point(kite, **{rate: getattr(still.z, rate) - 0.2}))
     assert with_it.coefficients == pytest.approx(opposite.coefficients) and with_it.coefficients != pytest.approx(still.coefficients)
     assert with_it.V_a == still.V_a and with_it.alpha == still.alpha
 

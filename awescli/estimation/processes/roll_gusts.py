@@ -6,7 +6,7 @@ from awescli.estimation.processes.base import Group, Prior, Process
 from awescli.estimation.processes.gusts import SPACING, mean_airspeed
 from awescli.flightlog.log import FlightLog
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.disturbances import ROLL_GUST
+from awescli.physics.disturbances import GUST_RATES
 from awescli.simulation.gusts import roll_corner
 
 
@@ -21,4 +21,4 @@ class RollGusts(Process):
     @classmethod
     def of(cls, declaration: KiteDeclaration, log: FlightLog) -> "RollGusts":
         memory = 1 / roll_corner(mean_airspeed(log), declaration.parameters["b"].value)
-        return cls((Group("roll gusts", (ROLL_GUST,), 0.0, memory, Prior(0.1, 1.0), Prior(memory)),), SPACING)
+        return cls((Group("roll gusts", GUST_RATES[:1], 0.0, memory, Prior(0.1, 1.0), Prior(memory)),), SPACING)

@@ -59,8 +59,8 @@ class Aerodynamics(Effect):
             "alpha": alpha * unit,
             "beta": at.beta * unit,
             "p_hat": (at.z.p - at.wind.roll) * b / (2 * V_a),
-            "q_hat": at.z.q * c / (2 * V_a),
-            "r_hat": at.z.r * b / (2 * V_a),
+            "q_hat": (at.z.q - at.wind.pitch) * c / (2 * V_a),
+            "r_hat": (at.z.r - at.wind.yaw) * b / (2 * V_a),
             **{name: self.signs.get(name, 1) * unit * at.deflections[name] for name in CONTROL_SURFACES},
         }
         C = []
