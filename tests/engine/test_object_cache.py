@@ -193,13 +193,23 @@ def test_what_nobody_uses_goes_and_nothing_else(cache, monkeypatch):
     for name in ("b" * 64 + ".o", "." + "c" * 64 + ".o.17", "mine.txt", "d" * 64):
         (folder / name).write_bytes(b"x")
         os.utime(folder / name, (old, old))
-    object_cache.store("e" * 64, b"x" * 1000)
-    assert sorted(os.listdir(folder)) == ["a" * 64 + ".o", "d" * 64, "e" * 64 + ".o", "mine.txt"]
+    first, second = "0" + "e" * 63, "0" + "f" * 63
+    object_cache.store(first, b"x" * 1000)
+    assert sorted(os.listdir(folder)) == [first + ".o", "a" * 64 + ".o", "d" * 64, "mine.txt"]
     monkeypatch.setattr(object_cache, "MOST", 2500)
-    os.utime(folder / ("e" * 64 + ".o"), (time.time() - 100,) * 2)
+    os.utime(folder / f"{first}.o", (time.time() - 100,) * 2)
     assert object_cache.load("a" * 64)  # used last
-    object_cache.store("f" * 64, b"x" * 1000)
-    assert sorted(p.name[0] for p in objects(cache)) == ["a", "f"] and (folder / "mine.txt").exists()
+    object_cache.store(second, b"x" * 1000)
+    assert sorted(p.stem for p in objects(cache)) == [second, "a" * 64] and (folder / "mine.txt").exists()
+
+
+def test_a_folder_of_thousands_is_looked_through_now_and_then(cache, monkeypatch):
+    """Guards a first trace: for each of its 48 objects a folder of 7000 was looked through, 0.16 s a time."""
+    looked = []
+    monkeypatch.setattr(object_cache, "_prune", looked.append)
+    for digit in "0123456789abcdef":
+        object_cache.store(digit * 64, b"x")
+    assert len(looked) == 1 and len(objects(cache)) == 16
 
 
 def test_without_a_home_nothing_is_kept(tmp_path, monkeypatch):
