@@ -8,7 +8,7 @@ import pytest
 from kites import DEVELOPMENT, declared, flight
 
 from awescli.estimation import filtered_start
-from awescli.estimation.filter_levels import with_levels
+from awescli.estimation.filter_levels import spread_out, with_levels
 from awescli.estimation.filtered_start import filtered
 from awescli.estimation.known import Known
 from awescli.estimation.prediction import predict
@@ -126,3 +126,14 @@ def test_levels_are_those_that_the_train_loops_show_unless_a_fit_has_left_some(g
     assert all(0.8 < f < 1.25 for f in found.factors.values()), found.factors
     left = told(log, simulator, GUSTS)
     assert with_levels(simulator, log, parts, 5.0, left) is left
+
+
+def test_a_minute_of_train_tells_the_levels(gusty):
+    """Guards long logs: no more than a minute, from the beginning of the flight to its end, and all of a shorter one."""
+    log, simulator = gusty
+    first = np.arange(100, 2800, 100)
+    observed = observe(log, simulator.kite, first, 100, MEASURED)
+    assert len(spread_out(observed, 60.0).segments) == len(first) == 27
+    some = spread_out(observed, 20.0).segments.first
+    assert len(some) == 10 and some[0] == first[0] and some[-1] == first[-1] and np.ptp(np.diff(some)) <= 100
+    assert spread_out(observed, 0.5).segments.first.tolist() == [first[0]]
