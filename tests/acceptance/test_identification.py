@@ -41,14 +41,15 @@ def test_clean_development_flights_are_predicted_to_the_noise(name, tmp_path):
 
 
 def test_the_measured_flight_is_predicted_better(tmp_path, monkeypatch):
-    """Guards the AP2: on unseen segments of a real flight the error falls by a third at least, and the answer admits its coloured residual:
+    """Guards the AP2 by output error: on unseen segments of a real flight the error falls by a third at least, and the answer admits its coloured residual:
     intervals are wider than those of the same fit whose residual is taken for white."""
-    params, metrics = identified("ampyx_ap2", tmp_path / "out", flight=FLIGHTS / "ampyx-ap2")
+    calm = {"flight": FLIGHTS / "ampyx-ap2", "identify.air": "calm"}
+    params, metrics = identified("ampyx_ap2", tmp_path / "out", **calm)
     assert metrics["outcome"] == "converged"
     assert metrics["nrmse"]["test"]["mean"] < 0.67 * metrics["initial"]["nrmse"]["test"]["mean"]
     colour = staged_fit.coloured_information
     monkeypatch.setattr(staged_fit, "coloured_information", lambda *problem: 0 * colour(*problem))
-    white, same = identified("ampyx_ap2", tmp_path / "white", flight=FLIGHTS / "ampyx-ap2")
+    white, same = identified("ampyx_ap2", tmp_path / "white", **calm)
     assert same["chi2"] == metrics["chi2"] > 2
     wider = [row["std"] / white["parameters"][name]["std"] for name, row in params["parameters"].items()]
     assert min(wider) > 1 and sorted(wider)[len(wider) // 2] > 2
