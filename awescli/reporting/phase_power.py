@@ -6,6 +6,9 @@ from awescli.reporting.power import KILO, powers
 from awescli.reporting.words import number
 
 TABLE = "tab-power"
+OF_THE_FITTED_WIND = "they are of the wind that the fit has found, and a value, which is of the wind as it was recorded, may lie outside"
+ABOUT = {"free": OF_THE_FITTED_WIND, "measured": OF_THE_FITTED_WIND, "filtered": "they lie about the values"}
+"""Where intervals lie, by where predictions begin."""
 
 
 def phase_table(evidence: Evidence) -> Body:
@@ -27,8 +30,8 @@ def phase_table(evidence: Evidence) -> Body:
             )  # fmt: skip
     note = (
         "Tension times reel-out speed; phases of what no stage was fitted to, and whole cycles. In brackets: 90 % intervals from the "
-        "covariance of parameters, the error of the wind record, and how far single loops lie apart; they are of the wind that the fit has "
-        "found, and a value, which is of the wind as it was recorded, may lie outside."
+        "covariance of parameters, the error of the wind record, and how far single loops lie apart; "
+        f"{ABOUT[evidence.scores.get('initial_states', 'free')]}."
     )
     return Group(TABLE, "Power per phase and cycle", (Paragraph(note, "soft"), table(head, rows)))
 

@@ -41,8 +41,8 @@ def test_clean_development_flights_are_predicted_to_the_noise(name, tmp_path):
 
 
 def test_the_measured_flight_is_predicted_better(tmp_path, monkeypatch):
-    """Guards the AP2 by output error: on unseen segments of a real flight the error falls by a third at least, and the answer admits its coloured residual:
-    intervals are wider than those of the same fit whose residual is taken for white."""
+    """Guards the AP2 by output error: on unseen segments of a real flight the error falls by a third at least, and the answer admits its
+    coloured residual: intervals are wider than those of the same fit whose residual is taken for white."""
     calm = {"flight": FLIGHTS / "ampyx-ap2", "identify.air": "calm"}
     params, metrics = identified("ampyx_ap2", tmp_path / "out", **calm)
     assert metrics["outcome"] == "converged"

@@ -19,6 +19,14 @@ def test_phases_and_cycles_stand_in_the_table_with_intervals():
     assert html.count("<tr>") == 4 and html.count(" to ") >= 3 * len(found.models)
 
 
+def test_where_intervals_lie_is_said():
+    """Guards the note: a filtered prediction does not use the wind that a fit has found."""
+    found = evidence()
+    assert "of the wind that the fit has found" in show(phase_table(found))
+    filtered = show(phase_table(replace(found, scores={**found.scores, "initial_states": "filtered"})))
+    assert "they lie about the values" in filtered and "has found" not in filtered
+
+
 def test_a_flight_without_phases_has_no_table():
     """Guards artifacts of before: a block without by_phase makes no table, and no claim of an interval."""
     found = evidence()
