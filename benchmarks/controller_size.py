@@ -21,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,9 +35,9 @@ from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
 from awescli.physics.declaration import read_kite
 from awescli.physics.kite import Kite
-from awescli.simulation.campaign_flights import HEIGHTS, dev_like
-from awescli.simulation.made_wind import wind_record
-from awescli.simulation.synthetic import ReelOut, as_recorded, simulate_flight
+from awescli.simulation.campaign_flights import HEIGHTS, CampaignFlight, dev_like
+from awescli.simulation.made_wind import as_measured, wind_record
+from awescli.simulation.synthetic import EPOCH, ReelOut, as_recorded, simulate_flight
 from awescli.notation.quantities import STATES
 
 ROOT = Path(__file__).parent.parent
@@ -44,10 +45,11 @@ PIECE = 600.0
 """[s] simulated at once."""
 
 
-def long_flight(minutes: float, seed: int) -> FlightLog:
-    """The flight, as recorded; wind and circle are those of campaign flight `seed`, the line hardly reels out."""
+def long_flight(minutes: float, seed: int, effects: Mapping[str, Mapping[str, float]] | None = None) -> CampaignFlight:
+    """The flight, as recorded, and what its user would declare; wind and circle are those of campaign flight `seed`, the line hardly reels
+    out. effects: that nobody declares, without states (a piece begins without a past)."""
     truth = read_kite(ROOT / "data" / "kites" / "development.yaml")
-    short = dev_like(truth, seed, duration=30.0, noise=False)
+    short = dev_like(truth, seed, effects, duration=30.0, noise=False)
     kite, law, duration = Kite(short.flown, HEIGHTS), short.law, 60.0 * minutes
     wind = short.log.wind
     profile, direction = wind.speed.mean(axis=0), float(wind.direction.mean())
@@ -67,7 +69,8 @@ def long_flight(minutes: float, seed: int) -> FlightLog:
     signals = {name: np.concatenate([p[name] for p in pieces]) for name in pieces[0]}
     n = len(signals["p_n"])
     measured = {name: signal for name, signal in signals.items() if name not in inputs}
-    return FlightLog("long", 0.0, 0.02, 0.02 * np.arange(n), measured, {name: signals[name] for name in inputs}, np.ones(n, bool))
+    time, inputs = 0.02 * np.arange(n), {name: signals[name] for name in inputs}
+    return replace(short, log=FlightLog("long", EPOCH, 0.02, time, measured, inputs, np.ones(n, bool), as_measured(wind, seed + 1)))
 
 
 class _From:
@@ -118,7 +121,7 @@ def main() -> None:
         print(json.dumps(fitted(Path(folder), int(samples) or None)))
         return
     with tempfile.TemporaryDirectory() as folder:
-        log = long_flight(arguments.minutes, arguments.seed)
+        log = long_flight(arguments.minutes, arguments.seed).log
         print(f"flown: {len(log)} samples", flush=True)
         signals = {f"s_{name}": signal for name, signal in (dict(log.measured) | dict(log.inputs)).items()}
         write_arrays(Path(folder) / "log.npz", signals | {"inputs": np.array(list(log.inputs))})
