@@ -47,7 +47,7 @@ def write_flight(folder: Path, minutes: float, seed: int) -> None:
 
 
 def needed(folder: Path, command: str) -> dict:
-    """What a command needs: seconds, of processor, peak memory [GB]; its exit code."""
+    """What a command needs: seconds, of processor, peak memory [GB]. Ends the run where it fails."""
     begin = time.perf_counter()
     said = folder / f"{command}.txt"
     with said.open("w") as out:
@@ -55,8 +55,7 @@ def needed(folder: Path, command: str) -> dict:
             [sys.executable, "-m", "awescli", command, "--stages", str(folder / "stages.yaml")], stdout=out, stderr=subprocess.STDOUT
         )
         _, status, used = os.wait4(process.pid, 0)
-    code = os.waitstatus_to_exitcode(status)
-    process.returncode = code
+    process.returncode = code = os.waitstatus_to_exitcode(status)
     if code:
         raise SystemExit(f"awes {command} ends with exit code {code}:\n{said.read_text()[-2000:]}")
     return {"wall": time.perf_counter() - begin, "processor": used.ru_utime + used.ru_stime, "memory": used.ru_maxrss / 1e6}

@@ -2,7 +2,7 @@
 
 A filter needs them (`filtered_start`), and output error leaves none. They are those under which the train loops are likeliest (`levels`),
 as a fit in gusts finds them, but for the parameters: each model's filter is tuned to it, as the order of a linear model is. A minute of
-them, spread over the flight, tells the levels; an hour would take an hour's time and memory, and predicts no better.
+them, spread over the flight, tells the levels; an hour would ask for an hour's time and memory.
 """
 
 from dataclasses import replace
@@ -19,8 +19,8 @@ from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import Observed
 
 TOLD_BY = 60.0
-"""[s] of train from which levels are estimated, at most. On the validation blocks of a measured flight (Thor), 162, 90, 60 and 36 s gave
-levels within a tenth of one another, and errors within 1 %."""
+"""[s] of train from which levels are estimated, at most. Set on the validation blocks of a measured flight (Thor), which more train does
+not predict better."""
 
 
 def with_levels(simulator: Simulator, log: FlightLog, parts: Split, horizon: float, known: Known) -> Known:

@@ -38,12 +38,7 @@ def roll_gust(samples: int, dt: float, airspeed: float, span: float, seed: int) 
 
 
 def roll_corner(airspeed: float, span: float) -> float:
-    """[rad/s] corner frequency of the roll gust's spectrum."""
-    return np.pi * airspeed / (4 * span)
-
-
-def pitch_corner(airspeed: float, span: float) -> float:
-    """[rad/s] corner frequency of the pitch gust's spectrum."""
+    """[rad/s] corner frequency of the roll gust's spectrum, and of the pitch gust's."""
     return np.pi * airspeed / (4 * span)
 
 

@@ -131,16 +131,14 @@ def mends(frame: Frame, keys: Sequence[str]) -> bool:
 
 def plausible(model: FittedModel, key: str) -> bool:
     """No fitted strength of an effect sits at the end of its plausible range, null aside."""
-    return not any(_at_end(model, name) for name in model.strengths if name.startswith(f"{key}."))
-
-
-def _at_end(model: FittedModel, name: str) -> bool:
-    """Does a parameter sit at an end of its range, null at the lower one aside?"""
-    p = model.table[name]
-    near, null_at_lower = AT_END * (p.upper - p.lower), abs(p.lower) < 1e-12
-    # a range over decades begins where its smallest sizes are distinguished
-    above = min(near, AT_END * p.lower) if p.lower > 0 else near
-    return p.value > p.upper - near or (p.value < p.lower + above and not null_at_lower)
+    for name in (n for n in model.strengths if n.startswith(f"{key}.")):
+        p = model.table[name]
+        near, null_at_lower = AT_END * (p.upper - p.lower), abs(p.lower) < 1e-12
+        # a range over decades begins where its smallest sizes are distinguished
+        above = min(near, AT_END * p.lower) if p.lower > 0 else near
+        if p.value > p.upper - near or (p.value < p.lower + above and not null_at_lower):
+            return False
+    return True
 
 
 def _detectable(screening: Screening) -> dict[str, tuple[str, float]]:
@@ -277,9 +275,10 @@ def _freed(frame: Frame, model: FittedModel, name: str, probes: Sequence[float],
 
 
 def _held_where_null(frame: Frame, model: FittedModel, name: str, null: float, criteria: Criteria) -> FittedModel:
-    """The model with a shape held at its null where that is as likely: a lag that was probed with a limit of its rate, and has none, ended
-    with that limit at the end of its range and counted as an implausible size."""
-    if not _at_end(model, name):
+    """The model with a shape that has come to its null held there, where that is as likely: a lag that was probed with a limit of its rate,
+    and has none, ended with that limit at the end of its range and counted as an implausible size."""
+    p = model.table[name]
+    if name not in model.strengths or abs(p.value - null) > AT_END * (p.upper - p.lower):
         return model
     held = fit_held(frame, model, {name: null})
     return held if held.deviance < model.deviance + criteria.decisive else model
