@@ -169,6 +169,6 @@ def test_next_to_null_an_effect_weighs_as_much_as_none(one, bare):
     weights = []
     for s in (plain, there):
         misfit = Misfit(s, observed, ())
-        gram = misfit.links(np.zeros(0), misfit.own())[0].gram()
+        gram = misfit.linear(np.zeros(0), misfit.own()).gram
         weights.append(float(misfit.eliminated(gram, misfit.own()).log_det.sum()))
     assert weights[1] == pytest.approx(weights[0], abs=1.0)

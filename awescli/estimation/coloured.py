@@ -18,28 +18,38 @@ LAGS = 0.25
 
 def coloured_information(fit: Fit) -> np.ndarray:
     """(n, n) by how much the variance of the gradient J'r exceeds that of white noise; to be put between two covariances."""
-    if not len(fit.counted) or not fit.links.n:
-        return np.zeros((fit.links.n,) * 2)
-    columns = fit.misfit.changed(fit.links, fit.information.responses(), np.eye(fit.links.n))[fit.counted]
-    return excess(columns, fit.links.r[fit.counted], fit.links.weight[fit.counted] > 0)
+    misfit, n = fit.misfit, len(fit.names)
+    total = np.zeros((n, n))
+    if not len(fit.counted) or not n:
+        return total
+    x, responses = fit.parameters.vector(fit.names), fit.information.responses()
+    r, counted = (of_all[fit.counted] for of_all in misfit.whitened(x, fit.own))
+    surplus, counts = surpluses(r, counted), np.isin(np.arange(len(fit.alive)), fit.counted)
+    for which, links, _ in misfit.parts(x, fit.own):
+        total += excess(misfit.changed(links, responses.of(which), np.eye(n))[counts[which]], surplus)
+    return total
 
 
-def excess(columns: np.ndarray, r: np.ndarray, counted: np.ndarray) -> np.ndarray:
-    """(n, n) sum over segments and channels of J'(R - 1)J, R the autocorrelation of the residual r, pooled over segments.
+def surpluses(r: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """(c, size / 2 + 1) by how much the spectrum of each channel's residual exceeds that of white noise, pooled over segments. r: (K, N, c)
+    whitened residual, 0 where a sample does not count; counted: (K, N, c)."""
+    lags = max(int(LAGS * r.shape[1]), 1)
+    size = 1 << (r.shape[1] + lags).bit_length()
+    found = np.zeros((r.shape[2], size // 2 + 1))
+    for c in np.flatnonzero(counted.any(axis=(0, 1))):
+        found[c] = np.maximum(spectrum(r[..., c], counted[..., c], lags, size), 1.0) - 1.0
+    return found
 
-    columns: (K, N, c, n) whitened, 0 where a sample does not count; r: (K, N, c) whitened residual, 0 there too; counted: (K, N, c).
-    """
-    K, N, channels, n = columns.shape
-    lags = max(int(LAGS * N), 1)
-    size = 1 << (N + lags).bit_length()
+
+def excess(columns: np.ndarray, surplus: np.ndarray) -> np.ndarray:
+    """(n, n) sum over segments and channels of J'(R - 1)J, R the autocorrelation of the residual, of which `surpluses` says the spectrum.
+    columns: (K, N, c, n) whitened, 0 where a sample does not count."""
+    n, size = columns.shape[3], 2 * (surplus.shape[1] - 1)
     total = np.zeros((n, n))
     # the conjugate half of the spectrum is counted by its weight
     weight = np.r_[1.0, np.full(size // 2 - 1, 2.0), 1.0] / size
-    for c in range(channels):
-        if not counted[..., c].any():
-            continue
-        surplus = np.maximum(spectrum(r[..., c], counted[..., c], lags, size), 1.0) - 1.0
-        A = np.fft.rfft(columns[:, :, c], size, axis=1) * np.sqrt(weight * surplus)[:, None]
+    for c in np.flatnonzero(surplus.any(axis=1)):
+        A = np.fft.rfft(columns[:, :, c], size, axis=1) * np.sqrt(weight * surplus[c])[:, None]
         A = A.reshape(-1, n)
         total += A.real.T @ A.real + A.imag.T @ A.imag
     return total

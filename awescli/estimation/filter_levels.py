@@ -7,8 +7,6 @@ them, spread over the flight, tells the levels; an hour would ask for an hour's 
 
 from dataclasses import replace
 
-import numpy as np
-
 from awescli.estimation.known import Known
 from awescli.estimation.problem import build
 from awescli.estimation.staged_fit import LEVEL_ROUNDS, LOOSE, fit_levels, wide_open
@@ -16,7 +14,6 @@ from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Split
 from awescli.notation.quantities import MEASURED
 from awescli.simulation.rollout import Simulator
-from awescli.simulation.segments import Observed
 
 TOLD_BY = 60.0
 """[s] of train from which levels are estimated, at most. Set on the validation blocks of a measured flight (Thor), which more train does
@@ -29,13 +26,6 @@ def with_levels(simulator: Simulator, log: FlightLog, parts: Split, horizon: flo
     if any(g.level > 0 for p in known.processes if not p.certain for g in p.groups):
         return known
     problem = build(simulator, log, parts, horizon, tuple(n for n in MEASURED if n in log))
-    held = replace(problem.with_processes(wide_open(problem.processes)), names=(), fitted=spread_out(problem.fitted, TOLD_BY))
+    held = replace(problem.with_processes(wide_open(problem.processes)).spread_out(TOLD_BY), names=())
     _, (found,) = fit_levels([held], [""], [simulator.kite.parameters], (), False, LEVEL_ROUNDS, LOOSE)
     return replace(known, processes=found.processes, factors=found.factors)
-
-
-def spread_out(observed: Observed, seconds: float) -> Observed:
-    """As many of the segments as `seconds` hold, one at least, spread evenly over all of them."""
-    count, lasts = len(observed.segments), observed.segments.steps * observed.segments.dt
-    some = min(count, max(int(seconds / lasts), 1))
-    return observed.pick(np.unique(np.linspace(0, count - 1, some).round().astype(int)))

@@ -11,7 +11,7 @@ from awescli.estimation.gauss_newton import Linearised, Solution, covariance, mi
 from awescli.estimation.information_filter import Information
 from awescli.estimation.laplace import log_det_gradient
 from awescli.estimation.limits import limits_of
-from awescli.estimation.links import Gram, Links
+from awescli.estimation.links import Gram
 from awescli.estimation.misfit import DIVERGED_COST, Misfit, NuisanceValues
 from awescli.estimation.quadratic_program import Limits
 from awescli.notation.constraints import LinearConstraint
@@ -69,9 +69,9 @@ class Share:
 class Fit:
     """What a fit found about one flight.
 
-    parameters: all rows, new values for the fitted ones; misfit, own: of the segments, at the solution; solution: of all flights; links,
-    gram, information: there, in the order of the misfit's names; counted: indices of the segments that do; alive: (K,) samples before a
-    segment diverged; covariance: (n, n) of the fitted parameters, prior included; chi2: squared whitened residual per degree of freedom;
+    parameters: all rows, new values for the fitted ones; misfit, own: of the segments, at the solution; solution: of all flights; gram,
+    information: there, in the order of the misfit's names; counted: indices of the segments that do; alive: (K,) samples before a segment
+    diverged; covariance: (n, n) of the fitted parameters, prior included; chi2: squared whitened residual per degree of freedom;
     slope: (n,) what the log determinant of the nuisances added to the gradient there.
     """
 
@@ -79,7 +79,6 @@ class Fit:
     misfit: Misfit
     own: NuisanceValues
     solution: Solution
-    links: Links
     gram: Gram
     information: Information
     counted: np.ndarray
@@ -168,7 +167,6 @@ class _Inner:
 class _Known:
     """Of one flight at a point: what it says, linearised."""
 
-    links: Links
     gram: Gram
     information: Information
     alive: np.ndarray
@@ -201,23 +199,23 @@ class _Problem:
         return tuple(inner)
 
     def linearise(self, x: np.ndarray, inner: tuple[_Inner, ...], before: Linearised | None) -> Linearised:
-        linked = [s.misfit.links(x[place], i.own) for s, i, place in zip(self.shares, inner, self.places, strict=True)]
-        flies = [t.alive > s.misfit.observed.segments.steps for s, (_, t) in zip(self.shares, linked, strict=True)]
+        linear = [s.misfit.linear(x[place], i.own) for s, i, place in zip(self.shares, inner, self.places, strict=True)]
+        flies = [said.alive > s.misfit.observed.segments.steps for s, said in zip(self.shares, linear, strict=True)]
         any_flies = any(f.any() for f in flies)
         away, slope = self._deviations(x)
         b, H, cost, gain = -slope * away, np.diag(slope**2), float(away @ away), 0.0
         known, new = [], []
-        each = zip(self.shares, self.places, inner, linked, flies, self.integrates, strict=True)
-        for share, place, i, (links, trajectories), fly, integrates in each:
-            misfit, gram = share.misfit, links.gram()
+        each = zip(self.shares, self.places, inner, linear, flies, self.integrates, strict=True)
+        for share, place, i, said, fly, integrates in each:
+            misfit, gram = share.misfit, said.gram
             counted = np.flatnonzero(fly) if any_flies else np.arange(len(fly))
             info = misfit.eliminated(gram, i.own, counted)
-            squares = float((links.r[counted] ** 2).sum()) + misfit.prior_cost(i.own, counted)
+            squares = float(said.squares[counted].sum()) + misfit.prior_cost(i.own, counted)
             near = before is not None or share.own is not None
-            i = self._integrated(share, x, place, i, before, links, gram, info, counted) if integrates and near and len(counted) else i
+            i = self._integrated(share, x, place, i, before, gram, info, counted) if integrates and near and len(counted) else i
             # what is not differentiated has no place in the merit either
             log_det = float(info.log_det.sum()) if integrates else 0.0
-            known.append(_Known(links, gram, info, trajectories.alive, fly, counted, log_det))
+            known.append(_Known(gram, info, said.alive, fly, counted, log_det))
             new.append(i)
             cost += squares + log_det + self._lost(share, fly, counted)
             b[place] += info.b + i.slope
@@ -271,14 +269,14 @@ class _Problem:
         b[place] -= i.slope
         rejected = i.rejected + 1
         again = rejected < MOST_REJECTED and len(known.counted) and len(place)
-        found = self._slope(share, x, place, i, known.links, known.gram, known.information, known.counted) if again else None
+        found = self._slope(share, x, place, i, known.gram, known.information, known.counted) if again else None
         new = 0.0 * i.slope if found is None else found
         b[place] += new
         return replace(i, slope=new, slope_at=x, rejected=rejected)
 
     def _integrated(
-        self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, before: Linearised | None, links: Links, gram: Gram,
-        info: Information, counted: np.ndarray,
+        self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, before: Linearised | None, gram: Gram, info: Information,
+        counted: np.ndarray,
     ) -> _Inner:  # fmt: skip
         """The slope, found anew where it is due: it never was, or the parameters have moved by a standard deviation since."""
         updates = i.updates
@@ -295,14 +293,14 @@ class _Problem:
             updates += small and 1.0 < distance < UPDATE_DISTANCE
             if not (small and (distance > UPDATE_DISTANCE or (distance > 1.0 and updates < UPDATES))):
                 return replace(i, updates=updates)
-        found = self._slope(share, x, place, i, links, gram, info, counted)
+        found = self._slope(share, x, place, i, gram, info, counted)
         return replace(i, slope=i.slope if found is None else found, slope_at=x, updates=updates)
 
     def _slope(
-        self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, links: Links, gram: Gram, info: Information, counted: np.ndarray
+        self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, gram: Gram, info: Information, counted: np.ndarray
     ) -> np.ndarray | None:
         precision = self._deviations(x)[1][place] ** 2
-        return log_det_gradient(share.misfit, x[place], i.own, links, gram, info, counted, precision, self.probes)
+        return log_det_gradient(share.misfit, x[place], i.own, gram, info, counted, precision, self.probes)
 
 
 def relaxed(misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> NuisanceValues:
@@ -310,12 +308,12 @@ def relaxed(misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> NuisanceValue
     cost, whole = misfit.costs(x, own)
     total = float(cost.sum()) + misfit.prior_cost(own, np.flatnonzero(whole))
     for _ in range(RELAXATIONS):
-        links, trajectories = misfit.links(x, own, parameters=())
-        flies = trajectories.alive > misfit.observed.segments.steps
+        said = misfit.linear(x, own, parameters=())
+        flies = said.alive > misfit.observed.segments.steps
         counted = np.flatnonzero(flies)
         if not len(counted):
             return own
-        trial = own.moved(misfit.eliminated(links.gram(), own, counted).nuisances(), 1.0, flies)
+        trial = own.moved(misfit.eliminated(said.gram, own, counted).nuisances(), 1.0, flies)
         trial_cost, trial_whole = misfit.costs(x, trial)
         if (whole & ~trial_whole).any():
             return own
@@ -367,7 +365,7 @@ def _fit_of(share: Share, place: np.ndarray, inner: _Inner, known: _Known, solut
     cost, dof = (float(getattr(known.information, what)[flies].sum()) for what in ("cost", "dof"))
     chi2 = cost / max(dof - len(place), 1) if flies.any() else DIVERGED_COST
     return Fit(
-        table, share.misfit, inner.own, solution, known.links, known.gram, known.information, known.counted, known.alive,
+        table, share.misfit, inner.own, solution, known.gram, known.information, known.counted, known.alive,
         spread[np.ix_(place, place)], chi2, inner.slope,
     )  # fmt: skip
 

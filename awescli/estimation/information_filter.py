@@ -11,7 +11,8 @@ is approximated: H, b, cost and determinant are those of generalised least squar
 (tests/estimation/test_information_filter.py).
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,6 +86,10 @@ class Nuisances:
 
     states: np.ndarray
     path: np.ndarray
+
+    def of(self, which: slice) -> "Nuisances":
+        """Of some segments."""
+        return Nuisances(self.states[which], self.path[which])
 
     def starts(self, n_start: int) -> np.ndarray:
         """(K, n_start, c)"""
@@ -255,7 +260,27 @@ def eliminate(gram: Gram, axes: Axes, path: np.ndarray, starts: np.ndarray, dt: 
     links = GramOfAxes.of(gram, axes)
     E = links.end_sensitivities()
     inner, start, of_ends, log_det = _segments(links, axes, path, E, np.diff(times))
-    return _joined(gram, axes, path, starts[:, None] + times, which, of_ends, log_det, E, start, inner)
+    info, joined = _joined(axes, path, starts[:, None] + times, which, of_ends, log_det, gram.dof)
+    if not len(which):
+        return info
+    return replace(info, _back=_Back(gram, axes, path, starts[:, None] + times, E, start, inner, joined, which))
+
+
+def eliminate_parts(
+    grams: Iterable[Gram], axes: Axes, path: np.ndarray, starts: np.ndarray, dt: float, which: Callable[[], np.ndarray]
+) -> Information:
+    """`eliminate` of segments in parts, one behind the other, of which only what joins them along the flight is kept: there is no way back
+    to the nuisances. which: asked once all parts have come."""
+    of_ends, log_det, dof, times, first = [], [], [], np.zeros(0), 0
+    for gram in grams:
+        part, times = slice(first, first + len(gram)), gram.bounds * dt
+        links, first = GramOfAxes.of(gram, axes), part.stop
+        _, _, ends, det = _segments(links, axes, path[part], links.end_sensitivities(), np.diff(times))
+        of_ends.append(ends)
+        log_det.append(det)
+        dof.append(gram.dof)
+    ends, det, free = (np.concatenate(each) for each in (of_ends, log_det, dof))
+    return _joined(axes, path, starts[:, None] + times, which(), ends, det, free)[0]
 
 
 def _segments(
@@ -318,13 +343,13 @@ def _segments(
 
 
 def _joined(
-    gram: Gram, axes: Axes, path: np.ndarray, times: np.ndarray, which: np.ndarray, of_ends: np.ndarray, log_det: np.ndarray,
-    E: np.ndarray, start: _Eliminated, inner: tuple[_Eliminated, ...],
-) -> Information:  # fmt: skip
-    """The segments `which` along the flight, from the last to the first."""
-    W, L, k = len(axes), len(gram.bounds) - 1, gram.n + 1
+    axes: Axes, path: np.ndarray, times: np.ndarray, which: np.ndarray, of_ends: np.ndarray, log_det: np.ndarray, dof: np.ndarray
+) -> tuple[Information, tuple[tuple[_Eliminated | None, _Eliminated], ...]]:
+    """(the segments `which` along the flight, from the last to the first, without the way back; what was eliminated between them)."""
+    W, L = len(axes), path.shape[1] - 1
+    k = of_ends.shape[1] - 2 * W
     here, a, b, y = np.arange(W), slice(0, W), slice(W, 2 * W), slice(2 * W, 2 * W + k)
-    cost, added = np.zeros(len(gram)), np.zeros(len(gram))
+    cost, added = np.zeros(len(of_ends)), np.zeros(len(of_ends))
     # Gram matrix of [w at the first node of the segment behind, globals, residual], and log det, of all behind
     behind, behind_det, so_far = np.zeros((W + k, W + k)), 0.0, (0.0, 0.0)
     joined: list[tuple[_Eliminated | None, _Eliminated]] = []
@@ -360,13 +385,12 @@ def _joined(
         so_far = float(total[0][-1, -1]), total[1]
     n = k - 1
     if not len(which):
-        return Information(np.zeros((n, n)), np.zeros(n), cost, added, gram.dof, None)
+        return Information(np.zeros((n, n)), np.zeros(n), cost, added, dof, None), ()
     (whole, _, first), joined = total, joined[::-1]
     # joined[i] holds w at the first node of the segment BEHIND i; move each to its own segment
     firsts = [first, *(f for f, _ in joined[:-1])]
     joined = [(f, last) for f, (_, last) in zip(firsts, joined, strict=True)]
-    back = _Back(gram, axes, path, times, E, start, inner, tuple(joined), which)
-    return Information(whole[:n, :n], whole[:n, -1], cost, added, gram.dof, back)
+    return Information(whole[:n, :n], whole[:n, -1], cost, added, dof, None), tuple(joined)
 
 
 def _without(M: np.ndarray, W: int) -> np.ndarray:

@@ -9,7 +9,7 @@ determinant, to second order in d (Hutchinson's estimator); a change of the nuis
 import numpy as np
 
 from awescli.estimation.information_filter import Information, Nuisances
-from awescli.estimation.links import Gram, Links
+from awescli.estimation.links import Gram
 from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.processes.base import active
 from awescli.physics.disturbances import GUSTS
@@ -24,17 +24,17 @@ correction."""
 
 
 def log_det_gradient(
-    misfit: Misfit, x: np.ndarray, own: NuisanceValues, links: Links, gram: Gram, info: Information, which: np.ndarray,
-    precision: np.ndarray, probes: int,
+    misfit: Misfit, x: np.ndarray, own: NuisanceValues, gram: Gram, info: Information, which: np.ndarray, precision: np.ndarray,
+    probes: int,
 ) -> np.ndarray | None:  # fmt: skip
     """(n,) -1/2 of the gradient of the log determinant with respect to the globals, at parameter values x and nuisances at their best:
-    what is to be added to J'r. None where a probe loses a segment. links, gram, info: of `misfit` there, info of the segments `which`;
+    what is to be added to J'r. None where a probe loses a segment. gram, info: of `misfit` there, info of the segments `which`;
     precision: (n,) of the prior.
 
     The mean of `probes` >= 2 estimates, drawn towards zero by what their scatter says of it (James and Stein): where a model is far from
     linear in nuisances that matter little, one estimate would move parameters by several standard deviations at random.
     """
-    found = estimates(misfit, x, own, links, gram, which, info.samples(probes, seed=0))
+    found = estimates(misfit, x, own, gram, which, info.samples(probes, seed=0))
     if found is None:
         return None
     if any({*GUSTS} & {*g.axes} for g in active([p for p in misfit.processes if not p.certain])):
@@ -49,19 +49,16 @@ def log_det_gradient(
     return mean if mean @ np.linalg.solve(H, mean) < LARGEST * float(info.cost[which].sum()) else nothing
 
 
-def estimates(
-    misfit: Misfit, x: np.ndarray, own: NuisanceValues, links: Links, gram: Gram, which: np.ndarray, draws: Nuisances
-) -> np.ndarray | None:
+def estimates(misfit: Misfit, x: np.ndarray, own: NuisanceValues, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:
     """(m, n) the gradient as each of m draws of the nuisances sees it; None where one loses a segment."""
-    mask, (rest_x, rest) = np.isin(np.arange(len(links)), which), links.gradients()
+    mask, rest_x, rest = np.isin(np.arange(len(gram)), which), gram.xy[..., -1], gram.y[:, :-1, -1]
     every_x, every = [], []
     for case in range(draws.path.shape[-1]):
         bent_x, bent = -2.0 * rest_x, -2.0 * rest
         for side in (1.0, -1.0):
-            probed, trajectories = misfit.links(x, own.moved(draws, side * PROBE, mask, case))
-            if not (trajectories.alive[which] > misfit.observed.segments.steps).all():
+            of_x, of_globals, alive = misfit.gradients(x, own.moved(draws, side * PROBE, mask, case))
+            if not (alive[which] > misfit.observed.segments.steps).all():
                 return None
-            of_x, of_globals = probed.gradients()
             bent_x, bent = bent_x + of_x, bent + of_globals
         every_x.append(bent_x / (2 * PROBE**2))
         every.append(bent / (2 * PROBE**2))

@@ -14,8 +14,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from awescli.estimation.fit import Fit
 from awescli.estimation.information_filter import Information
-from awescli.estimation.links import Gram, Links
+from awescli.estimation.links import Gram
 from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.processes.base import Process, labels_of
 
@@ -116,15 +117,18 @@ def opened(processes: Sequence[Process], kinds: Sequence[str], share: float = EN
     )
 
 
-def noise_factors(
-    misfit: Misfit, info: Information, links: Links, which: np.ndarray, draws: int = 4, change: np.ndarray | None = None
-) -> dict[str, float]:
+def noise_factors(fit: Fit, draws: int = 4, change: np.ndarray | None = None) -> dict[str, float]:
     """Compared channel -> factor on the standard deviation of its noise, by one step of expectation-maximisation: the root of the mean
     square of the whitened residual, what the nuisances' own uncertainty adds included. change: (n,) of the globals before that."""
-    of_globals = None if change is None else change[:, None]
-    r = links.r - misfit.changed(links, info.nuisances(change), of_globals)[..., 0]
-    around = misfit.changed(links, info.samples(draws, seed=0))
-    counted = (links.weight > 0)[which]
-    square = np.where(counted, r[which] ** 2 + (around[which] ** 2).mean(axis=-1), 0.0).sum(axis=(0, 1))
-    count = counted.sum(axis=(0, 1))
+    misfit, x = fit.misfit, fit.parameters.vector(fit.names)
+    moved, around = fit.information.nuisances(change), fit.information.samples(draws, seed=0)
+    parameters, of_globals = ((), None) if change is None else (fit.names, change[:, None])
+    counts = np.isin(np.arange(len(fit.alive)), fit.counted)
+    square, count = np.zeros(len(misfit.observed.outputs)), np.zeros(len(misfit.observed.outputs))
+    for which, links, _ in misfit.parts(x, fit.own, parameters):
+        counted = (links.weight > 0) & counts[which, None, None]
+        r = links.r - misfit.changed(links, moved.of(which), of_globals)[..., 0]
+        spread = (misfit.changed(links, around.of(which)) ** 2).mean(axis=-1)
+        square += np.where(counted, r**2 + spread, 0.0).sum(axis=(0, 1))
+        count += counted.sum(axis=(0, 1))
     return {n: float(np.sqrt(square[i] / count[i])) for i, n in enumerate(misfit.observed.outputs) if count[i] > 0}

@@ -118,13 +118,16 @@ class Links:
         y[:, -1, -1] += (precision * offsets**2).sum(axis=1)
 
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
-        """(K, L, q) and (K, n): products of the residual with the whitened columns of `gram`, x in each link and globals."""
+        """(K, L, q) and (K, n): products of the residual with the whitened columns of `gram`, x in each link and globals, as they stand
+        there."""
         width, L, D = self.ends.shape[3], len(self.nodes), len(self.drifts)
         rw = self.r * self.weight
         products = np.matmul(rw[:, :, None], self.J)[:, :, 0]
         found = np.zeros((len(self), L, width + 2 * D))
         found[..., :width] = np.add.reduceat(products[..., :width], self.nodes, axis=1)
         found[:, 1::2, :width] = found[:, 1::2][..., self.order(1)]
+        if len(self.spread):
+            found[:, 0, self.unknown : self.n_start] -= self._known_offsets() / self.spread**2
         samples, hats = self._hats()
         for d, channel in enumerate(self.drifts):
             found[..., [width + d, width + D + d]] = np.einsum("lhs,kls->klh", hats, rw[:, samples, channel])

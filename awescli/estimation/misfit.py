@@ -1,21 +1,26 @@
 """The misfit of a simulator to observed segments (docs/equations.md (20), (21)): of parameters, of segment starts, of processes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from awescli.engine.machine import LANES
 from awescli.estimation.axes import Axes, gap_between
-from awescli.estimation.information_filter import Information, Nuisances, eliminate
-from awescli.estimation.links import Gram, Links
+from awescli.estimation.information_filter import Information, Nuisances, eliminate, eliminate_parts
+from awescli.estimation.links import Gram, Links, joined
 from awescli.estimation.processes.base import Process, active, axes_of, disturbances_of, drifts_of, labels_of, spacing
 from awescli.notation.quantities import STATES
 from awescli.physics.disturbances import PHASE, both
+from awescli.simulation.groups import cores
 from awescli.simulation.rollout import Segments, Simulator, Trajectories
 from awescli.simulation.segments import Observed
+from awescli.simulation.workspace import SIZE, workspace
 
 DIVERGED_COST = 25.0
 """Cost of a sample that a diverged rollout never reached: a five-sigma error. Keeps the line search away without infinities."""
+Further = Callable[["Misfit", "NuisanceValues"], np.ndarray]
+"""Of a misfit and its nuisances: (K, N+1, n_out, n) columns."""
 FOR_EVER = 1e6
 """[s] after which no process remembers anything."""
 
@@ -35,6 +40,16 @@ class NuisanceValues:
         starts[which] += share * change.starts(starts.shape[1])[which, :, case]
         path[which] += share * change.path[which, ..., case]
         return NuisanceValues(starts, path)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """What K segments say, linearised. gram: Gram matrices; squares: (K,) squared whitened residual; alive: (K,) samples before a segment
+    diverged."""
+
+    gram: Gram
+    squares: np.ndarray
+    alive: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -123,23 +138,77 @@ class Misfit:
 
     def links(
         self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str] | None = None,
-        extra: Callable[[NuisanceValues], np.ndarray] | None = None, values: dict[str, float] | None = None,
+        extra: Further | None = None, room: Callable[[tuple[int, ...]], np.ndarray] = np.empty,
     ) -> tuple[Links, Trajectories]:  # fmt: skip
         """What the segments say about nuisances and `parameters` (default: the globals), linearised at parameter values x and nuisances.
 
-        extra: own -> (K, N+1, n_out, n) further columns behind those of the parameters; values: further parameter values.
+        extra: (misfit, nuisances) -> (K, N+1, n_out, n) further columns behind those of the parameters; room: where sensitivities are put,
+        by their shape.
         """
         names = self.names if parameters is None else tuple(parameters)
-        values = {**self.values(x), **(values or {})}
-        outputs = self.observed.outputs
-        trajectories, J, ends = self.simulator.links(self.segments(own), self.nodes[:-1], both(self.disturbances), names, outputs, values)
+        outputs, acting = self.observed.outputs, both(self.disturbances)
+        how = {"values": self.values(x), "room": room}
+        trajectories, J, ends = self.simulator.links(self.segments(own), self.nodes[:-1], acting, names, outputs, **how)
         if extra is not None:
-            J = np.concatenate([J, extra(own)], axis=-1)
+            J = np.concatenate([J, extra(self, own)], axis=-1)
         weight = np.where(self.reached(trajectories)[:, :, None], 1 / self.observed.sigma, 0.0)
         drifts = tuple(outputs.index(n) for n in self.drifts)
         r, offsets = self.residual(trajectories, own), own.starts[:, len(STATES) :]
         links = Links(J, ends, r, weight, self.nodes[:-1], drifts, offsets, self.spread)
         return (links.from_known_starts() if self.known_starts else links), trajectories
+
+    def parts(
+        self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str] | None = None, extra: Further | None = None,
+        columns: int = 0,
+    ) -> Iterator[tuple[slice, Links, Trajectories]]:  # fmt: skip
+        """(which segments, `links` of these, their trajectories), some segments after the other: sensitivities are larger than all else of
+        a flight, and those of the next part take the place of these. columns: how many `extra` has."""
+        names, samples, outputs = self.names if parameters is None else tuple(parameters), *self.observed.measured.shape[1:]
+        self.simulator.stepping(self.segments(own))
+        width = self.simulator.n_s + 2 * len(self.disturbances) + len(names) + 2 * columns
+        at_once, count = most_at_once(8 * samples * outputs * width), len(self.observed.segments)
+        with workspace() as room:
+            for first in range(0, count, at_once):
+                which = slice(first, min(first + at_once, count))
+                some = replace(self, observed=self.observed.pick(which))
+                yield which, *some.links(x, NuisanceValues(own.starts[which], own.path[which]), names, extra, room.array)
+
+    def linear(self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str] | None = None) -> Linear:
+        """What the segments say, part by part."""
+        grams, squares, alive = [], [], []
+        for _, links, trajectories in self.parts(x, own, parameters):
+            grams.append(links.gram())
+            squares.append((links.r**2).sum(axis=(1, 2)))
+            alive.append(trajectories.alive)
+        return Linear(joined(grams), np.concatenate(squares), np.concatenate(alive))
+
+    def information(self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str], extra: Further, columns: int) -> Information:
+        """What the segments that fly say of `parameters` and of further columns, without the way back to nuisances: of many columns not
+        even the Gram matrices of a flight are kept."""
+        alive: list[np.ndarray] = []
+
+        def grams() -> Iterator[Gram]:
+            for _, links, trajectories in self.parts(x, own, parameters, extra, columns):
+                alive.append(trajectories.alive)
+                yield links.gram()
+
+        def flies() -> np.ndarray:
+            return np.flatnonzero(np.concatenate(alive) > self.observed.segments.steps)
+
+        return eliminate_parts(grams(), self.axes, own.path, self.begins, self.observed.segments.dt, flies)
+
+    def gradients(self, x: np.ndarray, own: NuisanceValues) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(products (K, L, q) and (K, n) of the residual with the columns of `linear`'s Gram matrices; (K,) samples before a segment
+        diverged)."""
+        found = [(*links.gradients(), trajectories.alive) for _, links, trajectories in self.parts(x, own)]
+        of_x, of_globals, alive = (np.concatenate(each) for each in zip(*found, strict=True))
+        return of_x, of_globals, alive
+
+    def whitened(self, x: np.ndarray, own: NuisanceValues) -> tuple[np.ndarray, np.ndarray]:
+        """((K, N+1, n_out) whitened residual, which samples count)."""
+        trajectories = self.simulator.rollout(self.segments(own), self.values(x))
+        counted = self.reached(trajectories)[:, :, None] & np.isfinite(self.observed.sigma)
+        return self.residual(trajectories, own), counted
 
     def eliminated(
         self, gram: Gram, own: NuisanceValues, which: np.ndarray | None = None, processes: Sequence[Process] | None = None
@@ -190,6 +259,16 @@ class Misfit:
         counted = np.isfinite(sigma)
         return np.log(np.where(counted, 2 * np.pi * sigma**2, 1.0)).sum(axis=(1, 2))
 
+    def _of_segments(self, own: NuisanceValues, before: "Misfit") -> NuisanceValues:
+        """Nuisances `own` of another misfit, of these segments."""
+        theirs, mine = before.observed.segments.first, self.observed.segments.first
+        if np.array_equal(theirs, mine):
+            return own
+        found = replace(before, observed=self.observed).own()
+        _, at, place = np.intersect1d(mine, theirs, return_indices=True)
+        found.starts[at], found.path[at] = own.starts[place], own.path[place]
+        return found
+
     @property
     def _hats(self) -> np.ndarray:
         """(N+1, L + 1) weight of each node at every sample."""
@@ -201,8 +280,9 @@ class Misfit:
         return Misfit(self.simulator, self.observed, self.names, tuple(processes), self.known_starts, self.apart)
 
     def carried(self, own: NuisanceValues, before: "Misfit") -> NuisanceValues:
-        """Nuisances of the same segments under other processes, with other effects: paths of axes that both have, read off at these
-        nodes."""
+        """Nuisances under other processes, with other effects: paths of axes that both have, read off at these nodes. Segments that were
+        not there before begin as a fit does."""
+        own = self._of_segments(own, before)
         started = dict(zip(before.simulator.kite.state_names, own.starts.T, strict=True))
         own = replace(own, starts=np.stack([started.get(n, 0.0 * own.starts[:, 0]) for n in self.simulator.kite.state_names], axis=1))
         if self.labels == before.labels and len(self.nodes) == len(before.nodes):
@@ -214,6 +294,12 @@ class Misfit:
                 at = theirs.index(label)
                 found[..., w] = np.stack([np.interp(self.nodes, before.nodes, p) for p in own.path[..., at]])
         return replace(own, path=found)
+
+
+def most_at_once(size: int) -> int:
+    """Segments of so many bytes that are worked through at once: full groups for all cores where there are enough."""
+    fit_in, full = max(int(SIZE / max(size, 1)), 1), LANES * cores()
+    return fit_in // full * full or fit_in
 
 
 def nodes_of(segments: Segments, spacing_s: float) -> np.ndarray:

@@ -77,6 +77,11 @@ class EstimationProblem:
         processes = [p.at({g.name: levels.get(g.name, g.level if p.certain else 0.0) for g in p.groups}) for p in self.processes]
         return self.with_processes(processes).with_factors(factors)
 
+    def spread_out(self, seconds: float) -> "EstimationProblem":
+        """With no more of the fitted segments than `seconds` hold, and the same share of those to choose on, spread over the flight."""
+        share = min(seconds / self.fitted.seconds, 1.0)
+        return self if share == 1 else replace(self, fitted=self.fitted.spread_out(share), validation=self.validation.spread_out(share))
+
     def shorter(self, horizon: float, simulator: Simulator | None = None) -> "EstimationProblem":
         """The same flight cut into other segments; processes and noise as they are."""
         how = {"by_range": self.by_range, "known_starts": self.known_starts}

@@ -59,8 +59,7 @@ def _told(known: Known, which: np.ndarray, fitted: Fit, declared: Sequence[Proce
     """Covariance and found values, of the names `which`, after the likelihood of processes `declared` has given way to that of `new`, and
     the record's prior to one that is as many times as good: to first order, with the difference of both information matrices."""
     names, misfit = tuple(known.names[i] for i in which), fitted.misfit
-    links, _ = replace(misfit, names=names).links(fitted.parameters.vector(names), fitted.own)
-    gram = links.gram()
+    gram = replace(misfit, names=names).linear(fitted.parameters.vector(names), fitted.own).gram
     before, after = (misfit.eliminated(gram, fitted.own, fitted.counted, processes) for processes in (declared, new))
     stds = np.array([fitted.parameters[n].prior_std for n in names])
     tighter = _tighter(declared, new) * known.record[which] / stds**2

@@ -30,12 +30,14 @@ OPEN = (GUSTS, "drift", *TURNING)
 """Processes that are looked for once model error has shown what they are not."""
 IN_GUSTS = (GUSTS, *TURNING, "line")
 """Processes that are there from the beginning, beside model error, where a fit is said to begin in gusts."""
+SETTLED_ON = 120.0
+"""[s] of a flight's train on which parameters and levels settle, at most, spread over the flight; the whole is fitted from there."""
 LEVEL_ROUNDS = 4
 """The same while parameters are held."""
 OUTPUT_ERROR_ITERATIONS = 100
 """Most iterations of a fit without processes: a model that is far from the flight has a long valley before it."""
-ROUNDS = 8
-"""Most often are levels and parameters fitted in turn."""
+ROUNDS, LAST_ROUNDS = 8, 2
+"""Most often are levels and parameters fitted in turn; on the whole of a long flight in the end."""
 LOOSE, TIGHT = 2.0, 0.1
 """What a fit need not gain any more (chi-square) while levels still change, and in the end."""
 FEW, MANY = 2, 8
@@ -96,15 +98,31 @@ def fit_flights(
         # without priors nothing keeps the wind record near what was recorded
         problems = [replace(p, names=tuple(n for n in p.names if n not in p.kite.record)) for p in problems]
     labels = [f.label for f in flights]
-    tables = declared = [p.simulator.kite.parameters.with_values(start or {}) for p in problems]
+    some = [p.spread_out(SETTLED_ON) for p in problems]
+    declared = [p.simulator.kite.parameters.with_values(start or {}) for p in problems]
     if in_gusts:
-        open_ = [p.with_processes(wide_open(p.processes)) for p in problems]
-        result, problems = fit_levels(open_, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
-        return widened(result), tuple(problems)
+        open_ = [p.with_processes(wide_open(p.processes)) for p in some]
+        result, settled = fit_levels(open_, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
+    else:
+        result, settled = _settled(some, labels, declared, horizons, per_flight, prior, on_iteration)
+    if any(len(few.fitted.segments) < len(p.fitted.segments) for few, p in zip(some, problems, strict=True)):
+        whole = [replace(p.at_noise(s.factors), processes=s.processes) for p, s in zip(problems, settled, strict=True)]
+        owns = [recut(f, p.misfit(p.simulator.holding(f.parameters))) for f, p in zip(result.flights, whole, strict=True)]
+        tables = [f.parameters for f in result.flights]
+        result, settled = fit_levels(whole, labels, tables, per_flight, prior, LAST_ROUNDS, TIGHT, on_iteration, owns)
+    return widened(result), tuple(settled)
+
+
+def _settled(
+    problems: Sequence[EstimationProblem], labels: Sequence[str], declared: Sequence[ParameterTable], horizons: Sequence[float],
+    per_flight: Sequence[str], prior: bool, on_iteration: OnIteration,
+) -> tuple[JointFit, list[EstimationProblem]]:  # fmt: skip
+    """Parameters and levels from short horizons to the whole one."""
+    tables = declared
     owns: list[NuisanceValues | None] = [None] * len(problems)
     for horizon in horizons:
         short = [
-            p.shorter(horizon, p.simulator.holding(t)).with_processes(opened(p.processes, (MODEL_ERROR,), WIDE))
+            p.shorter(horizon, p.simulator.holding(t)).spread_out(SETTLED_ON).with_processes(opened(p.processes, (MODEL_ERROR,), WIDE))
             for p, t in zip(problems, tables, strict=True)
         ]
         began = None
@@ -131,7 +149,7 @@ def fit_flights(
         problems = [p.with_processes(_closed(p.processes, (MODEL_ERROR,), SLIGHT)) if gusty(p) else p for p, _ in looked]
         owns = [new.misfit().carried(own, old.misfit()) for new, (old, own) in zip(problems, looked, strict=True)]
         result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
-    return widened(result), tuple(problems)
+    return result, problems
 
 
 def fit_output_error(
@@ -240,8 +258,8 @@ def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> t
         return problem, fit.own
     wide = fit.misfit.with_processes([replace(p, spacing=max(p.spacing, COARSE)) for p in opened(problem.processes, kinds, SLIGHT)])
     own = wide.carried(fit.own, fit.misfit)
-    links, trajectories = wide.links(fit.parameters.vector(fit.names), own)
-    processes, _ = relevelled(wide, links.gram(), own, fit.counted)
+    gram = wide.linear(fit.parameters.vector(fit.names), own, parameters=()).gram
+    processes, _ = relevelled(wide, gram, own, fit.counted)
     if not gusty(wide.with_processes(processes)):
         processes = _closed(processes, TURNING, 0.0)
     new = problem.with_processes(tuple(replace(p, spacing=old.spacing) for p, old in zip(processes, problem.processes, strict=True)))
@@ -302,7 +320,7 @@ def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool, risen: set[st
     if not len(fit.counted) or not problem.processes:
         return problem, fit.own, 0.0
     processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.counted)
-    factors = noise_factors(fit.misfit, fit.information, fit.links, fit.counted) if noise else {}
+    factors = noise_factors(fit) if noise else {}
     off = {n: g for n, f in factors.items() if abs((g := _trusted(problem.factors.get(n, 1.0), f)) - 1) > OFF}
     before, after = levels_of(problem.processes), levels_of(processes)
     risen |= {name for name, level in after.items() if level > before.get(name, 0.0)}

@@ -55,7 +55,7 @@ class Segments:
     def steps(self) -> int:
         return self.setpoints.shape[1] - 1
 
-    def pick(self, which: Sequence[int] | np.ndarray) -> "Segments":
+    def pick(self, which: Sequence[int] | np.ndarray | slice) -> "Segments":
         """Some of the segments, by index or mask."""
         values = {n: v[which] for n, v in self.values.items()}
         return Segments(self.first[which], self.starts[which], self.setpoints[which], self.inputs[which], self.dt, values)
@@ -213,22 +213,23 @@ class Simulator:
 
     def links(
         self, segments: Segments, nodes: np.ndarray, inputs: Sequence[str], parameters: Sequence[str], outputs: Sequence[str] = MEASURED,
-        values: Mapping[str, float] | None = None,
+        values: Mapping[str, float] | None = None, room: Callable[[tuple[int, ...]], np.ndarray] = np.empty,
     ) -> tuple[Trajectories, np.ndarray, np.ndarray]:  # fmt: skip
         """Simulate, and differentiate from node to node: the state at a node is all that a segment knows of what came before it.
 
         nodes: samples, the first of the segment among them; inputs: parameters that are differentiated from node to node too. Returns
         (trajectories; J (K, N+1, len(outputs), n_s + len(inputs) + len(parameters)): with respect to the state at the last node up to a
         sample, to `inputs` since then, and to `parameters` over the whole segment; ends (K, len(nodes) - 1, n_s, n_s + len(inputs)): the
-        first two of the state at the next node).
+        first two of the state at the next node). room: where J is put, by its shape.
         """
         own = Columns(self.kite.state_names, tuple(inputs))
-        trajectories, J, ends = self._sensitivities(segments, own, outputs, values, tuple(parameters), nodes[1:])
+        trajectories, J, ends = self._sensitivities(segments, own, outputs, values, tuple(parameters), nodes[1:], room)
         return trajectories, J, ends[:, :, : self.n_s, : len(own)]
 
     def _sensitivities(
         self, segments: Segments, columns: Columns, outputs: Sequence[str], values: Mapping[str, float] | None,
         further: tuple[str, ...] = (), restarts: Sequence[int] | np.ndarray = (),
+        room: Callable[[tuple[int, ...]], np.ndarray] = np.empty,
     ) -> tuple[Trajectories, np.ndarray, np.ndarray]:  # fmt: skip
         """(trajectories, J, ends) of `columns`, which begin again at the samples `restarts`, and of `further` parameters, which do not."""
         from awescli.simulation.sensitivities import sensitivities
@@ -239,7 +240,7 @@ class Simulator:
         asked += [(-1, self.wrt.index(name), first, last, again) for name, first, last in columns.windows]
         asked += [(-1, self.wrt.index(name), 0, samples, 0) for name in further]
         X, Y = self._room(segments)
-        J, ends = np.empty((*X.shape[:2], len(outputs), len(asked))), np.empty((len(X), len(restarts), X.shape[2], len(asked)))
+        J, ends = room((*X.shape[:2], len(outputs), len(asked))), np.empty((len(X), len(restarts), X.shape[2], len(asked)))
         restart = np.full(samples, -1)
         restart[list(restarts)] = np.arange(len(restarts))
         programs = (self.differentiating(tuple(outputs)), self.initial, self.law)

@@ -34,8 +34,19 @@ class Observed:
     sigma: np.ndarray
     added: np.ndarray | float = 0.0
 
-    def pick(self, which: Sequence[int] | np.ndarray) -> "Observed":
+    def pick(self, which: Sequence[int] | np.ndarray | slice) -> "Observed":
         return replace(self, segments=self.segments.pick(which), measured=self.measured[which], sigma=self.sigma[which])
+
+    @property
+    def seconds(self) -> float:
+        """Of all segments together [s]."""
+        return len(self.segments) * self.segments.steps * self.segments.dt
+
+    def spread_out(self, share: float) -> "Observed":
+        """A share of the segments, one at least, spread evenly over all of them."""
+        count = len(self.segments)
+        some = min(max(int(share * count + 1e-9), 1), count)
+        return self.pick(np.unique(np.linspace(0, count - 1, some).round().astype(int)))
 
     def head(self, steps: int) -> "Observed":
         """The first `steps` steps of every segment."""

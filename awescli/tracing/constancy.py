@@ -21,8 +21,6 @@ from awescli.tracing.screen import firm
 
 FEWEST = 3
 """Segments of which no course is asked."""
-AT_ONCE = 32
-"""Segments whose further columns are held at once: they are as many as the outputs, times the strengths."""
 
 
 def steadiness(model: FittedModel) -> float:
@@ -81,18 +79,16 @@ def _grown(gram: Gram, which: Sequence[int], late: np.ndarray) -> Gram:
 def _along_outputs(fit: Fit, which: Sequence[int]) -> Gram:
     """Gram matrices with the columns of some globals again behind all others, once for every output channel, times that channel as it is
     predicted there."""
-    links, observed = fit.links, fit.misfit.observed
-    columns = links.ends.shape[3] + np.asarray(which)
-    predicted = np.where(links.weight > 0, np.nan_to_num(observed.measured - links.r * observed.sigma), 0.0)
-    seen = np.maximum((links.weight > 0).sum(axis=(0, 1)), 1)
-    course = np.where(links.weight > 0, predicted - predicted.sum(axis=(0, 1)) / seen, 0.0)
+    misfit, x = fit.misfit, fit.parameters.vector(fit.names)
+    r, counted = misfit.whitened(x, fit.own)
+    seen = np.maximum(counted.sum(axis=(0, 1)), 1)
+    predicted = np.where(counted, np.nan_to_num(misfit.observed.measured - r * misfit.observed.sigma), 0.0)
+    course = np.where(counted, predicted - predicted.sum(axis=(0, 1)) / seen, 0.0)
     course /= np.maximum(np.sqrt((course**2).sum(axis=(0, 1)) / seen), 1e-12)
     grams = []
-    for first in range(0, len(links), AT_ONCE):
-        part = slice(first, first + AT_ONCE)
-        few = links.pick(part)
+    for some, links, _ in misfit.parts(x, fit.own, columns=len(which) * r.shape[2]):
         # (K, N, n_out, channels, strengths), the strengths of one channel side by side
-        further = few.J[..., None, columns] * course[part][:, :, None, :, None]
-        J = np.concatenate([few.J, further.reshape(*few.J.shape[:3], -1)], axis=-1)
-        grams.append(replace(few, J=J).gram())
+        further = links.J[..., None, links.ends.shape[3] + np.asarray(which)] * course[some][:, :, None, :, None]
+        J = np.concatenate([links.J, further.reshape(*links.J.shape[:3], -1)], axis=-1)
+        grams.append(replace(links, J=J).gram())
     return joined(grams)

@@ -10,7 +10,7 @@ from awescli.estimation.levels import prior_deviance
 from awescli.estimation.misfit import DIVERGED_COST, Misfit
 from awescli.estimation.problem import EstimationProblem, build, simulator_of, without_record
 from awescli.estimation.processes.base import Process
-from awescli.estimation.staged_fit import MODEL_ERROR, SLIGHT, Flight, fit_flights, fit_levels, widened
+from awescli.estimation.staged_fit import MODEL_ERROR, SETTLED_ON, SLIGHT, Flight, fit_flights, fit_levels, widened
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Split
 from awescli.notation.parameters import Parameter, ParameterTable
@@ -60,12 +60,14 @@ class Levels:
 @dataclass(frozen=True)
 class Frame:
     """What all models of a trace share. flights: the plan's first; outputs: compared channels; per_flight: patterns of parameters that
-    every flight has for itself."""
+    every flight has for itself; seconds: no more than so much of the train loops of each is looked at, and the same share of validation.
+    """
 
     flights: tuple[TracedFlight, ...]
     horizon: float
     outputs: tuple[str, ...]
     per_flight: tuple[str, ...] = ()
+    seconds: float = np.inf
 
     @property
     def labels(self) -> list[str]:
@@ -78,7 +80,8 @@ class Frame:
 
     def problems(self, keys: Sequence[str]) -> list[EstimationProblem]:
         """The flights cut up for the declared kite with the effects `keys` at null."""
-        return [build(f.simulator(keys), f.log, f.split, self.horizon, self.outputs) for f in self.flights]
+        cut = (build(f.simulator(keys), f.log, f.split, self.horizon, self.outputs) for f in self.flights)
+        return [problem.spread_out(self.seconds) for problem in cut]
 
 
 @dataclass(frozen=True)
@@ -187,7 +190,7 @@ class FittedModel:
 
         def thin(f: Fit) -> Fit:
             at = replace(f.solution.at, known=None, inner=None)
-            return replace(f, links=None, gram=None, information=replace(f.information, _back=None), solution=replace(f.solution, at=at))
+            return replace(f, gram=None, information=replace(f.information, _back=None), solution=replace(f.solution, at=at))
 
         flights = tuple(map(thin, self.fit.flights))
         return replace(self, fit=replace(self.fit, flights=flights, solution=flights[0].solution), judged=tuple(map(thin, self.judged)))
@@ -281,6 +284,18 @@ def fit_on(frame: Frame, model: FittedModel, values: Mapping[str, float] | None 
     return _fitted(frame, model, model.keys, tuple(dict.fromkeys((*model.strengths, *free))), dict(values or {}), WHOLE)
 
 
+def fit_on_part(frame: Frame, model: FittedModel) -> tuple[Frame, FittedModel]:
+    """(The frame, the model) with no more of long flights than what tells candidates apart."""
+    part = replace(frame, seconds=SETTLED_ON)
+    shorter = any(p.spread_out(SETTLED_ON) is not p for p in model.problems)
+    return (part, _fitted(part, model, model.keys, model.strengths, {}, WHOLE)) if shorter else (frame, model)
+
+
+def fit_on_all(frame: Frame, model: FittedModel, like: FittedModel) -> FittedModel:
+    """A model of a part of the flights fitted to as much of them as another one."""
+    return model if model.segments == like.segments else fit_on(frame, model)
+
+
 def fit_held(frame: Frame, model: FittedModel, values: Mapping[str, float]) -> FittedModel:
     """The same model fitted to the end, some of its strengths held at `values`."""
     return _fitted(frame, model, model.keys, tuple(n for n in model.strengths if n not in values), dict(values), WHOLE)
@@ -360,7 +375,8 @@ def _fitted(
         tables.append(table)
         owns.append(problem.misfit().carried(fitted.own, fitted.misfit))
         was = dict(zip(fitted.names, fitted.slope, strict=True))
-        slopes.append(np.array([was.get(n, 0.0) for n in names]) if how is QUICK else None)
+        share = len(problem.fitted.segments) / len(fitted.misfit.observed.segments)
+        slopes.append(share * np.array([was.get(n, 0.0) for n in names]) if how is QUICK else None)
     found = fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, owns=owns, slopes=slopes)
     return FittedModel.of(keys, strengths, *found)
 
@@ -393,7 +409,7 @@ def judge(problem: EstimationProblem, table: ParameterTable, before: Fit | None 
     share = Share(Misfit(simulator, problem.validation, (), problem.processes), table, table, (), before and before.own)
     found = fit_together([share], prior=False, iterations=6, tolerance=1.0).flights[0]
     misfit = Misfit(simulator, problem.validation, problem.names, problem.processes)
-    links, trajectories = misfit.links(table.vector(problem.names), found.own)
-    gram = links.gram()
-    counted = np.flatnonzero(trajectories.alive > misfit.observed.segments.steps)
-    return replace(found, misfit=misfit, links=links, gram=gram, information=misfit.eliminated(gram, found.own, counted), counted=counted)
+    said = misfit.linear(table.vector(problem.names), found.own)
+    counted = np.flatnonzero(said.alive > misfit.observed.segments.steps)
+    information = misfit.eliminated(said.gram, found.own, counted)
+    return replace(found, misfit=misfit, gram=said.gram, information=information, counted=counted)

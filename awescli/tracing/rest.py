@@ -83,7 +83,7 @@ def channels_of(model: FittedModel) -> dict[str, float]:
         if not len(judged.counted):
             continue
         count = float(judged.information.dof.sum())
-        factors = noise_factors(judged.misfit, judged.information, judged.links, judged.counted, change=model.step[place])
+        factors = noise_factors(judged, change=model.step[place])
         for name, factor in factors.items():
             squares[name] = squares.get(name, 0.0) + count * factor**2
             samples[name] = samples.get(name, 0.0) + count

@@ -139,9 +139,8 @@ def _says(
     short = replace(short.with_factors(problem.factors), processes=problem.processes, names=problem.names)
     misfit, x = short.misfit(), table.vector(problem.names)
     own = relaxed(misfit, x, misfit.own())
-    links, trajectories = misfit.links(x, own, (*misfit.names, *columns.names), lambda own: columns.further(misfit, x, own))
-    counted = np.flatnonzero(trajectories.alive > misfit.observed.segments.steps)
-    info = misfit.eliminated(links.gram(), own, counted)
+    names = (*misfit.names, *columns.names)
+    info = misfit.information(x, own, names, lambda some, own: columns.further(some, x, own), len(columns.labels))
     return info.H, info.b
 
 

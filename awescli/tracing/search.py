@@ -9,7 +9,7 @@ import numpy as np
 from awescli.notation.present import present
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.models import FittedModel, Frame, Say, fit_added, fit_held, fit_on, fit_swapped, fit_without
+from awescli.tracing.models import FittedModel, Frame, Say, fit_added, fit_held, fit_on, fit_on_part, fit_swapped, fit_without
 from awescli.tracing.screen import Score, Screening, holm, screen
 
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
@@ -26,14 +26,15 @@ UNSEEN = 0.05
 @dataclass(frozen=True)
 class Tried:
     """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
-    the fit, "not fitted" or "failed"; gain: deviance by which the model leads the one before; plausible: no strength at the end of its
-    range."""
+    the fit, "not fitted" or "failed"; gain: deviance by which the model leads the one before, unseen: the same on validation alone, both
+    of all segments where it was fitted to a share of them; plausible: no strength at the end of its range."""
 
     score: Score
     significant: bool
     outcome: str = "not fitted"
     model: FittedModel | None = None
     gain: float = 0.0
+    unseen: float = 0.0
     plausible: bool = True
 
     @property
@@ -150,7 +151,7 @@ def _detectable(screening: Screening) -> dict[str, tuple[str, float]]:
 
 
 def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Criteria, progress: Say) -> tuple[Tried, ...]:
-    """Fit those that the screening puts first."""
+    """Fit those that the screening puts first, to a part of long flights."""
     scores = screening.scores
     if not scores:
         return ()
@@ -167,13 +168,15 @@ def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Crite
     if here.rest:
         # an abrupt effect changes a flight at its start already: only a fit from its probe can judge it
         chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).abrupt]
-    found = []
+    part, few = fit_on_part(frame, here)
+    times, found = here.segments / few.segments, []
     for s, sure in zip(scores, significant, strict=True):
         if s not in chosen:
             found.append(Tried(s, bool(sure)))
             continue
         progress(f"fitting with {s.key}")
-        found.append(_entered(frame, here, screening, s, bool(sure)))
+        entered = _entered(part, few, screening, s, bool(sure))
+        found.append(replace(entered, gain=times * entered.gain, unseen=times * entered.unseen))
     return tuple(found)
 
 
@@ -190,9 +193,15 @@ def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score
         if not _failed(here, model):
             if not plausible(model, score.key) or model.unseen > here.unseen:
                 model = _reshaped(frame, here, model, strengths, shapes, alone)
-            gain = here.deviance - model.deviance
-            return Tried(score, significant, model.fit.solution.outcome, model.light(), gain, plausible(model, score.key))
+            return _of(Tried(score, significant), here, model)
     return Tried(score, significant, "failed")
+
+
+def _of(tried: Tried, here: FittedModel, model: FittedModel) -> Tried:
+    """A candidate of which `model` came where `here` stood."""
+    gain, unseen = here.deviance - model.deviance, here.unseen - model.unseen
+    outcome, sound = model.fit.solution.outcome, plausible(model, tried.key)
+    return replace(tried, outcome=outcome, model=model.light(), gain=gain, unseen=unseen, plausible=sound)
 
 
 def _reshaped(
@@ -230,14 +239,20 @@ def _best(
     finalists = [t for t in leaders if not t.plausible and t.gain > lead and make_effect(t.key, frame.declared).shapes]
     finalists += [t for t in sound if t.gain > lead - criteria.in_reach(criteria.finalists, lead)]
     finished = {}
-    for t in finalists[: criteria.competitors]:
+
+    def finish(t: Tried) -> None:
         progress(f"fitting with {t.key} to the end")
         finished[t.key] = refined(frame, fit_on(frame, t.fitted), criteria)
+
+    for t in finalists[: criteria.competitors]:
+        finish(t)
     best = [m for m in finished.values() if admissible(here, m, criteria) and plausible(m, m.keys[-1])]
-    tried = tuple(
-        replace(t, model=m.light(), gain=here.deviance - m.deviance, plausible=plausible(m, t.key)) if (m := finished.get(t.key)) else t
-        for t in tried
-    )
+    most = max((here.deviance - m.deviance for m in best), default=np.inf)
+    for t in leaders:
+        # that a part of the flight puts it before the best of all of it is no gain yet
+        if t.key not in finished and t.gain > most and t.fitted.segments < here.segments:
+            finish(t)
+    tried = tuple(_of(t, here, m) if (m := finished.get(t.key)) else t for t in tried)
     return min(best, key=lambda m: m.deviance, default=None), tried
 
 
@@ -300,7 +315,8 @@ def _base_revisited(
     nearer = base.deviance - again.deviance
     if nearer <= 0:
         return base, best, tried
-    tried = tuple(t if t.model is None else replace(t, gain=t.gain - nearer) for t in tried)
+    seen = base.unseen - again.unseen
+    tried = tuple(t if t.model is None else replace(t, gain=t.gain - nearer, unseen=t.unseen - seen) for t in tried)
     return again, best if admissible(again, best, criteria) else None, tried
 
 

@@ -234,10 +234,8 @@ def _share(finding: Finding, t: Tried, excess: float) -> float:
 
 def _gain(null: FittedModel, t: Tried) -> float:
     """Share of the cost of the validation loops that a candidate takes away."""
-    if t.model is None:
-        return 0.0
     cost = sum(float(f.information.cost.sum()) for f in null.judged)
-    return float((null.unseen - t.model.unseen) / max(cost, 1.0))
+    return float(t.unseen / max(cost, 1.0))
 
 
 def _unexplained(finding: Finding) -> dict:

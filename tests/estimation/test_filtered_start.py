@@ -8,7 +8,7 @@ import pytest
 from kites import DEVELOPMENT, declared, flight
 
 from awescli.estimation import filtered_start
-from awescli.estimation.filter_levels import spread_out, with_levels
+from awescli.estimation.filter_levels import with_levels
 from awescli.estimation.filtered_start import filtered
 from awescli.estimation.known import Known
 from awescli.estimation.prediction import predict
@@ -133,7 +133,7 @@ def test_a_minute_of_train_tells_the_levels(gusty):
     log, simulator = gusty
     first = np.arange(100, 2800, 100)
     observed = observe(log, simulator.kite, first, 100, MEASURED)
-    assert len(spread_out(observed, 60.0).segments) == len(first) == 27
-    some = spread_out(observed, 20.0).segments.first
+    assert observed.seconds == 54.0 and len(observed.spread_out(1.0).segments) == len(first) == 27
+    some = observed.spread_out(10 / 27).segments.first
     assert len(some) == 10 and some[0] == first[0] and some[-1] == first[-1] and np.ptp(np.diff(some)) <= 100
-    assert spread_out(observed, 0.5).segments.first.tolist() == [first[0]]
+    assert observed.spread_out(0.01).segments.first.tolist() == [first[0]]

@@ -55,7 +55,7 @@ def levelled(misfit: Misfit, table, rounds: int = 5):
     for _ in range(rounds):
         found = fit(misfit, table, prior=False, own=own, tolerance=0.1)
         processes, _ = relevelled(misfit, found.gram, found.own, found.counted)
-        factors = noise_factors(found.misfit, found.information, found.links, found.counted)
+        factors = noise_factors(found)
         new = misfit.with_processes(processes)
         misfit, own = new, new.carried(found.own, misfit)
     return {g.name: g.level for p in misfit.processes for g in p.groups}, factors
@@ -113,7 +113,7 @@ def test_noise_is_estimated_beside_a_process(simulator, observed, kite):
     measured = flown.measured.copy()
     measured[..., at] += flown.measured[..., at] - truth.measured[..., at]
     found = fit(Misfit(simulator, replace(observed, measured=measured), (), loose.processes), kite.parameters, prior=False, tolerance=0.1)
-    factors = noise_factors(found.misfit, found.information, found.links, found.counted)
+    factors = noise_factors(found)
     assert factors["q"] == pytest.approx(2.0, rel=0.06)
     assert max(abs(f - 1) for n, f in factors.items() if n != "q") < 0.1
 

@@ -7,6 +7,7 @@ import pytest
 from kites import DEVELOPMENT, lively, truly
 from scipy import stats
 
+from awescli.estimation import misfit as misfits
 from awescli.estimation.fit import JointFit, fit, relaxed
 from awescli.estimation.identifiability import describe
 from awescli.estimation.misfit import DIVERGED_COST, Misfit
@@ -106,8 +107,8 @@ def test_the_gradient_is_that_of_the_cost(simulator, observed):
     # with nuisances at their best the envelope theorem makes b the full gradient
     own = misfit.own()
     for _ in range(6):
-        own = own.moved(misfit.eliminated(misfit.links(x, own)[0].gram(), own).nuisances())
-    b = misfit.eliminated(misfit.links(x, own)[0].gram(), own).b
+        own = own.moved(misfit.eliminated(misfit.linear(x, own).gram, own).nuisances())
+    b = misfit.eliminated(misfit.linear(x, own).gram, own).b
 
     def cost(x):
         return misfit.costs(x, own)[0].sum() + misfit.prior_cost(own, every)
@@ -139,7 +140,7 @@ def test_nuisances_follow_a_step_of_the_parameters(simulator, observed):
     own = relaxed(misfit, x, before)
     cost = lambda own: misfit.costs(x, own)[0].sum() + misfit.prior_cost(own, every)  # noqa: E731
     assert cost(own) < cost(before)
-    assert cost(own) - misfit.eliminated(misfit.links(x, own)[0].gram(), own).cost.sum() < 0.5 * 16
+    assert cost(own) - misfit.eliminated(misfit.linear(x, own).gram, own).cost.sum() < 0.5 * 16
 
 
 def test_standard_deviations_are_those_of_the_estimates(simulator, observed):
@@ -227,3 +228,37 @@ def test_a_diverging_segment_does_not_end_the_fit(simulator, observed):
     # the search stops at a millionth of the whole cost, the lost segment's price included
     assert found.parameters["CLa"].value == pytest.approx(truth["CLa"].value, rel=1e-4)
     assert found.chi2 < 0.01 and np.flatnonzero(found.alive < 126).tolist() == [5]
+
+
+def test_nuisances_are_carried_to_other_segments_of_a_flight(simulator, observed):
+    """Guards a model that goes on from a part of a flight: segments that both have keep their starts, others begin as a fit does."""
+    whole = Misfit(simulator, observed, FREE)
+    part = replace(whole, observed=observed.pick([2, 5, 11]))
+    own = part.own()
+    own.starts[:] += 0.25
+    found, fresh = whole.carried(own, part), whole.own()
+    there = np.isin(np.arange(len(observed.segments)), [2, 5, 11])
+    assert np.array_equal(found.starts[there], own.starts) and np.array_equal(found.starts[~there], fresh.starts[~there])
+    assert np.array_equal(part.carried(found, whole).starts, own.starts)
+
+
+def test_what_segments_say_does_not_depend_on_how_many_are_worked_through_at_once(simulator, observed, monkeypatch):
+    """Guards long flights: Gram matrices, squares and gradients of small parts, each in the place of the one before, are those of all
+    segments at once to the last bit."""
+    misfit = Misfit(simulator, observed, FREE)
+    x, own = simulator.kite.parameters.vector(FREE), misfit.own()
+    links, trajectories = misfit.links(x, own)
+    whole = links.gram()
+    monkeypatch.setattr(misfits, "most_at_once", lambda size: 5)
+    said = misfit.linear(x, own)
+    for name in ("x", "xy", "y", "E", "dof"):
+        assert np.array_equal(getattr(said.gram, name), getattr(whole, name)), name
+    assert said.squares == pytest.approx((links.r**2).sum(axis=(1, 2)), rel=1e-14) and np.array_equal(said.alive, trajectories.alive)
+    of_x, of_globals, alive = misfit.gradients(x, own)
+    assert of_x == pytest.approx(whole.xy[..., -1], rel=1e-9, abs=1e-6) and np.array_equal(alive, said.alive)
+    assert of_globals == pytest.approx(whole.y[:, :-1, -1], rel=1e-9, abs=1e-6)
+    info = misfit.eliminated(whole, own)
+    few = misfit.information(x, own, FREE[:-1], lambda some, own: some.links(x, own, FREE[-1:])[0].J[..., -1:], 1)
+    assert few.H == pytest.approx(info.H, rel=1e-9, abs=1e-6) and few.cost == pytest.approx(info.cost)
+    r, counted = misfit.whitened(x, own)
+    assert r == pytest.approx(links.r, abs=1e-9) and np.array_equal(counted, links.weight > 0)

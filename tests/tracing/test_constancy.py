@@ -61,11 +61,11 @@ def test_an_answer_without_effects_is_steady(found):
 def going_with(model, channel: str, by: float):
     """The model on loops on which its effect would have grown by `by` for each standard deviation of a channel, to first order."""
     (fit,) = model.fit.flights
-    links, observed = fit.links, fit.misfit.observed
+    links, observed = fit.misfit.links(fit.parameters.vector(fit.names), fit.own)[0], fit.misfit.observed
     course = observed.measured[..., observed.outputs.index(channel)]
-    column = links.J[..., links.ends.shape[3] + fit.names.index(model.strengths[0])] * links.weight
-    grown = replace(links, r=links.r + by * ((course - course.mean()) / course.std())[..., None] * column)
-    return replace(model, fit=replace(model.fit, flights=(replace(fit, links=grown),)))
+    column = links.J[..., links.ends.shape[3] + fit.names.index(model.strengths[0])]
+    grown = replace(observed, measured=observed.measured + by * ((course - course.mean()) / course.std())[..., None] * column)
+    return replace(model, fit=replace(model.fit, flights=(replace(fit, misfit=replace(fit.misfit, observed=grown)),)))
 
 
 def test_a_size_that_stays_goes_with_no_channel(found):

@@ -83,7 +83,7 @@ def test_a_true_model_leaves_noise_alone():
     assert null.chi2 == pytest.approx(1.0, abs=0.06) and null.fit.chi2 == pytest.approx(1.0, abs=0.03)
     assert null.flies == null.segments == len(null.train) + len(null.validation)
     light = null.light()
-    assert light.deviance == null.deviance and light.chi2 == pytest.approx(null.chi2) and light.fit.flights[0].links is None
+    assert light.deviance == null.deviance and light.chi2 == pytest.approx(null.chi2) and light.fit.flights[0].gram is None
 
 
 def test_a_flight_is_identified_as_well_from_a_slow_log():

@@ -21,6 +21,7 @@ def fitted(gain: float, flies: int = SEGMENTS, cost: float | None = None, noise:
     what nuisances leave unknown, factor on the noise."""
     model = SimpleNamespace(
         deviance=100.0 - gain, unseen=50.0 - gain, train=np.full(SEGMENTS, 25.0 - gain / SEGMENTS), flies=flies, strengths=(),
+        segments=SEGMENTS,
         rest={"force_z": 1.0},
         fit=SimpleNamespace(solution=SimpleNamespace(outcome="converged", cost=100.0 - gain if cost is None else cost)),
         problems=(SimpleNamespace(factors={"alpha": noise}, processes=()),),
@@ -43,6 +44,7 @@ def beaten(monkeypatch, ends, to_the_end=lambda frame, model: model):
 
     monkeypatch.setattr(searching, "fit_added", fit_added)
     monkeypatch.setattr(searching, "fit_on", to_the_end)
+    monkeypatch.setattr(searching, "fit_on_part", lambda frame, model: (frame, model))
     monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(abrupt=False, target=""))
     score = SimpleNamespace(key="pitch_curvature", p_value=1e-154, drop=700.0, start=lambda rows, share: ({"share": share}, {}))
     screening = SimpleNamespace(scores=(score,), rows={}, cosine=lambda a, b: 0.0)

@@ -6,8 +6,10 @@ import pytest
 from tracing.annotated import wrongly_annotated
 from tracing.traced import short_flight, thinned, traced, traced_flight
 
+from awescli.estimation import staged_fit
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
+from awescli.tracing import models
 
 RIVALS = ("actuator_lag:rudder", "actuator_delay:rudder", "sideslip_drag", "airspeed_scale", "position_latency", "surface_bias:yaw",
           "tether_attachment", "pitch_curvature")  # fmt: skip
@@ -83,6 +85,21 @@ def test_the_verdict_does_not_depend_on_the_loggers_rate():
         assert abs(size["value"] - 0.2) < 3.5 * size["std"], (every, size)
         found.append(account["verdict"])
     assert len(set(found)) == 1
+
+
+@pytest.mark.slow
+def test_candidates_of_a_long_flight_are_told_apart_on_a_part_of_it(monkeypatch):
+    """Guards long flights: with 12 s instead of two minutes, candidates are fitted to a share of the segments, and the answer, its size and
+    its interval come from all of them."""
+    for module in (staged_fit, models):
+        monkeypatch.setattr(module, "SETTLED_ON", 12.0)
+    account, finding = traced({"actuator_lag:rudder": {"tau": 0.2}}, 12, **{**SHORT, "candidates": RIVALS[:3]})
+    assert named(account) == [("actuator_lag", "rudder")] and account["verdict"] in ("found", "cannot_tell")
+    size = account["effects"][0]["parameters"]["tau"]
+    assert abs(size["value"] - 0.2) < 3.5 * size["std"] and size["std"] < 0.02
+    best, *others = finding.evidence.search.rounds[0].contenders
+    assert best.fitted.segments == finding.null.segments and all(t.gain < best.gain for t in others)
+    assert any(t.fitted.segments < finding.null.segments for t in others)
 
 
 @pytest.mark.slow
