@@ -82,6 +82,12 @@ class EstimationProblem:
         share = min(seconds / self.fitted.seconds, 1.0)
         return self if share == 1 else replace(self, fitted=self.fitted.spread_out(share), validation=self.validation.spread_out(share))
 
+    def spaced(self, seconds: float) -> "EstimationProblem":
+        """With nodes of processes that lie so far apart at least."""
+        if all(p.spacing >= seconds for p in self.processes):
+            return self
+        return self.with_processes([replace(p, spacing=max(p.spacing, seconds)) for p in self.processes])
+
     def shorter(self, horizon: float, simulator: Simulator | None = None) -> "EstimationProblem":
         """The same flight cut into other segments; processes and noise as they are."""
         how = {"by_range": self.by_range, "known_starts": self.known_starts}

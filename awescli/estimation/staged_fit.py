@@ -256,7 +256,7 @@ def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> t
     go on from. Gusts that turn a kite are there where gusts are: in calm air, what rolls it against its model is no gust."""
     if not problem.processes or not len(fit.counted):
         return problem, fit.own
-    wide = fit.misfit.with_processes([replace(p, spacing=max(p.spacing, COARSE)) for p in opened(problem.processes, kinds, SLIGHT)])
+    wide = fit.misfit.with_processes(problem.with_processes(opened(problem.processes, kinds, SLIGHT)).spaced(COARSE).processes)
     own = wide.carried(fit.own, fit.misfit)
     gram = wide.linear(fit.parameters.vector(fit.names), own, parameters=()).gram
     processes, _ = relevelled(wide, gram, own, fit.counted)

@@ -20,7 +20,7 @@ from awescli.tracing.classes import rivals
 from awescli.tracing.constancy import gains_along, steadiness
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import AbsorbedEffect, Evidence
-from awescli.tracing.models import FittedModel, Frame, Say, fit_added, fit_beyond, fit_on_all, fit_without_process
+from awescli.tracing.models import FittedModel, Frame, Say, fit_added, fit_beyond, fit_on, fit_without_process
 from awescli.tracing.rest import Rest, channels_of, gusts_of, repetition_of_gusts, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, Tried, search
@@ -157,7 +157,8 @@ def _since(frame: Frame, evidence: Evidence, answer: str, criteria: Criteria) ->
     if answer in ("found", "cannot_tell") and model.keys:
         return in_flights(frame, null, model, criteria)
     nearest = evidence.search.rounds[0].contenders[:1] if answer == "unexplained" and evidence.search.rounds else []
-    found = [in_flights(frame, null, fit_on_all(frame, t.fitted, null), criteria) for t in nearest if t.gain > criteria.decisive]
+    models = [fit_on(frame, t.fitted) if t.partly else t.fitted for t in nearest if t.gain > criteria.decisive]
+    found = [in_flights(frame, null, model, criteria) for model in models]
     return next((flights for flights in found if any(f.onset for f in flights)), ())
 
 

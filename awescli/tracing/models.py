@@ -10,7 +10,7 @@ from awescli.estimation.levels import prior_deviance
 from awescli.estimation.misfit import DIVERGED_COST, Misfit
 from awescli.estimation.problem import EstimationProblem, build, simulator_of, without_record
 from awescli.estimation.processes.base import Process
-from awescli.estimation.staged_fit import MODEL_ERROR, SETTLED_ON, SLIGHT, Flight, fit_flights, fit_levels, widened
+from awescli.estimation.staged_fit import COARSE, MODEL_ERROR, SETTLED_ON, SLIGHT, Flight, fit_flights, fit_levels, widened
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Split
 from awescli.notation.parameters import Parameter, ParameterTable
@@ -60,14 +60,15 @@ class Levels:
 @dataclass(frozen=True)
 class Frame:
     """What all models of a trace share. flights: the plan's first; outputs: compared channels; per_flight: patterns of parameters that
-    every flight has for itself; seconds: no more than so much of the train loops of each is looked at, and the same share of validation.
-    """
+    every flight has for itself; seconds: no more than so much of the train loops of each is looked at, and the same share of validation;
+    spacing: [s] between nodes of processes, at least."""
 
     flights: tuple[TracedFlight, ...]
     horizon: float
     outputs: tuple[str, ...]
     per_flight: tuple[str, ...] = ()
     seconds: float = np.inf
+    spacing: float = 0.0
 
     @property
     def labels(self) -> list[str]:
@@ -81,7 +82,7 @@ class Frame:
     def problems(self, keys: Sequence[str]) -> list[EstimationProblem]:
         """The flights cut up for the declared kite with the effects `keys` at null."""
         cut = (build(f.simulator(keys), f.log, f.split, self.horizon, self.outputs) for f in self.flights)
-        return [problem.spread_out(self.seconds) for problem in cut]
+        return [problem.spread_out(self.seconds).spaced(self.spacing) for problem in cut]
 
 
 @dataclass(frozen=True)
@@ -285,15 +286,11 @@ def fit_on(frame: Frame, model: FittedModel, values: Mapping[str, float] | None 
 
 
 def fit_on_part(frame: Frame, model: FittedModel) -> tuple[Frame, FittedModel]:
-    """(The frame, the model) with no more of long flights than what tells candidates apart."""
-    part = replace(frame, seconds=SETTLED_ON)
-    shorter = any(p.spread_out(SETTLED_ON) is not p for p in model.problems)
-    return (part, _fitted(part, model, model.keys, model.strengths, {}, WHOLE)) if shorter else (frame, model)
-
-
-def fit_on_all(frame: Frame, model: FittedModel, like: FittedModel) -> FittedModel:
-    """A model of a part of the flights fitted to as much of them as another one."""
-    return model if model.segments == like.segments else fit_on(frame, model)
+    """(The frame, the model) with no more than what tells candidates apart: of long flights a part, of gusts every tenth of a second."""
+    part = replace(frame, seconds=SETTLED_ON, spacing=COARSE)
+    there = [p.with_processes([q for q in p.processes if any(g.level > 0 for g in q.groups)]) for p in model.problems]
+    less = any(p.spread_out(part.seconds).spaced(part.spacing) is not p for p in there)
+    return (part, _fitted(part, model, model.keys, model.strengths, {}, WHOLE)) if less else (frame, model)
 
 
 def fit_held(frame: Frame, model: FittedModel, values: Mapping[str, float]) -> FittedModel:
@@ -370,6 +367,7 @@ def _fitted(
         prior = prior.with_rows(replace(prior[n], free=True) for n in strengths)
         names = tuple(n for n in dict.fromkeys((*before.names, *strengths)) if n in strengths or n not in base.strengths)
         processes = _slight(before.processes) if alone else before.processes
+        processes = tuple(replace(p, spacing=q.spacing) for p, q in zip(processes, raw.processes, strict=True))
         problem = replace(raw.with_factors(before.factors), simulator=simulator, processes=processes, names=names, prior=prior)
         problems.append(problem)
         tables.append(table)

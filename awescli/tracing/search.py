@@ -15,6 +15,8 @@ from awescli.tracing.screen import Score, Screening, holm, screen
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
 """Shares of its one-step estimate from which a candidate is fitted, and whether without the help of model error; the next one where the fit
 before failed."""
+HOPELESS = 3.0
+"""Times its score that a candidate which is not abrupt may gain by its fit: where the best has gained more already, no second try."""
 AT_END = 1e-3
 """Share of its range, of a lower end above zero itself, within which a strength sits at that end."""
 WORSE = 5.0
@@ -27,7 +29,8 @@ UNSEEN = 0.05
 class Tried:
     """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
     the fit, "not fitted" or "failed"; gain: deviance by which the model leads the one before, unseen: the same on validation alone, both
-    of all segments where it was fitted to a share of them; plausible: no strength at the end of its range."""
+    of all segments where it was fitted to a share of them; plausible: no strength at the end of its range; partly: as `fit_on_part`
+    fits."""
 
     score: Score
     significant: bool
@@ -36,6 +39,7 @@ class Tried:
     gain: float = 0.0
     unseen: float = 0.0
     plausible: bool = True
+    partly: bool = False
 
     @property
     def key(self) -> str:
@@ -169,39 +173,41 @@ def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Crite
         # an abrupt effect changes a flight at its start already: only a fit from its probe can judge it
         chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).abrupt]
     part, few = fit_on_part(frame, here)
-    times, found = here.segments / few.segments, []
+    times, best, found = here.segments / few.segments, 0.0, []
     for s, sure in zip(scores, significant, strict=True):
         if s not in chosen:
             found.append(Tried(s, bool(sure)))
             continue
         progress(f"fitting with {s.key}")
-        entered = _entered(part, few, screening, s, bool(sure))
-        found.append(replace(entered, gain=times * entered.gain, unseen=times * entered.unseen))
+        again = make_effect(s.key, frame.declared).abrupt or HOPELESS * s.drop > best
+        entered = _entered(part, few, screening, s, bool(sure), again)
+        found.append(replace(entered, gain=times * entered.gain, unseen=times * entered.unseen, partly=few is not here))
+        best = max(best, found[-1].gain if found[-1].plausible else 0.0)
     return tuple(found)
 
 
-def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score, significant: bool) -> Tried:
+def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score, significant: bool, again: bool = True) -> Tried:
     """The model with a candidate added, from the first start from which the fit succeeds; one that is not significant is begun once, for
-    its failure would say nothing."""
+    its failure would say nothing. again: may a fit that fails be gone on with, or begun elsewhere?"""
     starts = STARTS if here.rest else STARTS[1:]
-    for share, alone in starts if significant else starts[:1]:
+    for share, alone in starts if significant and again else starts[:1]:
         strengths, shapes = score.start(screening.rows, share)
         model = fit_added(frame, here, score.key, strengths, shapes, alone)
-        if _failed(here, model) and model.flies >= here.flies:
+        if again and _failed(here, model) and model.flies >= here.flies:
             # a quick fit keeps the slope of the log determinant as it was before: in gusts that may lead it astray
             model = fit_on(frame, model)
         if not _failed(here, model):
             if not plausible(model, score.key) or model.unseen > here.unseen:
                 model = _reshaped(frame, here, model, strengths, shapes, alone)
             return _of(Tried(score, significant), here, model)
-    return Tried(score, significant, "failed")
+    return Tried(score, significant, "failed" if again else "not fitted")
 
 
 def _of(tried: Tried, here: FittedModel, model: FittedModel) -> Tried:
     """A candidate of which `model` came where `here` stood."""
     gain, unseen = here.deviance - model.deviance, here.unseen - model.unseen
     outcome, sound = model.fit.solution.outcome, plausible(model, tried.key)
-    return replace(tried, outcome=outcome, model=model.light(), gain=gain, unseen=unseen, plausible=sound)
+    return replace(tried, outcome=outcome, model=model.light(), gain=gain, unseen=unseen, plausible=sound, partly=False)
 
 
 def _reshaped(
@@ -250,7 +256,7 @@ def _best(
     most = max((here.deviance - m.deviance for m in best), default=np.inf)
     for t in leaders:
         # that a part of the flight puts it before the best of all of it is no gain yet
-        if t.key not in finished and t.gain > most and t.fitted.segments < here.segments:
+        if t.key not in finished and t.gain > most and t.partly:
             finish(t)
     tried = tuple(_of(t, here, m) if (m := finished.get(t.key)) else t for t in tried)
     return min(best, key=lambda m: m.deviance, default=None), tried

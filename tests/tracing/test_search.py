@@ -89,6 +89,31 @@ def test_a_significant_candidate_that_stays_failed_is_not_forgotten(monkeypatch)
     assert Search(BASE, BASE, (record,)).failed == ("pitch_curvature",)
 
 
+@pytest.mark.parametrize("drop, abrupt, again", [(20.0, False, False), (20.0, True, True), (200.0, False, True)])
+def test_what_is_hopeless_beside_the_best_is_tried_once(monkeypatch, drop, abrupt, again):
+    """Guards time in gusts: fits that failed were gone on with and begun elsewhere though the best had gained thirty times their score.
+    What may gain more than its score says, an abrupt effect, is tried as ever; and what was not tried again is not called failed."""
+    begun, leads = [], fitted(400.0)
+
+    def fit_added(frame, base, key, strengths, shapes, alone):
+        begun.append(key)
+        return leads if key == "sideslip_drag" else FAILED
+
+    monkeypatch.setattr(searching, "fit_added", fit_added)
+    monkeypatch.setattr(searching, "fit_on", lambda frame, model: model)
+    monkeypatch.setattr(searching, "fit_on_part", lambda frame, model: (frame, model))
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(abrupt=abrupt, target=""))
+    start = {"start": lambda rows, share: ({}, {})}
+    scores = (
+        SimpleNamespace(key="sideslip_drag", p_value=1e-99, drop=700.0, **start),
+        SimpleNamespace(key="mass_offset", p_value=1e-5, drop=drop, **start),
+    )
+    screening = SimpleNamespace(scores=scores, rows={}, cosine=lambda a, b: 0.9 if a is not b else 1.0)
+    first, second = searching._race(SimpleNamespace(declared=None), BASE, screening, CRITERIA, lambda text: None)
+    assert first.gain == 400.0 and begun == ["sideslip_drag", *["mass_offset"] * (3 if again else 1)]
+    assert second.outcome == ("failed" if again else "not fitted")
+
+
 @pytest.mark.parametrize("tau, tried", [(1.0, [50.0, 0.8, 0.008]), (0.2, [50.0])])
 def test_a_lag_at_the_end_of_its_range_is_tried_with_other_rate_limits(monkeypatch, tau, tried):
     """Guards a slow trim motor (JSBSim): its rate limit was fitted by the longest lag there is, for the screening had put "no limit" first,

@@ -7,6 +7,7 @@ from tracing.annotated import wrongly_annotated
 from tracing.traced import short_flight, thinned, traced, traced_flight
 
 from awescli.estimation import staged_fit
+from awescli.estimation.processes.base import spacing
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
 from awescli.tracing import models
@@ -108,8 +109,12 @@ def test_a_missing_effect_is_named_in_gusts():
     for the gusts."""
     keys = ("tether_elasticity", "tether_drag", "wind_offset", "mass_offset")
     truth = {"tether_elasticity": {"EA": 6e5, "zeta": 120.0}, "turbulence": {"sigma": 0.6, "L": 150.0}}
-    account, _ = traced(truth, seed=21, candidates=keys, horizon=3.0, curriculum=(1.0,))
+    account, finding = traced(truth, seed=21, candidates=keys, horizon=3.0, curriculum=(1.0,))
     assert named(account) == [("tether_elasticity", "line")]
+    best, *others = finding.evidence.search.rounds[0].contenders
+    whole, *apart = (spacing(t.fitted.problems[0].processes) for t in (best, *others))
+    assert whole == finding.frame.flights[0].log.dt and not best.partly
+    assert others and all(t.partly for t in others) and set(apart) == {staged_fit.COARSE}
     size = account["effects"][0]["parameters"]["EA"]
     assert abs(size["value"] - 6e5) < 3.5 * size["std"] and size["std"] < 0.05 * 6e5
     assert account["chi2"]["train_after"] == pytest.approx(1.0, abs=0.1)
