@@ -114,7 +114,8 @@ def covariance(H: np.ndarray, scale: np.ndarray, equalities: np.ndarray | None =
         _, s, Vt = np.linalg.svd(equalities * scale)
         basis = basis @ Vt[np.count_nonzero(s > 1e-12 * s[0]) :].T
     values, vectors = np.linalg.eigh(basis.T @ H @ basis)
-    floor = 1e-12 * max(values[-1], 1e-300) if len(values) else 0.0
+    # what is left of a model that flies nowhere may be no information at all
+    floor = 1e-12 * max(values[-1], 1.0) if len(values) else 0.0
     spread = basis @ vectors
     return spread / np.maximum(values, floor) @ spread.T
 

@@ -98,19 +98,26 @@ def fit_flights(
         # without priors nothing keeps the wind record near what was recorded
         problems = [replace(p, names=tuple(n for n in p.names if n not in p.kite.record)) for p in problems]
     labels = [f.label for f in flights]
-    some = [p.spread_out(SETTLED_ON) for p in problems]
     declared = [p.simulator.kite.parameters.with_values(start or {}) for p in problems]
-    if in_gusts:
-        open_ = [p.with_processes(wide_open(p.processes)) for p in some]
-        result, settled = fit_levels(open_, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
-    else:
-        result, settled = _settled(some, labels, declared, horizons, per_flight, prior, on_iteration)
-    if any(len(few.fitted.segments) < len(p.fitted.segments) for few, p in zip(some, problems, strict=True)):
-        whole = [replace(p.at_noise(s.factors), processes=s.processes) for p, s in zip(problems, settled, strict=True)]
-        owns = [recut(f, p.misfit(p.simulator.holding(f.parameters))) for f, p in zip(result.flights, whole, strict=True)]
-        tables = [f.parameters for f in result.flights]
-        result, settled = fit_levels(whole, labels, tables, per_flight, prior, LAST_ROUNDS, TIGHT, on_iteration, owns)
-    return widened(result), tuple(settled)
+    few = [p.spread_out(SETTLED_ON) for p in problems]
+
+    def settled(problems: Sequence[EstimationProblem]) -> tuple[JointFit, list[EstimationProblem]]:
+        if not in_gusts:
+            return _settled(problems, labels, declared, horizons, per_flight, prior, on_iteration)
+        open_ = [p.with_processes(wide_open(p.processes)) for p in problems]
+        return fit_levels(open_, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
+
+    result, found = settled(few)
+    if any(some is not p for some, p in zip(few, problems, strict=True)):
+        if result.ended:
+            whole = [replace(p.at_noise(s.factors), processes=s.processes) for p, s in zip(problems, found, strict=True)]
+            owns = [recut(f, p.misfit(p.simulator.holding(f.parameters))) for f, p in zip(result.flights, whole, strict=True)]
+            tables = [f.parameters for f in result.flights]
+            result, found = fit_levels(whole, labels, tables, per_flight, prior, LAST_ROUNDS, TIGHT, on_iteration, owns)
+        if not result.ended:
+            # a model that is far from the flight: what a part of it says is no beginning for the rest
+            result, found = settled(problems)
+    return widened(result), tuple(found)
 
 
 def _settled(

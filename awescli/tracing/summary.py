@@ -23,6 +23,8 @@ from awescli.tracing.search import Tried
 from awescli.tracing.separate import separate
 from awescli.tracing.when import InFlight
 
+MOST = 1e15
+"""Numbers beyond it are cut to it."""
 SLIP = 0.08
 """Relative distance from the size that a mistake of a unit leaves up to which it is asked for."""
 SENTENCES = {
@@ -60,8 +62,8 @@ def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction
         "unexplained": _unexplained(finding) if finding.verdict == "unexplained" else None,
         "error": error,
         "criteria": [
-            {"name": c.name, "value": c.value, "threshold": c.threshold, "pass": c.passed, "says": c.says, "source": c.source} for c in
-            finding.table
+            {"name": c.name, "value": _bounded(c.value), "threshold": c.threshold, "pass": c.passed, "says": c.says, "source": c.source}
+            for c in finding.table
         ],
         "probability": dict(finding.probability),
         "chi2": _chi2(finding),
@@ -206,6 +208,11 @@ def _by_prediction(finding: Finding, log: FlightLog) -> dict | None:
         " or ".join((b.key, *sorted(b.rivals, key=lambda key: b.rivals[key]))) for b in found.better
     )
     return {"effects": better, "chi2": {"before": found.base.chi2, "after": found.model.chi2}, "sentence": f"{sentence}."}
+
+
+def _bounded(value: float | str) -> float | str:
+    """A value as a file may hold it: of a model that is nowhere near the flight some have no bounds."""
+    return value if isinstance(value, str) else min(max(value, -MOST), MOST)
 
 
 def _ranking(finding: Finding) -> list[dict]:
