@@ -26,7 +26,9 @@ def coloured_information(fit: Fit) -> np.ndarray:
     r, counted = (of_all[fit.counted] for of_all in misfit.whitened(x, fit.own))
     surplus, counts = surpluses(r, counted), np.isin(np.arange(len(fit.alive)), fit.counted)
     for which, links, _ in misfit.parts(x, fit.own):
-        total += excess(misfit.changed(links, responses.of(which), np.eye(n))[counts[which]], surplus)
+        # one by one: the sum is the same to the last bit however many segments come at once
+        for of_segment in excess(misfit.changed(links, responses.of(which), np.eye(n))[counts[which]], surplus):
+            total += of_segment
     return total
 
 
@@ -42,16 +44,16 @@ def surpluses(r: np.ndarray, counted: np.ndarray) -> np.ndarray:
 
 
 def excess(columns: np.ndarray, surplus: np.ndarray) -> np.ndarray:
-    """(n, n) sum over segments and channels of J'(R - 1)J, R the autocorrelation of the residual, of which `surpluses` says the spectrum.
+    """(K, n, n) sum over channels of J'(R - 1)J in each segment, R the autocorrelation of the residual, whose spectrum `surpluses` says.
     columns: (K, N, c, n) whitened, 0 where a sample does not count."""
-    n, size = columns.shape[3], 2 * (surplus.shape[1] - 1)
-    total = np.zeros((n, n))
+    K, n, size = len(columns), columns.shape[3], 2 * (surplus.shape[1] - 1)
+    total = np.zeros((K, n, n))
     # the conjugate half of the spectrum is counted by its weight
     weight = np.r_[1.0, np.full(size // 2 - 1, 2.0), 1.0] / size
     for c in np.flatnonzero(surplus.any(axis=1)):
         A = np.fft.rfft(columns[:, :, c], size, axis=1) * np.sqrt(weight * surplus[c])[:, None]
-        A = A.reshape(-1, n)
-        total += A.real.T @ A.real + A.imag.T @ A.imag
+        A = np.concatenate([A.real, A.imag], axis=1)
+        total += np.matmul(A.swapaxes(1, 2), A)
     return total
 
 

@@ -124,11 +124,11 @@ def noise_factors(fit: Fit, draws: int = 4, change: np.ndarray | None = None) ->
     moved, around = fit.information.nuisances(change), fit.information.samples(draws, seed=0)
     parameters, of_globals = ((), None) if change is None else (fit.names, change[:, None])
     counts = np.isin(np.arange(len(fit.alive)), fit.counted)
-    square, count = np.zeros(len(misfit.observed.outputs)), np.zeros(len(misfit.observed.outputs))
+    squares, counted = np.zeros((2, len(fit.alive), len(misfit.observed.outputs)))
     for which, links, _ in misfit.parts(x, fit.own, parameters):
-        counted = (links.weight > 0) & counts[which, None, None]
+        counting = (links.weight > 0) & counts[which, None, None]
         r = links.r - misfit.changed(links, moved.of(which), of_globals)[..., 0]
         spread = (misfit.changed(links, around.of(which)) ** 2).mean(axis=-1)
-        square += np.where(counted, r**2 + spread, 0.0).sum(axis=(0, 1))
-        count += counted.sum(axis=(0, 1))
+        squares[which], counted[which] = np.where(counting, r**2 + spread, 0.0).sum(axis=1), counting.sum(axis=1)
+    square, count = squares.sum(axis=0), counted.sum(axis=0)
     return {n: float(np.sqrt(square[i] / count[i])) for i, n in enumerate(misfit.observed.outputs) if count[i] > 0}

@@ -298,7 +298,7 @@ class Misfit:
 
 def most_at_once(size: int) -> int:
     """Segments of so many bytes that are worked through at once: full groups for all cores where there are enough."""
-    fit_in, full = max(int(SIZE / max(size, 1)), 1), LANES * cores()
+    fit_in, full = max(int(SIZE * cores() / max(size, 1)), 1), LANES * cores()
     return fit_in // full * full or fit_in
 
 

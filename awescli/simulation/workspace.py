@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-SIZE = 2**26
-"""[bytes] that the sensitivities of some segments may take at once."""
+SIZE = 2**25
+"""[bytes] that the sensitivities of some segments may take at once, for each core."""
 
 
 class Workspace:
