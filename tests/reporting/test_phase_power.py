@@ -8,15 +8,19 @@ from awescli.reporting.marks import plain
 from awescli.reporting.phase_power import phase_table
 from awescli.reporting.power import power_claim
 from awescli.reporting.rendering import show
+from awescli.reporting.words import number
 
 
 def test_phases_and_cycles_stand_in_the_table_with_intervals():
-    """Guards that each phase and cycle has a row, in kilowatts, with every model's interval."""
+    """Guards that each phase and cycle has a row of its own for what was measured and for every model, with its interval, and by how much
+    its energy is off: a table that grows downwards, whatever there is to compare."""
     found = evidence()
     html = show(phase_table(found))
     for piece in ("traction", "retraction", "cycle 1, 25 % unseen", "30.0 of 40.0", "0.280"):
         assert piece in html, piece
-    assert html.count("<tr>") == 4 and html.count(" to ") >= 3 * len(found.models)
+    assert html.count("<tr>") == 1 + 3 * (1 + len(found.models)) and html.count(" to ") >= 3 * len(found.models)
+    first = found.scores[found.models[0]]["power"]["by_phase"][0]
+    assert number(100 * (first["predicted_J"] - first["measured_J"]) / first["measured_J"]) in html
 
 
 def test_where_intervals_lie_is_said():
