@@ -15,7 +15,7 @@ ABOUT = {"free": OF_THE_FITTED_WIND, "measured": OF_THE_FITTED_WIND, "filtered":
 
 
 def phase_table(evidence: Evidence) -> Body:
-    """Each phase of unseen flight, then each cycle, a row for what was measured and one for every model; empty for a flight without power."""
+    """Each phase of unseen flight, then each cycle, as measured and as every model predicts it; empty for a flight without power."""
     found = {m: b for m, b in powers(evidence).items() if b.get("by_phase") or b.get("by_cycle")}
     if not found:
         return ""
