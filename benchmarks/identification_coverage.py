@@ -58,7 +58,8 @@ def run_fit(name: str, case: tuple[str, int]) -> dict:
     from awescli.estimation.prediction_scores import scored
     from awescli.estimation.problem import build, levels_found, simulator_of, without_record
     from awescli.estimation.record_level import with_record_level
-    from awescli.estimation.staged_fit import Flight, fit_from_starts
+    from awescli.estimation.several_starts import fit_from_starts
+    from awescli.estimation.staged_fit import Flight
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
 

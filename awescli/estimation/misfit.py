@@ -162,7 +162,8 @@ class Misfit:
         columns: int = 0,
     ) -> Iterator[tuple[slice, Links, Trajectories]]:  # fmt: skip
         """(which segments, `links` of these, their trajectories), some segments after the other: sensitivities are larger than all else of
-        a flight, and those of the next part take the place of these. columns: how many `extra` has."""
+        a flight, and those of the next part take the place of these. columns: how many more will stand beside them, of `extra` or of the
+        caller."""
         names, samples, outputs = self.names if parameters is None else tuple(parameters), *self.observed.measured.shape[1:]
         self.simulator.stepping(self.segments(own))
         width = self.simulator.n_s + 2 * len(self.disturbances) + len(names) + 2 * columns

@@ -1,5 +1,4 @@
-"""A whole identification: from short horizons to the whole one, levels of processes and noise estimated along; one or several flights, one
-or several starts."""
+"""A whole identification: from short horizons to the whole one, levels of processes and noise estimated along; one or several flights."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +9,7 @@ import numpy as np
 
 from awescli.estimation.coloured import coloured_information
 from awescli.estimation.fit import Fit, JointFit, Share, fit_together
-from awescli.estimation.levels import noise_factors, opened, prior_deviance, relevelled
+from awescli.estimation.levels import noise_factors, opened, relevelled
 from awescli.estimation.misfit import DIVERGED_COST, Misfit, NuisanceValues
 from awescli.estimation.problem import EstimationProblem
 from awescli.estimation.processes.base import Group, Process
@@ -33,7 +32,7 @@ IN_GUSTS = (GUSTS, *TURNING, "line")
 SETTLED_ON = 120.0
 """[s] of a flight's train on which parameters and levels settle, at most, spread over the flight; the whole is fitted from there."""
 LEVEL_ROUNDS = 4
-"""The same while parameters are held."""
+"""Most often are levels fitted while parameters are held."""
 OUTPUT_ERROR_ITERATIONS = 100
 """Most iterations of a fit without processes: a model that is far from the flight has a long valley before it."""
 ROUNDS, LAST_ROUNDS = 8, 2
@@ -50,9 +49,6 @@ OFF = 0.03
 """A noise whose factor is within 1 +- this is as declared."""
 AT_ONCE, SMALLEST, LARGEST = 1.5, 0.1, 5.0
 """A noise changes by at most the first factor in a round, and stays between the others in all."""
-SAME_OPTIMUM = 4.0
-"""Difference in deviance below which two starts have led to the same optimum: levels are not fitted closer."""
-
 OnIteration = Callable[[float, int, float], None]
 """horizon [s], iteration, cost"""
 
@@ -63,15 +59,6 @@ class Flight:
 
     problem: EstimationProblem
     label: str = ""
-
-
-@dataclass(frozen=True)
-class Optimum:
-    """Where one start of several led. cost: -2 log posterior of parameters, levels and noise."""
-
-    cost: float
-    outcome: str
-    x: np.ndarray
 
 
 def own_names(problem: EstimationProblem, patterns: Sequence[str]) -> tuple[str, ...]:
@@ -175,7 +162,7 @@ def fit_output_error(
     problems = [p.with_processes([q if q.certain else q.at(dict.fromkeys(q.levels, 0.0)) for q in p.processes]) for p in problems]
     labels, tables, none = [f.label for f in flights], [p.simulator.kite.parameters for p in problems], [None] * len(problems)
     for horizon in horizons:
-        short = [p.shorter(horizon, p.simulator.holding(t)) for p, t in zip(problems, tables, strict=True)]
+        short = [p.shorter(horizon, p.simulator.holding(t)).spread_out(SETTLED_ON) for p, t in zip(problems, tables, strict=True)]
         result = _fitted(short, labels, tables, none, per_flight, prior, LOOSE, on_iteration)
         tables = [f.parameters for f in result.flights]
     result = _fitted(problems, labels, tables, none, per_flight, prior, TIGHT, on_iteration, OUTPUT_ERROR_ITERATIONS)
@@ -365,51 +352,3 @@ def fit_in_stages(problem: EstimationProblem, horizons: Sequence[float], **how: 
     """`fit_flights` of one flight."""
     result, problems = fit_flights([Flight(problem)], horizons, **how)
     return result.flights[0], problems[0]
-
-
-def fit_from_starts(
-    flights: Sequence[Flight], horizons: Sequence[float], starts: int, seed: int, *, on_start: Callable[[int], None] = lambda i: None,
-    **how: Any
-) -> tuple[JointFit, tuple[EstimationProblem, ...], list[Optimum]]:  # fmt: skip
-    """`fit_flights` from the declared values and from `starts` - 1 draws of the prior inside its bounds; the best of them, and all."""
-    random = np.random.default_rng([seed, 3])
-    found: list[tuple[JointFit, tuple[EstimationProblem, ...]]] = []
-    optima: list[Optimum] = []
-    for i in range(starts):
-        on_start(i)
-        start = _drawn(flights[0].problem, random) if i else None
-        result, problems = fit_flights(flights, horizons, start=start, **how)
-        optima.append(Optimum(_whole_deviance(result, problems), result.solution.outcome, result.solution.x))
-        # only the best is kept: a fit is large
-        if not found or optima[-1].cost < min(o.cost for o in optima[:-1]):
-            found = [(result, problems)]
-    (result, problems) = found[0]
-    return result, problems, optima
-
-
-def _whole_deviance(result: JointFit, problems: Sequence[EstimationProblem]) -> float:
-    """-2 log posterior of parameters, levels and noise."""
-    away, _ = result.prior.deviations(result.names, result.solution.x)
-    levels = sum(prior_deviance(p.processes) for p in problems)
-    return sum(f.deviance for f in result.flights) + float(np.square(away).sum()) + levels
-
-
-def spread_of(optima: Sequence[Optimum], best: JointFit) -> dict:
-    """What several starts say: costs above the best, how many led to the same optimum, and how far apart these and all of them lie, per
-    parameter, in standard deviations of the fit."""
-    std = np.sqrt(np.diag(best.covariance))
-    above = np.array([o.cost for o in optima])
-    above -= above.min()
-    apart = np.array([np.abs(o.x - best.solution.x) / std for o in optima])
-    same = above < SAME_OPTIMUM
-    return {
-        "starts": len(optima), "same_optimum": int(same.sum()), "cost_above_best": above.tolist(),
-        "outcomes": [o.outcome for o in optima], "largest_distance_within_optimum_std": float(apart[same].max(initial=0.0)),
-        "largest_distance_std": dict(zip(best.names, apart.max(axis=0).tolist(), strict=True)),
-    }  # fmt: skip
-
-
-def _drawn(problem: EstimationProblem, random: np.random.Generator) -> dict[str, float]:
-    """Values of the kite's free parameters, drawn from their priors and moved inside their bounds."""
-    rows = [problem.prior[n] for n in problem.names if n not in problem.kite.record]
-    return {p.name: float(np.clip(random.normal(p.value, p.prior_std), p.lower, p.upper)) for p in rows}

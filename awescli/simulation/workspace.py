@@ -1,5 +1,5 @@
 """Memory for sensitivities, used again: they are larger than all else of a flight, and a system hands out new memory page by page, which
-takes half as long again as to compute them."""
+costs time."""
 
 import math
 from collections import deque

@@ -87,7 +87,8 @@ class Identify(Stage):
     def run(self, context: Context, config: IdentifyConfig) -> dict[str, Any]:
         from awescli.artifacts import write_json, write_text
         from awescli.estimation.identifiability import describe
-        from awescli.estimation.staged_fit import fit_from_starts, fit_output_error, spread_of, unaided
+        from awescli.estimation.several_starts import fit_from_starts, spread_of
+        from awescli.estimation.staged_fit import fit_output_error, unaided
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.simulation.closed_loop import without_setpoint_dynamics
         from awescli.stages.flight_parts import flight_parts
@@ -280,7 +281,7 @@ def tell(progress: Progress, answer: dict, metrics: dict) -> None:
     for factor in answer["common_factors"]:
         progress.note(f"{factor['says']}; the prior sets the factor")
     if starts := metrics.get("starts"):
-        from awescli.estimation.staged_fit import SAME_OPTIMUM
+        from awescli.estimation.several_starts import SAME_OPTIMUM
 
         ends = zip(starts["outcomes"], starts["cost_above_best"], strict=True)
         others = sum(outcome == "converged" and cost >= SAME_OPTIMUM for outcome, cost in ends)

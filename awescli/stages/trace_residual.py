@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from awescli.flightlog.log import FlightLog
     from awescli.flightlog.split import Split
     from awescli.physics.declaration import KiteDeclaration
+    from awescli.tracing.frame import TracedFlight
     from awescli.tracing.investigate import Finding
-    from awescli.tracing.models import TracedFlight
 
 
 class TraceResidualConfig(StageConfig):
@@ -135,7 +135,7 @@ class TraceResidual(Stage):
 def traced(context: Context, closed: bool, log: "FlightLog", parts: "Split", declared: "KiteDeclaration", label: str) -> "TracedFlight":
     """A flight as tracing takes it; closed: the fitted controller moves its surfaces."""
     from awescli.stages.flight_parts import closing_upstream
-    from awescli.tracing.models import TracedFlight
+    from awescli.tracing.frame import TracedFlight
 
     driven, closes = closing_upstream(context, declared, log) if closed else (declared, None)
     return TracedFlight(log, parts, driven, label, closes)
@@ -167,7 +167,7 @@ def begun(identified: dict, horizon: float, surfaces: str) -> dict:
     metrics.json; levels are missing where it weighed channels by their range or had other surfaces, the error where it predicted another
     horizon, or from other states."""
     from awescli.estimation.processes import PROCESSES
-    from awescli.tracing.models import Levels
+    from awescli.tracing.frame import Levels
 
     found, processes = {}, identified.get("processes")
     alike = identified["surfaces"] == surfaces

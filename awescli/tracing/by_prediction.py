@@ -15,7 +15,8 @@ from awescli.estimation.prediction import predict
 from awescli.estimation.staged_fit import fit_levels
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.models import FittedModel, Frame, Say
+from awescli.tracing.frame import Frame
+from awescli.tracing.models import FittedModel, Say
 from awescli.tracing.screen import Score, Screening, screen
 from awescli.tracing.search import mends, plausible
 

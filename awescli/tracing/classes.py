@@ -17,7 +17,8 @@ from awescli.notation.parameters import Parameter
 from awescli.physics.kite import make_effect
 from awescli.tracing.candidates import Variant, variants
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.models import FittedModel, Frame, Say, fit_instead
+from awescli.tracing.frame import Frame
+from awescli.tracing.models import FittedModel, Say, fit_instead
 from awescli.tracing.screen import CandidateColumns, Score, firm, informed
 from awescli.tracing.search import plausible, refined
 

@@ -10,8 +10,9 @@ from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 from awescli.tracing.by_prediction import better_by_prediction
 from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.frame import Frame, Levels, TracedFlight
 from awescli.tracing.investigate import Finding, investigate, library_keys
-from awescli.tracing.models import Frame, Levels, Say, TracedFlight, fit_null
+from awescli.tracing.models import Say, fit_null
 
 CURRICULUM = (1.0, 2.5)
 """[s] horizons fitted before the whole one: a guess that is 30 % off cannot follow the flight for five seconds."""

@@ -20,7 +20,8 @@ from awescli.tracing.classes import rivals
 from awescli.tracing.constancy import gains_along, steadiness
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import AbsorbedEffect, Evidence
-from awescli.tracing.models import FittedModel, Frame, Say, fit_added, fit_beyond, fit_on, fit_without_process
+from awescli.tracing.frame import Frame
+from awescli.tracing.models import FittedModel, Say, fit_added, fit_beyond, fit_on, fit_without_process
 from awescli.tracing.rest import Rest, channels_of, gusts_of, repetition_of_gusts, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, Tried, search

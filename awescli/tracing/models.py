@@ -1,22 +1,21 @@
 """Models that compete: the declared kite with some effects added, fitted to the same flights with levels of processes of its own."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from awescli.estimation.fit import Fit, JointFit, Share, fit_together
 from awescli.estimation.levels import prior_deviance
 from awescli.estimation.misfit import DIVERGED_COST, Misfit
-from awescli.estimation.problem import EstimationProblem, build, simulator_of, without_record
+from awescli.estimation.problem import EstimationProblem, without_record
 from awescli.estimation.processes.base import Process
 from awescli.estimation.staged_fit import COARSE, MODEL_ERROR, SETTLED_ON, SLIGHT, Flight, fit_flights, fit_levels, widened
-from awescli.flightlog.log import FlightLog
-from awescli.flightlog.split import Split
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.physics.declaration import KiteDeclaration
-from awescli.physics.kite import Kite, make_effect
+from awescli.physics.kite import make_effect
 from awescli.simulation.rollout import Simulator
+from awescli.tracing.frame import Frame, Levels
 
 Say = Callable[[str], None]
 """Tells the user what is being done."""
@@ -31,58 +30,6 @@ AT_END = 1e-6
 """Share of its range by which a parameter at an end of it may be away from the end."""
 BEYOND = 10.0
 """Prior standard deviations to either side where a bound is taken away."""
-
-
-@dataclass(frozen=True)
-class TracedFlight:
-    """A flight of a trace. declared: the kite as declared for it (its wind record and noise are the flight's); closes: a kite -> the law
-    that moves its surfaces; None: the recorded set-points do."""
-
-    log: FlightLog
-    split: Split
-    declared: KiteDeclaration
-    label: str = ""
-    closes: Callable[[Kite], Callable] | None = None
-
-    def simulator(self, keys: Sequence[str]) -> Simulator:
-        """Of the declared kite with the effects `keys` at null."""
-        return simulator_of(self.declared, self.log, keys, closes=self.closes)
-
-
-@dataclass(frozen=True)
-class Levels:
-    """Levels of a flight's processes, by group, and factors on its noise, by channel."""
-
-    processes: Mapping[str, float] = field(default_factory=dict)
-    factors: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Frame:
-    """What all models of a trace share. flights: the plan's first; outputs: compared channels; per_flight: patterns of parameters that
-    every flight has for itself; seconds: no more than so much of the train loops of each is looked at, and the same share of validation;
-    spacing: [s] between nodes of processes, at least."""
-
-    flights: tuple[TracedFlight, ...]
-    horizon: float
-    outputs: tuple[str, ...]
-    per_flight: tuple[str, ...] = ()
-    seconds: float = np.inf
-    spacing: float = 0.0
-
-    @property
-    def labels(self) -> list[str]:
-        return [f.label for f in self.flights]
-
-    @property
-    def declared(self) -> KiteDeclaration:
-        """Of the plan's flight."""
-        return self.flights[0].declared
-
-    def problems(self, keys: Sequence[str]) -> list[EstimationProblem]:
-        """The flights cut up for the declared kite with the effects `keys` at null."""
-        cut = (build(f.simulator(keys), f.log, f.split, self.horizon, self.outputs) for f in self.flights)
-        return [problem.spread_out(self.seconds).spaced(self.spacing) for problem in cut]
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ from awescli.simulation.rollout import Columns
 from awescli.simulation.scores import error
 from awescli.tracing.candidates import Variant, variants
 from awescli.tracing.criteria import CRITERIA
-from awescli.tracing.models import FittedModel, Frame, TracedFlight
+from awescli.tracing.frame import Frame, TracedFlight
+from awescli.tracing.models import FittedModel
 
 SHORT = 1.0
 """[s] of the segments that are screened."""

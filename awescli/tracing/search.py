@@ -9,7 +9,8 @@ import numpy as np
 from awescli.notation.present import present
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.models import FittedModel, Frame, Say, fit_added, fit_held, fit_on, fit_on_part, fit_swapped, fit_without
+from awescli.tracing.frame import Frame
+from awescli.tracing.models import FittedModel, Say, fit_added, fit_held, fit_on, fit_on_part, fit_swapped, fit_without
 from awescli.tracing.screen import Score, Screening, holm, screen
 
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
@@ -29,8 +30,8 @@ UNSEEN = 0.05
 class Tried:
     """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
     the fit, "not fitted" or "failed"; gain: deviance by which the model leads the one before, unseen: the same on validation alone, both
-    of all segments where it was fitted to a share of them; plausible: no strength at the end of its range; partly: as `fit_on_part`
-    fits."""
+    of all segments where it was fitted to a share of them; plausible: no strength at the end of its range; partly: fitted to no more than
+    what tells candidates apart (`fit_on_part`)."""
 
     score: Score
     significant: bool
@@ -172,7 +173,7 @@ def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Crite
     if here.rest:
         # an abrupt effect changes a flight at its start already: only a fit from its probe can judge it
         chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).abrupt]
-    part, few = fit_on_part(frame, here)
+    part, few = fit_on_part(frame, here) if chosen else (frame, here)
     times, best, found = here.segments / few.segments, 0.0, []
     for s, sure in zip(scores, significant, strict=True):
         if s not in chosen:

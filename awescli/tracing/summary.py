@@ -62,7 +62,7 @@ def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction
         "unexplained": _unexplained(finding) if finding.verdict == "unexplained" else None,
         "error": error,
         "criteria": [
-            {"name": c.name, "value": _bounded(c.value), "threshold": c.threshold, "pass": c.passed, "says": c.says, "source": c.source}
+            {"name": c.name, "value": bounded(c.value), "threshold": c.threshold, "pass": c.passed, "says": c.says, "source": c.source}
             for c in finding.table
         ],
         "probability": dict(finding.probability),
@@ -210,7 +210,7 @@ def _by_prediction(finding: Finding, log: FlightLog) -> dict | None:
     return {"effects": better, "chi2": {"before": found.base.chi2, "after": found.model.chi2}, "sentence": f"{sentence}."}
 
 
-def _bounded(value: float | str) -> float | str:
+def bounded(value: float | str) -> float | str:
     """A value as a file may hold it: of a model that is nowhere near the flight some have no bounds."""
     return value if isinstance(value, str) else min(max(value, -MOST), MOST)
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.models import FittedModel, Frame, fit_apart
+from awescli.tracing.frame import Frame
+from awescli.tracing.models import FittedModel, fit_apart
 
 
 @dataclass(frozen=True)

@@ -295,3 +295,11 @@ def test_an_equality_leaves_no_variance_across_it():
     reduced = substituted @ np.linalg.inv(substituted.T @ H @ substituted) @ substituted.T
     scale = 1 / np.sqrt(np.diag(H))
     assert covariance(H, scale, np.array([[2.0, 0.0, -1.0]])) == pytest.approx(reduced, rel=1e-6, abs=1e-9 * np.abs(reduced).max())
+
+
+def test_no_information_leaves_large_variances_and_no_infinite_ones():
+    """Guards a model that flies nowhere (Thor): its information was none, or negative by rounding, and its covariance overflowed."""
+    scale = np.array([1.0, 0.1, 30.0])
+    for H in (np.zeros((3, 3)), -1e-3 * np.eye(3)):
+        C = covariance(H, scale)
+        assert np.isfinite(C).all() and (np.sqrt(np.diag(C)) > 1e3 * scale).all()

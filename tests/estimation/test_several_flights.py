@@ -7,7 +7,7 @@ from kites import DEVELOPMENT, declared, flight, lively, truly
 from awescli.estimation.fit import Share, fit, fit_together
 from awescli.estimation.identifiability import describe
 from awescli.estimation.misfit import Misfit
-from awescli.estimation.staged_fit import Optimum, spread_of
+from awescli.estimation.several_starts import Optimum, spread_of
 from awescli.notation.constraints import parse_constraint
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator

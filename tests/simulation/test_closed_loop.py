@@ -21,7 +21,7 @@ from awescli.simulation.segments import observe
 from awescli.simulation.survival import Amplified, gain_margin
 from awescli.simulation.synthetic import with_effects
 from awescli.stages.controller_artifact import wind_direction
-from awescli.tracing.models import TracedFlight
+from awescli.tracing.frame import TracedFlight
 
 KITE = read_kite(Path(__file__).parents[2] / "data" / "kites" / "development.yaml")
 STEP = LinearLaw(surfaces=("rudder",), features=("r",), centre=(0.0,), scale=(1.0,), limits={"rudder": (-1.0, 1.0)},

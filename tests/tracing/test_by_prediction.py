@@ -9,7 +9,7 @@ from tracing.traced import short_flight
 from awescli.estimation.prediction import predict
 from awescli.tracing.by_prediction import better_by_prediction
 from awescli.tracing.criteria import CRITERIA
-from awescli.tracing.models import Frame, TracedFlight
+from awescli.tracing.frame import Frame, TracedFlight
 
 KEYS = ("actuator_lag:rudder", "sideslip_drag", "surface_bias:yaw", "air_density", "position_latency")
 UNKNOWN = ("CL0", "CD0", "Cma", "Cndr", "dl")

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 from tracing.traced import null_model, short_flight, thinned
 
+from awescli.estimation import staged_fit
 from awescli.estimation.prediction import predict
+from awescli.estimation.staged_fit import Flight, fit_flights
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
 from awescli.notation.parameters import Parameter, ParameterTable
-from awescli.tracing.models import FittedModel, Frame, TracedFlight, _asked_of, bounded, fit_null
+from awescli.tracing.frame import Frame, TracedFlight
+from awescli.tracing.models import FittedModel, _asked_of, bounded, fit_null
 
 N, FIT, SEEN = 4, 30, 20
 
@@ -99,3 +102,29 @@ def test_a_flight_is_identified_as_well_from_a_slow_log():
         errors.append(prediction.nrmse()["mean"])
         assert errors[-1] < 1.3 * prediction.noise_floor()["mean"] and prediction.diverged == 0
     assert errors == pytest.approx([errors[0]] * 3, rel=0.2)
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_a_part_is_a_beginning_for_the_whole_where_the_model_comes_to_its_minimum_on_it(ends, monkeypatch):
+    """Guards fits of long flights: from a part on which the model comes to its minimum all segments are fitted, to the same values; from
+    one on which it does not (Thor), the whole is settled as if there had been no part, to the last bit."""
+    frame, _ = null_model()
+    flights, settled, asked = [Flight(p) for p in frame.problems(())], staged_fit._settled, []
+    whole, _ = fit_flights(flights, ())
+
+    def counting(problems, *given):
+        asked.append(len(problems[0].fitted.segments))
+        result, found = settled(problems, *given)
+        failed = replace(result, solution=replace(result.solution, kkt=result.solution.cost))
+        return (result if ends or len(asked) > 1 else failed), found
+
+    monkeypatch.setattr(staged_fit, "SETTLED_ON", 6.0)
+    monkeypatch.setattr(staged_fit, "_settled", counting)
+    result, problems = fit_flights(flights, ())
+    count = len(flights[0].problem.fitted.segments)
+    assert asked == ([3] if ends else [3, count]) and count > 3
+    assert len(problems[0].fitted.segments) == len(result.flights[0].alive) == count
+    if ends:
+        assert np.abs((result.solution.x - whole.solution.x) / np.sqrt(np.diag(whole.covariance))).max() < 0.3
+    else:
+        assert np.array_equal(result.solution.x, whole.solution.x)

@@ -11,7 +11,8 @@ from awescli.estimation.fit import fit
 from awescli.estimation.problem import build, simulator_of
 from awescli.physics.kite import make_effect
 from awescli.tracing.candidates import variants
-from awescli.tracing.models import Frame, TracedFlight, fit_null
+from awescli.tracing.frame import Frame, TracedFlight
+from awescli.tracing.models import fit_null
 from awescli.tracing.screen import CandidateColumns, holm, informed, screen
 
 KEYS = ("sideslip_drag", "parasitic_drag", "actuator_lag:rudder", "pitch_curvature", "airspeed_scale", "position_latency",

@@ -91,7 +91,7 @@ def test_a_significant_candidate_that_stays_failed_is_not_forgotten(monkeypatch)
 
 @pytest.mark.parametrize("drop, abrupt, again", [(20.0, False, False), (20.0, True, True), (200.0, False, True)])
 def test_what_is_hopeless_beside_the_best_is_tried_once(monkeypatch, drop, abrupt, again):
-    """Guards time in gusts: fits that failed were gone on with and begun elsewhere though the best had gained thirty times their score.
+    """Guards time in gusts: fits that failed were gone on with and begun elsewhere though the best had gained twenty times their score.
     What may gain more than its score says, an abrupt effect, is tried as ever; and what was not tried again is not called failed."""
     begun, leads = [], fitted(400.0)
 
@@ -112,6 +112,27 @@ def test_what_is_hopeless_beside_the_best_is_tried_once(monkeypatch, drop, abrup
     first, second = searching._race(SimpleNamespace(declared=None), BASE, screening, CRITERIA, lambda text: None)
     assert first.gain == 400.0 and begun == ["sideslip_drag", *["mass_offset"] * (3 if again else 1)]
     assert second.outcome == ("failed" if again else "not fitted")
+
+
+@pytest.mark.parametrize("partly", [True, False])
+def test_what_leads_on_a_part_of_the_flight_is_fitted_to_all_of_it(monkeypatch, partly):
+    """Guards `outdone`: an implausible effect that led by its share of a long flight alone would make the answer "outdone"; its gain is
+    that on the whole flight. One that was fitted to all of it keeps the gain that it has."""
+    whole = {"implausible": fitted(30.0), "right": fitted(35.0)}
+    for key, model in whole.items():
+        model.keys = (key,)
+    monkeypatch.setattr(searching, "fit_on", lambda frame, model: whole[model.keys[-1]])
+    monkeypatch.setattr(searching, "refined", lambda frame, model, criteria: model)
+    monkeypatch.setattr(searching, "admissible", lambda *given: True)
+    monkeypatch.setattr(searching, "plausible", lambda model, key: key == "right")
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(shapes=()))
+    tried = tuple(
+        searching.Tried(SimpleNamespace(key=key), True, "converged", whole[key], gain, plausible=key == "right", partly=partly)
+        for key, gain in (("implausible", 90.0), ("right", 33.0))
+    )
+    best, tried = searching._best(SimpleNamespace(declared=None), BASE, tried, CRITERIA, lambda text: None)
+    assert best is whole["right"] and [t.gain for t in tried] == [30.0 if partly else 90.0, 35.0]
+    assert [t.partly for t in tried] == [False, False]
 
 
 @pytest.mark.parametrize("tau, tried", [(1.0, [50.0, 0.8, 0.008]), (0.2, [50.0])])

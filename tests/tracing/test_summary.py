@@ -1,10 +1,12 @@
 """What effects.json says beside the verdict."""
 
 import pytest
+from pydantic import TypeAdapter, ValidationError
 from tracing.annotated import holds
 
+from awescli.artifacts.forms.words import Number
 from awescli.tracing.rest import Rest
-from awescli.tracing.summary import left
+from awescli.tracing.summary import bounded, left
 
 
 def shares(before: float, after: float, samples: int) -> float:
@@ -27,3 +29,12 @@ def test_annotations_are_looked_through():
     assert holds((("a", "b"), ("c", "d")), pairs) and not holds((("a", "b"), ("c", "d", 1.0)), pairs)
     assert holds({"a": (1, None)}, dict[str, tuple[float, int | None]]) and not holds({"a": (1, "x")}, dict[str, tuple[float, int | None]])
     assert not holds(None, float) and not holds([("a", "b")], pairs)
+
+
+def test_values_of_criteria_fit_into_the_file():
+    """Guards effects.json of a model that is nowhere near the flight: 2e18 of deviance was a number that the file's own form refuses."""
+    assert bounded(2e18) == 1e15 and bounded(-2e18) == -1e15 and bounded(0) == 0 and bounded("not compared") == "not compared"
+    number = TypeAdapter(Number)
+    assert number.validate_python(bounded(2e18)) == 1e15
+    with pytest.raises(ValidationError):
+        number.validate_python(2e18)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tracing.traced import short_flight, traced_flight
 
-from awescli.tracing.models import TracedFlight
+from awescli.tracing.frame import TracedFlight
 from awescli.tracing.when import onset
 
 

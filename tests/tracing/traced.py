@@ -14,7 +14,8 @@ from awescli.notation.parameters import ParameterTable
 from awescli.physics.declaration import KiteDeclaration
 from awescli.simulation.campaign_flights import dev_like
 from awescli.tracing.flight import trace_flight
-from awescli.tracing.models import Frame, TracedFlight, fit_null
+from awescli.tracing.frame import Frame, TracedFlight
+from awescli.tracing.models import fit_null
 from awescli.tracing.summary import summary
 
 GUESSED = ("CL0", "CLa", "CD0", "CDa2", "CYb", "Clb", "Clp", "Cma", "Cmq", "Cnb", "Cnr", "Cndr", "CtD", "dl")
