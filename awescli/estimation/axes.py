@@ -29,6 +29,11 @@ class Axes:
         """(..., W) Q over time differences dt (...) [s]."""
         return -(self.level**2) * np.expm1(-2 * np.asarray(dt)[..., None] / self.memory)
 
+    def slope(self, dt: float | np.ndarray) -> np.ndarray:
+        """(..., W) dF / d log memory over time differences dt (...) [s]; none over an endless one."""
+        spans = np.where(np.isfinite(dt), dt, 0.0)[..., None] / self.memory
+        return spans * np.exp(-spans)
+
     def summed(self, path: np.ndarray, onto: np.ndarray, count: int) -> np.ndarray:
         """(..., count, c) of `path` (..., W, c): what the axes add up to on `count` places, onto (W,) naming the place of each or -1."""
         S = np.zeros((count, len(self)))

@@ -72,11 +72,14 @@ def _cholesky(M: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class Innovations:
     """What the axes do from node to node, in units of their own noise, summed over a flight; all (W,). mean: squares of the best values;
-    spread: variances about them; steps: how many, the first value included."""
+    spread: variances about them; steps: how many, the first value included. longer, known: of the logarithm of the memory, the noise from
+    node to node held: what half the deviance falls by, and by how much less each time (`levels`)."""
 
     mean: np.ndarray
     spread: np.ndarray
     steps: int
+    longer: np.ndarray
+    known: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -181,18 +184,21 @@ class _Back:
         """For the best change (K, L + 1, W) of the path."""
         L, which, axes = len(self.gram.bounds) - 1, self.which, self.axes
         path, spans = (self.path + change)[which], np.diff(self.times[0])
-        F, Q = axes.decay(spans), axes.variance(spans)
+        F, Q, slope = axes.decay(spans), axes.variance(spans), axes.slope(spans)
         steps = path[:, 1:] - F * path[:, :-1]
         mean, count = (steps**2 / Q).sum(axis=(0, 1)), len(which) * L
-        ends, spread, further, gaps = self._along(path)
-        inside = self._within(ends, F)
-        return Innovations(mean + further, (inside / Q).sum(axis=0) + spread, count + gaps)
+        longer, known = (slope * steps * path[:, :-1] / Q).sum(axis=(0, 1)), (slope**2 * path[:, :-1] ** 2 / Q).sum(axis=(0, 1))
+        ends, along = self._along(path)
+        inside, crossed = self._within(ends, F)
+        return Innovations(
+            mean + along.mean, (inside / Q).sum(axis=0) + along.spread, count + along.steps,
+            longer + (slope * crossed / Q).sum(axis=0) + along.longer, known + along.known,
+        )  # fmt: skip
 
-    def _along(self, path: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-        """((K, 2 W, 2 W) covariance of w at both ends of the segments; variances and squares of the steps between segments, in units of
-        their noise, and how many these are, the first value of all included)."""
+    def _along(self, path: np.ndarray) -> tuple[np.ndarray, Innovations]:
+        """((K, 2 W, 2 W) covariance of w at both ends of the segments; the steps between segments, the first value of all included)."""
         W, axes, which = len(self.axes), self.axes, self.which
-        ends, spread, square, count = np.zeros((len(which), 2 * W, 2 * W)), np.zeros(W), np.zeros(W), 0
+        ends, (spread, square, longer, known), count = np.zeros((len(which), 2 * W, 2 * W)), np.zeros((4, W)), 0
         before = np.zeros((W, W))
         for i, (first, last) in enumerate(self.joined):
             if first is None:
@@ -204,23 +210,26 @@ class _Back:
                 A = gain @ before @ gain.T + own
                 # before the first segment lies an endless gap
                 gap = gap_between(self.times[which[i - 1], -1], self.times[which[i], 0]) if i else np.inf
-                f, q = axes.decay(gap), axes.variance(gap)
-                e = path[i, 0] - (f * path[i - 1, -1] if i else 0.0)
+                f, q, slope, w = axes.decay(gap), axes.variance(gap), axes.slope(gap), path[i - 1, -1] if i else np.zeros(W)
+                e = path[i, 0] - f * w
                 moved = gain - np.diag(f)
-                spread += np.diag(moved @ before @ moved.T + own) / q
+                crossed = moved @ before
+                spread += np.diag(crossed @ moved.T + own) / q
                 square += e * e / q
+                longer += slope * (e * w + np.diag(crossed)) / q
+                known += slope**2 * w * w / q
                 count += 1
             inverse = np.linalg.inv(last.C).T
             gain = -inverse @ last.X
             B = gain @ A @ gain.T + inverse @ inverse.T
             ends[i] = np.block([[A, A @ gain.T], [gain @ A, B]])
             before = B
-        return ends, spread, square, count
+        return ends, Innovations(square, spread, count, longer, known)
 
-    def _within(self, ends: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """(L, W) variances of the steps from node to node, summed over segments."""
+    def _within(self, ends: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(variances of the steps from node to node, covariances of these with w before them), each (L, W), summed over segments."""
         W, n_s, n_start, which = len(self.axes), self.gram.n_s, self.gram.n_start, self.which
-        n, found = n_s + 2 * W, np.zeros((len(self.gram.bounds) - 1, W))
+        n, (found, crossed) = n_s + 2 * W, np.zeros((2, len(self.gram.bounds) - 1, W))
         s, w, b = slice(0, n_s), slice(n_s, n_s + W), slice(n_s + W, n)
         # covariance S of [s, w at the node, w at the last node]
         inverse = np.linalg.inv(self.start.C[which]).swapaxes(1, 2)
@@ -235,7 +244,9 @@ class _Back:
             gain = -np.matmul(inverse, inner.X[which])
             moved = gain.copy()
             moved[:, :, w] -= np.diag(F[m])
-            found[m] = ((np.matmul(moved, S) * moved).sum(axis=2) + np.einsum("kii->ki", own)).sum(axis=0)
+            seen = np.matmul(moved, S)
+            found[m] = ((seen * moved).sum(axis=2) + np.einsum("kii->ki", own)).sum(axis=0)
+            crossed[m] = np.einsum("kii->i", seen[:, :, w])
             E = self.E[which, m]
             A, B = np.zeros((len(which), n, n)), np.zeros((len(which), n, W))
             A[:, w], A[:, b, b], B[:, w] = gain, np.eye(W), np.eye(W)
@@ -245,8 +256,9 @@ class _Back:
             S = np.matmul(np.matmul(A, S), A.swapaxes(1, 2)) + np.matmul(np.matmul(B, own), B.swapaxes(1, 2))
         moved = np.zeros((W, n))
         moved[:, b], moved[:, w] = np.eye(W), -np.diag(F[-1])
-        found[-1] = (np.matmul(moved, S) * moved).sum(axis=2).sum(axis=0)
-        return found
+        seen = np.matmul(moved, S)
+        found[-1], crossed[-1] = (seen * moved).sum(axis=2).sum(axis=0), np.einsum("kii->i", seen[:, :, w])
+        return found, crossed
 
 
 def eliminate(gram: Gram, axes: Axes, path: np.ndarray, starts: np.ndarray, dt: float, which: np.ndarray | None = None) -> Information:

@@ -1,4 +1,4 @@
-"""Levels of processes and of white noise, from the likelihood in which everything else is integrated out.
+"""Levels of processes, their memories where nobody knows them, and white noise, from the likelihood with everything else integrated out.
 
 With M the squared steps of an axis at their best and V their variances, both in units of the axis' noise, n of them, the slope of the
 deviance is
@@ -7,7 +7,9 @@ deviance is
 
 so level^2 is multiplied by M / (n - V) until it stays (MacKay, Neural Computation 4, 1992: n - V is the number of steps that the flight
 determines). From a level that is too small the first factor says whether there is anything at all: below 1 the likelihood is largest at
-zero.
+zero. A memory moves while the noise from node to node, level^2 / memory, stays: that is what a flight shows best. With w(t + dt) = F w + e,
+the deviance falls by twice sum(F' E[e w] / Q) as log memory grows, F' = dF / d log memory, and what the flight determines of that is
+sum(F'^2 w^2 / Q): a step of Newton's.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,13 +17,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from awescli.estimation.fit import Fit
-from awescli.estimation.information_filter import Information
+from awescli.estimation.information_filter import Information, Innovations
 from awescli.estimation.links import Gram
 from awescli.estimation.misfit import Misfit, NuisanceValues
-from awescli.estimation.processes.base import Process, labels_of
+from awescli.estimation.processes.base import Group, Process, labels_of
 
 FACTOR = 5.0
 """A level changes at most by so much at once."""
+LONGER = 0.7
+"""The logarithm of a memory changes at most by so much at once."""
 ENTERS = 0.05
 """Share of its prior's median with which a level that is zero is tried."""
 NOTHING = 1e-5
@@ -38,7 +42,8 @@ ROUNDS = 8
 def relevelled(
     misfit: Misfit, gram: Gram, own: NuisanceValues, which: np.ndarray, rounds: int = ROUNDS
 ) -> tuple[tuple[Process, ...], float]:
-    """(processes at their likeliest levels, deviance that this gains) at a fixed linearisation, without the groups that are worth nothing.
+    """(processes at their likeliest levels and memories, deviance that this gains) at a fixed linearisation, without the groups that are
+    worth nothing.
 
     gram: of `misfit` about `own`; which: segments that count. The globals are held, so their columns are left out.
     """
@@ -52,11 +57,11 @@ def relevelled(
     info, deviance = at(processes)
     before = deviance
     for _ in range(rounds):
-        trial = _stepped(processes, misfit, info)
-        trial_info, trial_deviance = at(trial)
-        if not trial_deviance < deviance:
+        trials = ((trial, *at(trial)) for trial in _stepped(processes, misfit, info))
+        better = next((t for t in trials if t[-1] < deviance), None)
+        if better is None:
             break
-        gain, processes, info, deviance = deviance - trial_deviance, trial, trial_info, trial_deviance
+        gain, (processes, info, deviance) = deviance - better[-1], better
         if gain < SETTLED:
             break
     found, deviance = _pruned(misfit.processes, processes, deviance, lambda p: at(p)[1])
@@ -64,27 +69,41 @@ def relevelled(
 
 
 def prior_deviance(processes: Sequence[Process]) -> float:
-    """-2 log of the priors of all levels that are there."""
+    """-2 log of the priors of all levels that are there, and of their memories."""
     return sum(g.of_level.deviance(g.level) + g.of_memory.deviance(g.memory) for p in processes for g in p.groups if g.level > 0)
 
 
-def _stepped(processes: Sequence[Process], misfit: Misfit, info: Information) -> tuple[Process, ...]:
-    """The processes after one step of the fixed point."""
+def _stepped(processes: Sequence[Process], misfit: Misfit, info: Information) -> tuple[tuple[Process, ...], ...]:
+    """The processes after one step of the fixed point: of levels and memories, and of levels alone."""
     seen, labels = info.innovations(), [name for name, _ in labels_of(processes, misfit.disturbances, misfit.drifts)]
-    found = []
-    for process in processes:
-        levels = {}
-        for g in process.groups:
-            rows = [i for i, name in enumerate(labels) if name == g.name]
-            if not rows or not g.of_level.spread:
-                continue
-            determined, square = seen.steps * len(rows) - seen.spread[rows].sum(), seen.mean[rows].sum()
-            pull = np.log(g.level / g.of_level.median) / g.of_level.spread**2
-            ratio = (square + max(-pull, 0.0)) / max(determined + max(pull, 0.0), 1e-3)
-            most = g.of_level.median * np.exp(MOST * g.of_level.spread)
-            levels[g.name] = float(min(g.level * np.clip(np.sqrt(ratio), 1 / FACTOR, FACTOR), most))
-        found.append(process.at({**process.levels, **levels}))
-    return tuple(found)
+    places = {name: [i for i, label in enumerate(labels) if label == name] for name in labels}
+    groups = [g for p in processes for g in p.groups if g.name in places and g.of_level.spread]
+    levels = {g.name: _most(g, g.level * _louder(g, seen, places[g.name])) for g in groups}
+    longer = {g.name: _longer(g, seen, places[g.name]) for g in groups if g.of_memory.spread}
+    memories = {g.name: g.memory * longer[g.name] for g in groups if g.name in longer}
+    along = {g.name: _most(g, levels[g.name] * np.sqrt(longer[g.name])) for g in groups if g.name in longer}
+    alone, both = (tuple(p.at({**p.levels, **of}, at) for p in processes) for of, at in ((levels, {}), ({**levels, **along}, memories)))
+    return (both, alone) if memories else (alone,)
+
+
+def _most(g: Group, level: float) -> float:
+    """A level, or the largest that a group may have."""
+    return float(min(level, g.of_level.median * np.exp(MOST * g.of_level.spread)))
+
+
+def _louder(g: Group, seen: Innovations, rows: Sequence[int]) -> float:
+    """The factor on a group's level, its axes at `rows`."""
+    determined, square = seen.steps * len(rows) - seen.spread[rows].sum(), seen.mean[rows].sum()
+    pull = np.log(g.level / g.of_level.median) / g.of_level.spread**2
+    ratio = (square + max(-pull, 0.0)) / max(determined + max(pull, 0.0), 1e-3)
+    return float(np.clip(np.sqrt(ratio), 1 / FACTOR, FACTOR))
+
+
+def _longer(g: Group, seen: Innovations, rows: Sequence[int]) -> float:
+    """The factor on a group's memory."""
+    precision = g.of_memory.spread**-2
+    asked = seen.longer[rows].sum() - precision * np.log(g.memory / g.of_memory.median)
+    return float(np.exp(np.clip(asked / (seen.known[rows].sum() + precision), -LONGER, LONGER)))
 
 
 def _pruned(
@@ -97,7 +116,8 @@ def _pruned(
 
     def without(gone: set[str]) -> float:
         tried = tuple(p.at({g.name: NOTHING * g.of_level.median if g.name in gone else g.level for g in p.groups}) for p in processes)
-        return at(tried) - sum(groups[n].of_level.deviance(NOTHING * groups[n].of_level.median) for n in gone)
+        left = (groups[n] for n in gone)
+        return at(tried) - sum(g.of_level.deviance(NOTHING * g.of_level.median) + g.of_memory.deviance(g.memory) for g in left)
 
     gone: set[str] = set()
     for trial in ([fallen] if len(fallen) > 1 else []) + [{n} for n in groups]:

@@ -72,9 +72,11 @@ class EstimationProblem:
         """With these factors on the declared noise."""
         return self.with_factors({n: f / self.factors.get(n, 1.0) for n, f in factors.items()})
 
-    def at(self, levels: Mapping[str, float], factors: Mapping[str, float]) -> "EstimationProblem":
-        """With these levels of processes, by group, all others that need not be there at zero; and these factors on the noise."""
-        processes = [p.at({g.name: levels.get(g.name, g.level if p.certain else 0.0) for g in p.groups}) for p in self.processes]
+    def at(self, levels: Mapping[str, float], memories: Mapping[str, float], factors: Mapping[str, float]) -> "EstimationProblem":
+        """With these levels of processes, by group, all others that need not be there at zero; these memories [s], others as they are; and
+        these factors on the noise."""
+        there = [{g.name: levels.get(g.name, g.level if p.certain else 0.0) for g in p.groups} for p in self.processes]
+        processes = [p.at(of, dict(memories)) for p, of in zip(self.processes, there, strict=True)]
         return self.with_processes(processes).with_factors(factors)
 
     def spread_out(self, seconds: float) -> "EstimationProblem":

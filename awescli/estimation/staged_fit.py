@@ -316,11 +316,21 @@ def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool, risen: set[st
     processes, gain = relevelled(fit.misfit, fit.gram, fit.own, fit.counted)
     factors = noise_factors(fit) if noise else {}
     off = {n: g for n, f in factors.items() if abs((g := _trusted(problem.factors.get(n, 1.0), f)) - 1) > OFF}
-    before, after = levels_of(problem.processes), levels_of(processes)
-    risen |= {name for name, level in after.items() if level > before.get(name, 0.0)}
+    before, after = _noises(problem.processes), _noises(processes)
+    risen |= {name for name, noise in after.items() if noise > before.get(name, 0.0)}
     problem = problem.with_processes(_hurried(problem.processes, processes, risen))
     new = problem.with_factors(off) if off else problem
     return new, new.misfit(fit.misfit.simulator).carried(fit.own, fit.misfit), np.inf if off else gain
+
+
+def _noise(g: Group) -> float:
+    """What drives a group, in its unit over the root of a second: it moves where a level does that goes with the memory."""
+    return float(g.level * np.sqrt(2 / g.memory))
+
+
+def _noises(processes: Sequence[Process]) -> dict[str, float]:
+    """Name of a group that is there -> what drives it."""
+    return {g.name: _noise(g) for p in processes for g in p.groups if g.level > 0}
 
 
 def _trusted(before: float, factor: float) -> float:
@@ -332,10 +342,10 @@ def _trusted(before: float, factor: float) -> float:
 def _hurried(before: Sequence[Process], after: Sequence[Process], risen: set[str]) -> tuple[Process, ...]:
     """Levels that fall fall twice as far (in logarithms): with the parameters held they would come down slowly, fit after fit, as the
     parameters give up what they had left to the process. Not one that has risen before: it is near its value, and would swing about it."""
-    was = levels_of(before)
+    was = _noises(before)
 
     def level(g: Group) -> float:
-        share = g.level / was.get(g.name, g.level)
+        share = _noise(g) / was.get(g.name, _noise(g))
         return g.level if g.name in risen else g.level * min(share, 1.0)
 
     return tuple(p.at({g.name: level(g) for g in p.groups if g.level > 0}) for p in after)

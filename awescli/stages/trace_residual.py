@@ -173,8 +173,9 @@ def begun(identified: dict, horizon: float, surfaces: str) -> dict:
     alike = identified["surfaces"] == surfaces
     if processes and alike and identified["method"] == "filter error":
         # models are compared with what is always there as it was declared: what they lack must not hide in it
-        levels = {name: p["level"] for name, p in processes.items() if not PROCESSES[p["process"]].certain}
-        found["levels"] = Levels(levels, identified["noise_factors"])
+        estimated = {name: p for name, p in processes.items() if not PROCESSES[p["process"]].certain}
+        levels, memories = ({name: p[what] for name, p in estimated.items() if p[what]} for what in ("level", "memory_s"))
+        found["levels"] = Levels(levels, memories, identified["noise_factors"])
     if alike and identified["horizon_s"] == horizon and identified.get("initial_states", "free") == "free":
         found["identified_error"] = identified["nrmse"]["validation"]["mean"]
     return found

@@ -31,9 +31,10 @@ class TracedFlight:
 
 @dataclass(frozen=True)
 class Levels:
-    """Levels of a flight's processes, by group, and factors on its noise, by channel."""
+    """Levels and memories [s] of a flight's processes, by group, and factors on its noise, by channel."""
 
     processes: Mapping[str, float] = field(default_factory=dict)
+    memories: Mapping[str, float] = field(default_factory=dict)
     factors: Mapping[str, float] = field(default_factory=dict)
 
 

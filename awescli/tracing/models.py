@@ -212,7 +212,7 @@ def fit_null(
         flights = [Flight(p, f.label) for p, f in zip(problems, frame.flights, strict=True)]
         found = fit_flights(flights, horizons, per_flight=frame.per_flight, start=dict(start), on_iteration=on_iteration)
         return FittedModel.of((), (), *found)
-    problems = [p.at(left.processes, left.factors) for p, left in zip(problems, levels, strict=True)]
+    problems = [p.at(left.processes, left.memories, left.factors) for p, left in zip(problems, levels, strict=True)]
     tables = [p.simulator.kite.parameters.with_values(start) for p in problems]
     rounds, tolerance = WHOLE
     return FittedModel.of((), (), *fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, on_iteration))

@@ -169,6 +169,10 @@ def test_innovations_are_those_of_the_dense_posterior():
         mean = (e**2 / Q).sum() + own[0, w] ** 2 / axes.level[w] ** 2
         variance = (np.diag(D @ S @ D.T) / Q).sum() + S[0, 0] / axes.level[w] ** 2
         assert found.mean[w] == pytest.approx(mean, rel=1e-7) and found.spread[w] == pytest.approx(variance, rel=1e-7)
+        slope, before = gaps / axes.memory[w] * F, np.eye(len(times))[:-1]
+        longer = (slope * (e * own[:-1, w] + np.diag(D @ S @ before.T)) / Q).sum()
+        assert found.longer[w] == pytest.approx(longer, rel=1e-7, abs=1e-9)
+        assert found.known[w] == pytest.approx((slope**2 * own[:-1, w] ** 2 / Q).sum(), rel=1e-7)
     assert found.steps == len(times)
 
 

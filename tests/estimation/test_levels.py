@@ -80,6 +80,31 @@ def test_a_level_that_was_flown_is_estimated(simulator, observed, kite):
     assert found[0] == pytest.approx(found[1], rel=0.05)
 
 
+def test_a_memory_that_was_flown_is_estimated(simulator, kite, calm):
+    """Guards the memories by simulation: of a slow force and a quick moment, level and memory return from one memory for both, and from
+    memories that are too long and too short."""
+    observed = lively(kite, calm.log, count=16, seconds=5.0)
+    true = {"force_z": (1.0, 2.0), "moment_y": (0.3, 0.3)}
+    wide = Prior(0.3, 3.0), Prior(0.7, 2.0)
+    flown = ModelError(tuple(Group(a, (a,), level, memory, *wide) for a, (level, memory) in true.items()), 0.1)
+    loose = Misfit(simulator, observed, (), (flown,))
+    own = replace(loose.own(), path=drawn(loose, 5))
+    measured = replace(observed, measured=truly(replace(observed, segments=loose.segments(own)), simulator, noise_seed=6).measured)
+    found = []
+    for begun in ({"force_z": 0.7, "moment_y": 0.7}, {"force_z": 0.3, "moment_y": 1.5}):
+        misfit, own = Misfit(simulator, measured, (), (flown.at(dict.fromkeys(true, 0.3), begun),)), None
+        for _ in range(6):
+            fitted = fit(misfit, kite.parameters, prior=False, own=own, tolerance=0.1)
+            processes, _ = relevelled(misfit, fitted.gram, fitted.own, fitted.counted)
+            own, misfit = fitted.own, misfit.with_processes(processes)
+        found.append({g.name: g.memory for g in misfit.processes[0].groups})
+        for g in misfit.processes[0].groups:
+            level, memory = true[g.name]
+            # 80 s are 40 memories of the force: 16 % of its level, 32 % of its memory
+            assert g.level == pytest.approx(level, rel=0.25) and g.memory == pytest.approx(memory, rel=0.45), g.name
+    assert found[0] == pytest.approx(found[1], rel=0.1)
+
+
 def test_gusts_that_pitch_and_yaw_the_kite_are_estimated(simulator, observed, kite, calm):
     """Guards the gusts' gradients along the fuselage: drawn, flown and measured with noise, from levels three times too small, beside model
     error of the same moments, which is slower and was not flown."""
@@ -161,6 +186,22 @@ def test_gusts_that_were_flown_are_found_and_none_where_none_were():
     assert set(found[0.8]) <= gusts and "horizontal gusts" in found[0.8]
     # 35 s hold a dozen correlation times of the horizontal gusts
     assert found[0.8]["horizontal gusts"] == pytest.approx(0.8, rel=0.4)
+
+
+def test_gusts_of_another_length_keep_their_level():
+    """Guards the memories of gusts from a log: gusts of 0.8 m/s that are 40 m long, a quarter of what is expected, seemed to be of 1.4 m/s
+    where their length was held."""
+    flown = flight(seed=5, duration=42.0, noise=True, effects=(("turbulence", (("sigma", 0.8), ("L", 40.0))),))
+    n = len(flown.log)
+    parts = Split(((0, int(0.85 * n)),), ((int(0.85 * n), n),), (), (1, 1, 0), "time")
+    truth, guess = flown.flown.table(), flown.declared.table()
+    rows = [guess[p] if p in ("CL0", "Cma", "Cndr") else replace(guess[p], value=truth[p].value, free=False) for p in guess]
+    declared = flown.declared.with_parameters(ParameterTable(rows))
+    problem = build(simulator_of(declared, flown.log), flown.log, parts, 2.5, tuple(flown.log.measured))
+    _, problem = fit_in_stages(problem, (1.0,))
+    found = levels_found(problem)["horizontal gusts"]
+    assert found["level"] == pytest.approx(0.8, rel=0.25)
+    assert found["memory_s"] == pytest.approx(40.0 / flown.log["V_a"].mean(), rel=0.6)
 
 
 def test_a_fit_that_begins_in_gusts_finds_them_and_keeps_the_derivatives():

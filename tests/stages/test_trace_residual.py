@@ -10,6 +10,8 @@ from flightlog.synthetic import write_folder
 from kites import DEVELOPMENT
 
 from awescli.artifacts import read_json
+from awescli.estimation.problem import build, simulator_of
+from awescli.flightlog.split import Split
 from awescli.notation.errors import NumericalFailure
 from awescli.notation.parameters import ParameterTable
 from awescli.physics.declaration import kite_text, read_kite
@@ -17,6 +19,7 @@ from awescli.simulation.campaign_flights import dev_like
 from awescli.stages import STAGES
 from awescli.stages.plan import read_plan
 from awescli.stages.runner import run_plan
+from awescli.stages.trace_residual import begun
 from awescli.tracing import investigate as tracing
 
 PLAN = """
@@ -28,6 +31,7 @@ stages:
   identify: {horizon: 2.0, curriculum: []}
   trace-residual: {horizon: 2.0, curriculum: [], candidates: [sideslip_drag, airspeed_scale, "surface_bias:yaw"]}
 """
+PARTS = Split(((0, 300),), ((300, 500),), (), (1, 1, 0), "time")
 GUESSED = ("CL0", "CD0", "Cndr", "dl")
 
 
@@ -51,6 +55,25 @@ def run(folder) -> dict:
 
 def effects_of(folder) -> dict:
     return read_json(folder / "out" / "trace-residual" / "effects.json")
+
+
+def test_a_trace_goes_on_from_the_levels_and_memories_of_identify():
+    """Guards what is handed on: the gusts' level and memory as identify found them; what is always there (the record's error) stays as it
+    is declared, and other processes are none."""
+    seen = {"level": 0.6, "unit": "m/s", "memory_s": 2.0, "process": "gusts"}
+    record = {"level": 0.9, "unit": "m/s", "memory_s": 40.0, "process": "wind_record"}
+    identified = {
+        "surfaces": "recorded", "horizon_s": 2.0, "method": "filter error", "noise_factors": {"p": 1.2},
+        "nrmse": {"validation": {"mean": 0.1}}, "processes": {"horizontal gusts": seen, "wind record": record},
+    }  # fmt: skip
+    left = begun(identified, 2.0, "recorded")["levels"]
+    flight = dev_like(DEVELOPMENT, 51, {}, duration=12.0)
+    problem = build(simulator_of(flight.declared, flight.log), flight.log, PARTS, 2.0, ("p", "q"))
+    told = problem.at(left.processes, left.memories, left.factors)
+    there = {g.name: (g.level, g.memory) for p in told.processes for g in p.groups if g.level > 0}
+    declared = {g.name: (g.level, g.memory) for p in problem.processes for g in p.groups if g.level > 0}
+    assert there == declared | {"horizontal gusts": (0.6, 2.0)} and "wind record" in declared
+    assert told.factors["p"] == pytest.approx(1.2)
 
 
 def test_an_effect_is_found_and_handed_on(tmp_path):

@@ -50,9 +50,9 @@ class Group:
     """Axes that share a level (standard deviation, in their unit) and a memory [s], each an Ornstein-Uhlenbeck process of its own.
 
     axes: disturbances of the kite (`disturbances.DISTURBANCES`) or measured channels (`quantities.MEASURED`); level, memory: present
-    values; of_level, of_memory: their priors; form: (group, time differences >= 0 [s]) -> covariance of what the Ornstein-Uhlenbeck process
-    stands for in a fit, where that is known: for predictions; begins: (segments, samples of the nodes) -> (K, L + 1) values that
-    a fit begins from.
+    values; of_level, of_memory: their priors, held where these say so; form: (group, time differences >= 0 [s]) -> covariance of what the
+    Ornstein-Uhlenbeck process stands for in a fit, where that is known: for predictions; begins: (segments, samples of the nodes) ->
+    (K, L + 1) values that a fit begins from.
     """
 
     name: str

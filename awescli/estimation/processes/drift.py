@@ -15,8 +15,8 @@ CHANNELS: dict[str, tuple[tuple[str, ...], Prior]] = {
     "load drift": (("tension",), Prior(50.0, 0.8)),
 }
 """Group -> its channels and what is known of its level: attitude of a MEMS system 0.2-1 deg, GNSS position 0.5 m [SI]."""
-MEMORY = Prior(6.0, 0.8)
-"""[s] 2 to 20 s."""
+MEMORY = Prior(6.0)
+"""[s] 2 to 20 s are usual. Held: one that lasts as long as a flight is a bias or a scale, which effects of the library are."""
 SPACING = 1.25
 
 

@@ -11,7 +11,7 @@ from awescli.physics.disturbances import LINE
 from awescli.physics.kite import has_line
 from awescli.simulation.segments import Observed
 
-LEAST, SPREAD, MEMORY = 0.3, 1.0, Prior(2.0, 0.7)
+LEAST, SPREAD, MEMORY = 0.3, 1.0, Prior(2.0)
 """[m], its spread, [s] A line of 400 m stretches by 0.3 m per kN (EA 0.6 MN), and follows the pull as it changes over a loop; slack, it
 sags by metres."""
 SPACING = 0.2
