@@ -12,7 +12,7 @@ the deviance falls by twice sum(F' E[e w] / Q) as log memory grows, F' = dF / d 
 sum(F'^2 w^2 / Q): a step of Newton's.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -24,8 +24,8 @@ from awescli.estimation.processes.base import Group, Process, labels_of
 
 FACTOR = 5.0
 """A level changes at most by so much at once."""
-LONGER = 0.7
-"""The logarithm of a memory changes at most by so much at once."""
+LONGER = 1.5
+"""A memory changes at most by this factor between two fits of the parameters: at those of a poor guess it stands for what these miss."""
 ENTERS = 0.05
 """Share of its prior's median with which a level that is zero is tried."""
 NOTHING = 1e-5
@@ -53,11 +53,11 @@ def relevelled(
         info = misfit.eliminated(gram, own, which, processes)
         return info, float(info.deviance.sum()) + prior_deviance(processes)
 
-    processes = misfit.processes
+    processes, began = misfit.processes, {g.name: g.memory for p in misfit.processes for g in p.groups}
     info, deviance = at(processes)
     before = deviance
     for _ in range(rounds):
-        trials = ((trial, *at(trial)) for trial in _stepped(processes, misfit, info))
+        trials = ((trial, *at(trial)) for trial in _stepped(processes, misfit, info, began))
         better = next((t for t in trials if t[-1] < deviance), None)
         if better is None:
             break
@@ -73,15 +73,17 @@ def prior_deviance(processes: Sequence[Process]) -> float:
     return sum(g.of_level.deviance(g.level) + g.of_memory.deviance(g.memory) for p in processes for g in p.groups if g.level > 0)
 
 
-def _stepped(processes: Sequence[Process], misfit: Misfit, info: Information) -> tuple[tuple[Process, ...], ...]:
-    """The processes after one step of the fixed point: of levels and memories, and of levels alone."""
+def _stepped(
+    processes: Sequence[Process], misfit: Misfit, info: Information, began: Mapping[str, float]
+) -> tuple[tuple[Process, ...], ...]:
+    """The processes after one step of the fixed point: of levels and memories, and of levels alone. began: memories at the last fit."""
     seen, labels = info.innovations(), [name for name, _ in labels_of(processes, misfit.disturbances, misfit.drifts)]
     places = {name: [i for i, label in enumerate(labels) if label == name] for name in labels}
     groups = [g for p in processes for g in p.groups if g.name in places and g.of_level.spread]
     levels = {g.name: _most(g, g.level * _louder(g, seen, places[g.name])) for g in groups}
-    longer = {g.name: _longer(g, seen, places[g.name]) for g in groups if g.of_memory.spread}
-    memories = {g.name: g.memory * longer[g.name] for g in groups if g.name in longer}
-    along = {g.name: _most(g, levels[g.name] * np.sqrt(longer[g.name])) for g in groups if g.name in longer}
+    open_ = [g for g in groups if g.of_memory.spread]
+    memories = {g.name: _longer(g, seen, places[g.name], began[g.name]) for g in open_}
+    along = {g.name: _most(g, levels[g.name] * np.sqrt(memories[g.name] / g.memory)) for g in open_}
     alone, both = (tuple(p.at({**p.levels, **of}, at) for p in processes) for of, at in ((levels, {}), ({**levels, **along}, memories)))
     return (both, alone) if memories else (alone,)
 
@@ -99,11 +101,12 @@ def _louder(g: Group, seen: Innovations, rows: Sequence[int]) -> float:
     return float(np.clip(np.sqrt(ratio), 1 / FACTOR, FACTOR))
 
 
-def _longer(g: Group, seen: Innovations, rows: Sequence[int]) -> float:
-    """The factor on a group's memory."""
+def _longer(g: Group, seen: Innovations, rows: Sequence[int], began: float) -> float:
+    """A group's next memory, its axes at `rows`."""
     precision = g.of_memory.spread**-2
     asked = seen.longer[rows].sum() - precision * np.log(g.memory / g.of_memory.median)
-    return float(np.exp(np.clip(asked / (seen.known[rows].sum() + precision), -LONGER, LONGER)))
+    step = np.clip(asked / (seen.known[rows].sum() + precision), -1.0, 1.0)
+    return float(np.clip(g.memory * np.exp(step), began / LONGER, began * LONGER))
 
 
 def _pruned(

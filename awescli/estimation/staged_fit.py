@@ -35,8 +35,9 @@ LEVEL_ROUNDS = 4
 """Most often are levels fitted while parameters are held."""
 OUTPUT_ERROR_ITERATIONS = 100
 """Most iterations of a fit without processes: a model that is far from the flight has a long valley before it."""
-ROUNDS, LAST_ROUNDS = 8, 2
-"""Most often are levels and parameters fitted in turn; on the whole of a long flight in the end."""
+ROUNDS, LAST_ROUNDS = 16, 2
+"""Most often are levels and parameters fitted in turn; on the whole of a long flight in the end. A noise that is a tenth of what was
+declared is six rounds away, and on the AP2's flight parameters that had moved at the wrong noise needed as many more."""
 LOOSE, TIGHT = 2.0, 0.1
 """What a fit need not gain any more (chi-square) while levels still change, and in the end."""
 FEW, MANY = 2, 8
