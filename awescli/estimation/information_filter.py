@@ -72,8 +72,8 @@ def _cholesky(M: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class Innovations:
     """What the axes do from node to node, in units of their own noise, summed over a flight; all (W,). mean: squares of the best values;
-    spread: variances about them; steps: how many, the first value included. longer, known: of the logarithm of the memory, the noise from
-    node to node held: what half the deviance falls by, and by how much less each time (`levels`)."""
+    spread: variances about them; steps: how many, the first value included. longer: minus half the slope of the deviance along the
+    logarithm of the memory, the noise from node to node held; known: what the flight determines of the slope of that (`levels`)."""
 
     mean: np.ndarray
     spread: np.ndarray

@@ -84,7 +84,8 @@ def _stepped(
     open_ = [g for g in groups if g.of_memory.spread]
     memories = {g.name: _longer(g, seen, places[g.name], began[g.name]) for g in open_}
     along = {g.name: _most(g, levels[g.name] * np.sqrt(memories[g.name] / g.memory)) for g in open_}
-    alone, both = (tuple(p.at({**p.levels, **of}, at) for p in processes) for of, at in ((levels, {}), ({**levels, **along}, memories)))
+    alone = tuple(p.at({**p.levels, **levels}) for p in processes)
+    both = tuple(p.at({**p.levels, **levels, **along}, memories) for p in processes)
     return (both, alone) if memories else (alone,)
 
 

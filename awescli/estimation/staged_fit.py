@@ -325,12 +325,13 @@ def _relevelled(problem: EstimationProblem, fit: Fit, noise: bool, risen: set[st
 
 
 def _noise(g: Group) -> float:
-    """What drives a group, in its unit over the root of a second: it moves where a level does that goes with the memory."""
+    """Strength of the white noise that drives a group, in its unit over the root of a second: what a flight shows of level and memory
+    together."""
     return float(g.level * np.sqrt(2 / g.memory))
 
 
 def _noises(processes: Sequence[Process]) -> dict[str, float]:
-    """Name of a group that is there -> what drives it."""
+    """Name of a group that is there -> strength of the noise that drives it."""
     return {g.name: _noise(g) for p in processes for g in p.groups if g.level > 0}
 
 

@@ -8,7 +8,7 @@ from kites import flight, lively, truly
 from scipy import stats
 
 from awescli.estimation.fit import fit
-from awescli.estimation.levels import noise_factors, opened, prior_deviance, relevelled
+from awescli.estimation.levels import LONGER, noise_factors, opened, prior_deviance, relevelled
 from awescli.estimation.misfit import Misfit
 from awescli.estimation.problem import build, levels_found, simulator_of
 from awescli.estimation.processes.base import Group, Prior
@@ -82,7 +82,7 @@ def test_a_level_that_was_flown_is_estimated(simulator, observed, kite):
 
 def test_a_memory_that_was_flown_is_estimated(simulator, kite, calm):
     """Guards the memories by simulation: of a slow force and a quick moment, level and memory return from one memory for both, and from
-    memories that are too long and too short."""
+    memories that are too long and too short; between two fits a memory goes no farther than it may."""
     observed = lively(kite, calm.log, count=16, seconds=5.0)
     true = {"force_z": (1.0, 2.0), "moment_y": (0.3, 0.3)}
     wide = Prior(0.3, 3.0), Prior(0.7, 2.0)
@@ -96,6 +96,8 @@ def test_a_memory_that_was_flown_is_estimated(simulator, kite, calm):
         for _ in range(6):
             fitted = fit(misfit, kite.parameters, prior=False, own=own, tolerance=0.1)
             processes, _ = relevelled(misfit, fitted.gram, fitted.own, fitted.counted)
+            for before, after in zip(misfit.processes[0].groups, processes[0].groups, strict=True):
+                assert 1 / LONGER - 1e-9 < after.memory / before.memory < LONGER + 1e-9
             own, misfit = fitted.own, misfit.with_processes(processes)
         found.append({g.name: g.memory for g in misfit.processes[0].groups})
         for g in misfit.processes[0].groups:
