@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from campaign import add_options, commit, kept, run_campaign
+from gust_length import drawn
 from sensors import wander
 
 import awescli  # noqa: F401  (thread settings before numpy)
@@ -24,8 +25,8 @@ HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "coverage"
 AIRS = {"calm": 80000, "gusts": 83000, "drift": 82000}
 """Air -> its first seed."""
-GUSTS, LENGTHS = 0.9, (40.0, 500.0)
-"""Level [m/s] of gusts, and between which lengths [m] theirs is drawn."""
+GUSTS = 0.9
+"""Their level [m/s]."""
 HORIZON = 5.0
 MOST = 1000
 """Flights of an air at most."""
@@ -39,8 +40,7 @@ def flown(air: str, seed: int):
     from awescli.simulation.campaign_flights import dev_like
 
     truth = read_kite(HERE.parent / "data" / "kites" / "development.yaml")
-    length = float(np.exp(np.random.default_rng([seed, 8]).uniform(*np.log(LENGTHS))))
-    effects = {"turbulence": {"sigma": GUSTS, "L": length}} if air == "gusts" else {}
+    effects = {"turbulence": {"sigma": GUSTS, "L": drawn(seed, 8)}} if air == "gusts" else {}
     flight = dev_like(truth, seed, effects, air=("table", "power")[seed % 2], turn=(-1.0, 1.0)[seed // 2 % 2])
     if air != "drift":
         return flight

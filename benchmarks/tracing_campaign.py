@@ -19,6 +19,7 @@ from calibration import brier, stated
 from calibration import lines as calibration_lines
 from campaign import add_options, commit, kept, run_campaign
 from exact_scoring import OUTCOMES, RIGHT, Truth, answer_of, counted, outcome
+from gust_length import drawn
 from wrong_bounds import with_wrong_bounds
 
 import awescli  # noqa: F401  (thread settings before numpy)
@@ -76,9 +77,6 @@ FORMS = {
 }
 """Effects whose form is not exactly the library's first one: the name that is right, and effects or aerodynamic terms that are flown."""
 
-LENGTHS = (40.0, 500.0)
-"""[m] between which the length of gusts is drawn."""
-
 BOUNDED = ("CLa", "Clp", "Cmq", "Cndr", "CYb", "CD0")
 """Parameters of which two are declared with bounds that do not hold the truth, in the set "wrong bounds"."""
 
@@ -101,11 +99,6 @@ def sized(key: str, share: float) -> dict:
     return values
 
 
-def gust_length(seed: int, family: int) -> float:
-    """[m] Length of the gusts of a flight, 40 to 500: nobody knows it of a wind beforehand."""
-    return round(float(np.exp(np.random.default_rng([seed, family]).uniform(*np.log(LENGTHS)))), 1)
-
-
 def cases(family: int = 1) -> dict[str, dict]:
     """name -> {set, truth (key -> values), seed, ...}; seeds differ from those of any test, and from family to family."""
     found = {}
@@ -118,11 +111,11 @@ def cases(family: int = 1) -> dict[str, dict]:
                 found[f"calm-{key}-{size:g}-{repeat}"] = {
                     "set": f"calm x{size:g}", "truth": {key: sized(key, size)}, "seed": seed, "air": ("table", "power")[repeat],
                 }  # fmt: skip
-        blown = {"sigma": 0.6, "L": gust_length(3000 + i, family)}
+        blown = {"sigma": 0.6, "L": round(drawn(3000 + i, family), 1)}
         found[f"turbulent-{key}"] = {"set": "turbulent x1", "truth": {key: sized(key, 1.0), "turbulence": blown}, "seed": 3000 + i}
         found[f"short-{key}"] = {"set": "40 s", "truth": {key: sized(key, 1.0)}, "seed": 4000 + i, "duration": 42.0}
     for i in range(6):
-        blown = {"sigma": 0.8, "L": gust_length(5000 + i, family)}
+        blown = {"sigma": 0.8, "L": round(drawn(5000 + i, family), 1)}
         found[f"turbulent-clean-{i}"] = {"set": "turbulent clean", "truth": {"turbulence": blown}, "seed": 5000 + i}
     for i, (name, truth) in enumerate(OUTSIDE.items()):
         for repeat in range(2):

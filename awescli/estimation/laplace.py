@@ -8,10 +8,11 @@ determinant, to second order in d (Hutchinson's estimator); a change of the nuis
 
 import numpy as np
 
-from awescli.estimation.information_filter import Information, Nuisances
+from awescli.estimation.information_filter import Information
 from awescli.estimation.links import Gram
 from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.processes.base import active
+from awescli.estimation.smoother import Nuisances
 from awescli.physics.disturbances import GUSTS
 
 PROBE = 0.5

@@ -9,7 +9,7 @@ so level^2 is multiplied by M / (n - V) until it stays (MacKay, Neural Computati
 determines). From a level that is too small the first factor says whether there is anything at all: below 1 the likelihood is largest at
 zero. A memory moves while the noise from node to node, level^2 / memory, stays: that is what a flight shows best. With w(t + dt) = F w + e,
 the deviance falls by twice sum(F' E[e w] / Q) as log memory grows, F' = dF / d log memory, and what the flight determines of that is
-sum(F'^2 w^2 / Q): a step of Newton's.
+sum(F'^2 w^2 / Q): one Newton step.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,10 +17,11 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from awescli.estimation.fit import Fit
-from awescli.estimation.information_filter import Information, Innovations
+from awescli.estimation.information_filter import Information
 from awescli.estimation.links import Gram
 from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.processes.base import Group, Process, labels_of
+from awescli.estimation.smoother import Innovations
 
 FACTOR = 5.0
 """A level changes at most by so much at once."""

@@ -7,9 +7,10 @@ import numpy as np
 
 from awescli.engine.machine import LANES
 from awescli.estimation.axes import Axes, gap_between
-from awescli.estimation.information_filter import Information, Nuisances, eliminate, eliminate_parts
+from awescli.estimation.information_filter import Information, eliminate, eliminate_parts
 from awescli.estimation.links import Gram, Links, joined
 from awescli.estimation.processes.base import Process, active, axes_of, disturbances_of, drifts_of, labels_of, spacing
+from awescli.estimation.smoother import Nuisances
 from awescli.notation.quantities import STATES
 from awescli.physics.disturbances import PHASE, both
 from awescli.simulation.groups import cores

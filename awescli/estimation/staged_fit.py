@@ -37,7 +37,7 @@ OUTPUT_ERROR_ITERATIONS = 100
 """Most iterations of a fit without processes: a model that is far from the flight has a long valley before it."""
 ROUNDS, LAST_ROUNDS = 16, 2
 """Most often are levels and parameters fitted in turn; on the whole of a long flight in the end. A noise that is a tenth of what was
-declared is six rounds away, and on the AP2's flight parameters that had moved at the wrong noise needed as many more."""
+declared is six rounds away; on the AP2's flight, where this was set, parameters that had moved at the wrong noise needed as many more."""
 LOOSE, TIGHT = 2.0, 0.1
 """What a fit need not gain any more (chi-square) while levels still change, and in the end."""
 FEW, MANY = 2, 8

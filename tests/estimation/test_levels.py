@@ -169,58 +169,57 @@ def test_opening_and_priors():
     assert prior_deviance((process,)) == pytest.approx(value)
 
 
+ASKED = ("CL0", "Cma", "Cndr")
+
+
+def in_gusts(sigma: float, length: float = 150.0):
+    """(problem of a flight of 42 s in gusts of `sigma` [m/s] and `length` [m], of which only ASKED are not known; the truth's table)."""
+    flown = flight(seed=5, duration=42.0, noise=True, effects=(("turbulence", (("sigma", sigma), ("L", length))),) if sigma else ())
+    n = len(flown.log)
+    parts = Split(((0, int(0.85 * n)),), ((int(0.85 * n), n),), (), (1, 1, 0), "time")
+    truth, guess = flown.flown.table(), flown.declared.table()
+    rows = [guess[p] if p in ASKED else replace(guess[p], value=truth[p].value, free=False) for p in guess]
+    declared = flown.declared.with_parameters(ParameterTable(rows))
+    return build(simulator_of(declared, flown.log), flown.log, parts, 2.5, tuple(flown.log.measured)), truth
+
+
 def test_gusts_that_were_flown_are_found_and_none_where_none_were():
     """Guards the whole way from a log: in gusts of 0.8 m/s their level is estimated and nothing is called model error; in calm air both are
     absent."""
     found = {}
     for sigma in (0.8, 0.0):
-        flown = flight(seed=5, duration=42.0, noise=True, effects=(("turbulence", (("sigma", sigma), ("L", 150.0))),) if sigma else ())
-        n = len(flown.log)
-        parts = Split(((0, int(0.85 * n)),), ((int(0.85 * n), n),), (), (1, 1, 0), "time")
-        truth, guess = flown.flown.table(), flown.declared.table()
-        rows = [guess[p] if p in ("CL0", "Cma", "Cndr") else replace(guess[p], value=truth[p].value, free=False) for p in guess]
-        declared = flown.declared.with_parameters(ParameterTable(rows))
-        problem = build(simulator_of(declared, flown.log), flown.log, parts, 2.5, tuple(flown.log.measured))
+        problem, _ = in_gusts(sigma)
+        gusts = {g.name for p in problem.processes if isinstance(p, Gusts) for g in p.groups}
         _, problem = fit_in_stages(problem, (1.0,))
         found[sigma] = {name: said["level"] for name, said in levels_found(problem).items() if name != "wind record"}
     assert found[0.0] == {}
-    gusts = {g.name for g in Gusts.of(declared, flown.log).groups}
     assert set(found[0.8]) <= gusts and "horizontal gusts" in found[0.8]
     # 35 s hold a dozen correlation times of the horizontal gusts
     assert found[0.8]["horizontal gusts"] == pytest.approx(0.8, rel=0.4)
 
 
 def test_gusts_of_another_length_keep_their_level():
-    """Guards the memories of gusts from a log: gusts of 0.8 m/s that are 40 m long, a quarter of what is expected, seemed to be of 1.4 m/s
-    where their length was held."""
-    flown = flight(seed=5, duration=42.0, noise=True, effects=(("turbulence", (("sigma", 0.8), ("L", 40.0))),))
-    n = len(flown.log)
-    parts = Split(((0, int(0.85 * n)),), ((int(0.85 * n), n),), (), (1, 1, 0), "time")
-    truth, guess = flown.flown.table(), flown.declared.table()
-    rows = [guess[p] if p in ("CL0", "Cma", "Cndr") else replace(guess[p], value=truth[p].value, free=False) for p in guess]
-    declared = flown.declared.with_parameters(ParameterTable(rows))
-    problem = build(simulator_of(declared, flown.log), flown.log, parts, 2.5, tuple(flown.log.measured))
-    _, problem = fit_in_stages(problem, (1.0,))
-    found = levels_found(problem)["horizontal gusts"]
+    """Guards the length of gusts from a log: gusts of 0.8 m/s that are 40 m long, a quarter of what is expected, seem to be of
+    1.5 m/s where their length is held."""
+    problem, _ = in_gusts(0.8, 40.0)
+    _, free = fit_in_stages(problem, (1.0,))
+    found = levels_found(free)["horizontal gusts"]
     assert found["level"] == pytest.approx(0.8, rel=0.25)
-    assert found["memory_s"] == pytest.approx(40.0 / flown.log["V_a"].mean(), rel=0.6)
+    assert found["memory_s"] == pytest.approx(40.0 / problem.log["V_a"].mean(), rel=0.6)
+    held = [replace(p, groups=tuple(replace(g, of_memory=Prior(g.memory)) for g in p.groups)) for p in problem.processes]
+    _, held = fit_in_stages(problem.with_processes(held), (1.0,))
+    assert levels_found(held)["horizontal gusts"]["level"] > 1.3
 
 
 def test_a_fit_that_begins_in_gusts_finds_them_and_keeps_the_derivatives():
     """Guards `in_gusts` against inventing model error: in gusts of 0.8 m/s, which the controller answers, their level is found at once,
     nothing is left to the line, and the parameters lie within three standard deviations of the truth."""
-    flown = flight(seed=5, duration=42.0, noise=True, effects=(("turbulence", (("sigma", 0.8), ("L", 150.0))),))
-    n = len(flown.log)
-    parts = Split(((0, int(0.85 * n)),), ((int(0.85 * n), n),), (), (1, 1, 0), "time")
-    truth, guess, asked = flown.flown.table(), flown.declared.table(), ("CL0", "Cma", "Cndr")
-    rows = [guess[p] if p in asked else replace(guess[p], value=truth[p].value, free=False) for p in guess]
-    declared = flown.declared.with_parameters(ParameterTable(rows))
-    problem = build(simulator_of(declared, flown.log), flown.log, parts, 2.5, tuple(flown.log.measured))
+    problem, truth = in_gusts(0.8)
     fitted, problem = fit_in_stages(problem, (1.0,), in_gusts=True)
     levels = {name: said["level"] for name, said in levels_found(problem).items()}
     assert levels["horizontal gusts"] == pytest.approx(0.8, rel=0.4) and "line length" not in levels
     std = dict(zip(fitted.names, np.sqrt(np.diag(fitted.covariance)), strict=True))
-    for name in asked:
+    for name in ASKED:
         assert abs(fitted.parameters[name].value - truth[name].value) < 3 * std[name], name
 
 
