@@ -52,7 +52,7 @@ def log_det_gradient(
 
 def estimates(misfit: Misfit, x: np.ndarray, own: NuisanceValues, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:
     """(m, n) the gradient as each of m draws of the nuisances sees it; None where one loses a segment."""
-    mask, rest_x, rest = np.isin(np.arange(len(gram)), which), gram.xy[..., -1], gram.y[:, :-1, -1]
+    mask, (rest_x, rest) = np.isin(np.arange(len(gram)), which), gram.gradients()
     every_x, every = [], []
     for case in range(draws.path.shape[-1]):
         bent_x, bent = -2.0 * rest_x, -2.0 * rest
