@@ -11,14 +11,10 @@ import numpy as np
 from awescli.estimation.information_filter import Information
 from awescli.estimation.links import Gram
 from awescli.estimation.misfit import Misfit, NuisanceValues
-from awescli.estimation.processes.base import active
 from awescli.estimation.smoother import Nuisances
-from awescli.physics.disturbances import GUSTS
 
 PROBE = 0.5
 """Size of the probes, in standard deviations: small enough not to lose a segment."""
-
-
 LARGEST = 0.1
 """Share of the cost by which a step along the slope alone may change it: beyond, the model is far from the flight, and this is no
 correction."""
@@ -38,9 +34,6 @@ def log_det_gradient(
     found = estimates(misfit, x, own, gram, which, info.samples(probes, seed=0))
     if found is None:
         return None
-    if any({*GUSTS} & {*g.axes} for g in active([p for p in misfit.processes if not p.certain])):
-        # gusts take up an error of the wind's record: its log determinant is a small difference of large numbers, and moves it by chance
-        found[:, np.isin(misfit.names, misfit.simulator.kite.record)] = 0.0
     H = info.H + np.diag(precision)
     nothing = np.zeros(found.shape[1])
     # probes far from the flight may end in numbers that are none

@@ -171,27 +171,6 @@ def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
     assert size(info.b + log_det_gradient(misfit, x, own, gram, info, every, 1 / scale**2, 2)) < size(info.b) / 4
 
 
-def test_it_has_no_say_in_an_error_of_the_record_that_gusts_take_up(problem):
-    """Guards Thor's wind, which it moved to an end of its range by chance: in gusts the slope leaves errors of the record alone, and in
-    calm air, with the record's own process, it does not."""
-    at = coarse(problem, 0.25)
-    record = [p.at(dict.fromkeys(p.levels, 0.3)) for p in build_of(problem).processes if p.certain]
-    for processes, still in ((at.processes, True), (record, False)):
-        misfit = replace(at.with_processes(processes).misfit(names=problem.names), observed=at.fitted.pick(np.arange(3)))
-        x, own, every = problem.kite.parameters.vector(problem.names), misfit.own(), np.arange(3)
-        gram = misfit.linear(x, own).gram
-        info = misfit.eliminated(gram, own, every)
-        precision = np.array([problem.prior[n].prior_std for n in problem.names]) ** -2
-        slope = log_det_gradient(misfit, x, own, gram, info, every, precision, 4)
-        of_record = np.isin(problem.names, problem.kite.record)
-        assert of_record.any() and slope[~of_record].any() and not slope[of_record].any() == still
-
-
-def build_of(problem):
-    """The same flight with the processes that are known of it beforehand."""
-    return build(problem.simulator, problem.log, problem.split, problem.horizon, problem.outputs)
-
-
 def test_a_probe_that_ends_in_no_number_says_nothing(problem, monkeypatch):
     """Guards fits of models that are far from the flight (the AP2 at 25 Hz): an estimate that overflowed made a step of NaN, and a
     traceback of it. It is no correction, as one that is too large is none."""
