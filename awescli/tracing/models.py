@@ -173,10 +173,11 @@ def _unseen(
 
 def _asked_of(fitted: JointFit, judged: Sequence[Fit], moved: np.ndarray) -> tuple[np.ndarray, float, float]:
     """(further change of the parameters (n,) that all loops ask for where validation was judged with the parameters `moved` (n,) from the
-    fit, what they gain by it, log determinant of what validation adds). With H the information of train, x + s costs s' H s there."""
+    fit, what they gain by it, log determinant of what validation adds). With H the information of train, x + s costs s' H s there; a
+    parameter of which train says nothing stays where it is."""
     H, held = fitted.solution.H, bounded(fitted)
     more, b = _validation(fitted, judged)
-    free = np.array([i for i, name in enumerate(fitted.names) if name not in held], int)
+    free = np.array([i for i, name in enumerate(fitted.names) if name not in held and H[i, i] > 0], int)
     both, asked, step = np.ix_(free, free), b - H @ moved, np.zeros(len(moved))
     step[free] = np.linalg.solve(H[both] + more[both], asked[free])
     wider = np.linalg.slogdet(H[both] + more[both])[1] - np.linalg.slogdet(H[both])[1]

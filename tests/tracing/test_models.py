@@ -65,6 +65,22 @@ def test_unseen_loops_are_predicted_with_what_is_not_known_of_the_parameters(bou
     assert shift == pytest.approx(together) and np.abs(shift[free]).max() > 0.01
 
 
+@pytest.mark.parametrize("seen", [False, True])
+def test_a_parameter_of_which_train_says_nothing_stays_where_it_is(seen):
+    """Guards a trace that ended in a traceback (a pitch moment that the library lacks: `LinAlgError: Singular matrix`): a candidate's own
+    parameter had no say in any train loop. It stays, whether or not the unseen loops know it, and the others are judged as without it."""
+    fitted, judged, _, _, H = linear(3)
+    H[1] = H[:, 1] = 0.0
+    if not seen:
+        judged.information.H[1] = judged.information.H[:, 1] = judged.information.b[1] = 0.0
+    shift, gained, wider = _asked_of(fitted, (judged,), np.zeros(N))
+    others = [0, 2, 3]
+    more, b = judged.information.H[np.ix_(others, others)], judged.information.b[others]
+    known = H[np.ix_(others, others)]
+    assert shift[1] == 0 and shift[others] == pytest.approx(np.linalg.solve(known + more, b))
+    assert wider == pytest.approx(np.linalg.slogdet(known + more)[1] - np.linalg.slogdet(known)[1]) and np.isfinite(gained)
+
+
 def test_what_all_loops_want_is_what_a_fit_of_all_loops_finds():
     """Guards `shift` on a flight: to first order it leads to the parameters of a fit of train and validation together."""
     frame, null = null_model()
