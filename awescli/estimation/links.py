@@ -119,7 +119,7 @@ class Links:
 
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
         """(K, L, q) and (K, n): products of the residual with the whitened columns of `gram`, x in each link and globals: -1/2 of the
-        gradient of its square to what is free here, states at the start of the first link alone (`of_the_free`)."""
+        gradient of its square to what is free, so states count at the start of the first link alone (`adjoint`)."""
         width, L, D = self.ends.shape[3], len(self.nodes), len(self.drifts)
         rw = self.r * self.weight
         products = np.matmul(rw[:, :, None], self.J)[:, :, 0]
@@ -131,7 +131,7 @@ class Links:
         samples, hats = self._hats()
         for d, channel in enumerate(self.drifts):
             found[..., [width + d, width + D + d]] = np.einsum("lhs,kls->klh", hats, rw[:, samples, channel])
-        return of_the_free(found, self.end_sensitivities()), products[..., width:].sum(axis=1)
+        return adjoint(found, self.end_sensitivities()), products[..., width:].sum(axis=1)
 
     def _hats(self) -> tuple[np.ndarray, np.ndarray]:
         """(L, m) samples of each link, links shorter than the longest filled up, and (L, 2, m) how much each counts for the first and the
@@ -228,7 +228,7 @@ class Gram:
 
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
         """`Links.gradients` of what was linearised."""
-        return of_the_free(self.xy[..., -1], self.E), self.y[:, :-1, -1]
+        return adjoint(self.xy[..., -1], self.E), self.y[:, :-1, -1]
 
     def asked(self, of_x: np.ndarray, of_globals: np.ndarray) -> "Gram":
         """The same with m other products of the residual, of_x (K, L, q, m) and of_globals (K, n, m): the last in its place, those before
@@ -245,9 +245,9 @@ class Gram:
         return replace(self, xy=self.xy[..., kept], y=self.y[:, kept[:, None], kept])
 
 
-def of_the_free(products: np.ndarray, E: np.ndarray) -> np.ndarray:
-    """Products (K, L, q) of something with the columns x of L links -> those with what is free: what states at later nodes say is handed to
-    what moves them, by the E (K, L - 1, n_s, n_s + 2 A) of the point where the products stand."""
+def adjoint(products: np.ndarray, E: np.ndarray) -> np.ndarray:
+    """Products (K, L, q) of something with the columns x of L links -> those with what is free, the states at the start and what acts: the
+    adjoint recursion from the last node to the first, with the E (K, L - 1, n_s, n_s + 2 A) of the point where the products stand."""
     found, n_s, width = products.copy(), *E.shape[2:]
     for m in range(E.shape[1], 0, -1):
         found[:, m - 1, :width] += np.einsum("ks,ksw->kw", found[:, m, :n_s], E[:, m - 1])

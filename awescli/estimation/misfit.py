@@ -200,8 +200,7 @@ class Misfit:
         return eliminate_parts(grams(), self.axes, own.path, self.begins, self.observed.segments.dt, flies)
 
     def gradients(self, x: np.ndarray, own: NuisanceValues) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(products (K, L, q) and (K, n) of the residual with the columns of `linear`'s Gram matrices; (K,) samples before a segment
-        diverged)."""
+        """(`Links.gradients` of all segments, (K, L, q) and (K, n); (K,) samples before a segment diverged)."""
         found = [(*links.gradients(), trajectories.alive) for _, links, trajectories in self.parts(x, own)]
         of_x, of_globals, alive = (np.concatenate(each) for each in zip(*found, strict=True))
         return of_x, of_globals, alive
