@@ -35,11 +35,12 @@ class Rival:
 
 def rivals(
     frame: Frame, final: FittedModel, keys: Sequence[str], gains: Mapping[str, float], beaten: Sequence[str] = (),
-    close: Sequence[str] = (), criteria: Criteria = CRITERIA, progress: Say = lambda text: None,
+    close: Sequence[str] = (), passed_over: float = 0.0, criteria: Criteria = CRITERIA, progress: Say = lambda text: None,
 ) -> dict[str, tuple[Rival, ...]]:  # fmt: skip
     """Accepted effect -> what the flights cannot tell from it, nearest first. gains: of the accepted effects (`Search.gains`), which say
     how far they must lead; beaten: effects that have lost to it by their own fit and need not be tried again; close: those that have not,
-    and are tried however far they lie to first order (a mass that is a third too large is not near)."""
+    and are tried however far they lie to first order (a mass that is a third too large is not near); passed_over: deviance that is left to
+    effects which got no name, and that a lead must exceed: two forms that both are not quite the one that is there differ by as much."""
     others = [k for k in keys if k not in final.keys]
     every = [v for key in others for v in variants(make_effect(key, frame.declared))]
     columns = CandidateColumns(every)
@@ -47,7 +48,7 @@ def rivals(
     found = {}
     for key in final.keys:
         near = _near(final, key, every, columns, H)
-        reach = criteria.in_reach(criteria.look_alike, gains[key])
+        reach, lead = max(criteria.in_reach(criteria.look_alike, gains[key]), passed_over), max(criteria.lead(gains[key]), passed_over)
         near = [s for s in near if s.key in close] + [s for s in near if s.drop < reach and s.key not in (*beaten, *close)]
         tried = []
         for s in near[: criteria.competitors]:
@@ -55,7 +56,7 @@ def rivals(
             strengths, shapes = s.start(_rows(frame, s.key))
             model = refined(frame, fit_instead(frame, final, key, s.key, strengths, shapes), criteria)
             lag = model.deviance - final.deviance
-            if lag < criteria.lead(gains[key]) and model.flies >= final.flies and plausible(model, s.key):
+            if lag < lead and model.flies >= final.flies and plausible(model, s.key):
                 tried.append(Rival(s.key, model.widened().light(), lag))
         found[key] = tuple(sorted(tried, key=lambda r: r.lag))
     return found

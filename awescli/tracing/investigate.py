@@ -123,7 +123,8 @@ def investigate(
     evidence = replace(evidence, gusts=gusts, gusts_repeat=repetition_of_gusts(frame, evidence.model))
     if evidence.model.keys:
         evidence = replace(evidence, steadiness=steadiness(evidence.model), along=gains_along(evidence.model))
-        evidence = replace(evidence, rivals=rivals(frame, evidence.model, keys, library.gains, *_ranked(library), progress=progress))
+        near = rivals(frame, evidence.model, keys, library.gains, *_ranked(library), library.passed_over, progress=progress)
+        evidence = replace(evidence, rivals=near)
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, absorbed=absorbed_effects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
@@ -205,7 +206,7 @@ def _ranked(library: Search) -> tuple[tuple[str, ...], tuple[str, ...]]:
     if len(accepted) != 1:
         return (), ()
     lead = library.null.deviance - library.final.deviance
-    reach = CRITERIA.in_reach(CRITERIA.finalists, lead)
+    reach = max(CRITERIA.in_reach(CRITERIA.finalists, lead), library.passed_over)
     others = [t for t in accepted[0].contenders if t.key != accepted[0].accepted]
     return tuple(t.key for t in others if lead - t.gain > reach), tuple(t.key for t in others if lead - t.gain <= reach)
 

@@ -87,6 +87,12 @@ class Search:
         return {r.accepted: next(t.gain for t in r.contenders if t.key == r.accepted) for r in self.rounds if r.accepted}
 
     @property
+    def passed_over(self) -> float:
+        """Deviance that the best further effect would gain, which got no name: what the form of the accepted ones may have left. 0 where
+        there is none."""
+        return max((t.gain for r in self.rounds[1:] if not r.accepted for t in r.contenders), default=0.0) if self.final.keys else 0.0
+
+    @property
     def failed(self) -> tuple[str, ...]:
         """Significant candidates that could not be fitted."""
         return tuple(dict.fromkeys(t.key for r in self.rounds for t in r.tried if t.significant and t.outcome == "failed"))
@@ -108,7 +114,7 @@ def search(
         if best is not None and crowded(tried):
             model, best, tried = _base_revisited(frame, model, best, tried, criteria, progress)
             null = null if record else model
-        if best is not None and mends(frame, best.keys):
+        if best is not None and (mends(frame, best.keys) or slight(frame, record, model, best, criteria)):
             best = None
         record.append(Round(model.light(), tried, best.keys[-1] if best else "", screening.untestable))
         if best is None:
@@ -133,6 +139,14 @@ def mends(frame: Frame, keys: Sequence[str]) -> bool:
     a delay (JSBSim). Forces alone do not say which, so it is not named; kinematics may name both errors of a sensor."""
     *earlier, last = ((e.instrument, e.target) for e in (make_effect(key, frame.declared) for key in keys))
     return bool(last[0]) and last in earlier
+
+
+def slight(frame: Frame, record: Sequence[Round], here: FittedModel, best: FittedModel, criteria: Criteria = CRITERIA) -> bool:
+    """Does the last effect of the model `best` gain so little beside what an earlier one gained that it may only say what the form of that
+    one has left? A term without a name claims nothing and is never in doubt."""
+    most = max((t.gain for r in record for t in r.contenders if t.key == r.accepted), default=0.0)
+    empirical = make_effect(best.keys[-1], frame.declared).empirical
+    return not empirical and here.deviance - best.deviance < criteria.form * most
 
 
 def plausible(model: FittedModel, key: str) -> bool:
@@ -245,22 +259,26 @@ def _best(
     # what stands at the end of a range may only do so because a shape of it is held
     finalists = [t for t in leaders if not t.plausible and t.gain > lead and make_effect(t.key, frame.declared).shapes]
     finalists += [t for t in sound if t.gain > lead - criteria.in_reach(criteria.finalists, lead)]
-    finished = {}
+    finished: dict[str, FittedModel] = {}
 
     def finish(t: Tried) -> None:
         progress(f"fitting with {t.key} to the end")
         finished[t.key] = refined(frame, fit_on(frame, t.fitted), criteria)
 
-    for t in finalists[: criteria.competitors]:
+    def standing() -> list[FittedModel]:
+        return [m for m in finished.values() if admissible(here, m, criteria) and plausible(m, m.keys[-1])]
+
+    for t in (finalists := finalists[: criteria.competitors]):
         finish(t)
-    best = [m for m in finished.values() if admissible(here, m, criteria) and plausible(m, m.keys[-1])]
-    most = max((here.deviance - m.deviance for m in best), default=np.inf)
-    for t in leaders:
-        # that a part of the flight puts it before the best of all of it is no gain yet
-        if t.key not in finished and t.gain > most and t.partly:
+    astray = any(not t.partly and here.deviance - finished[t.key].deviance < t.gain - WORSE for t in finalists)
+    for t in (t for t in leaders if t.key not in finished):
+        most = max((here.deviance - m.deviance for m in standing()), default=np.inf)
+        # that a part of the flight puts it before the best of all of it is no gain yet; nor is a fit to the end that went astray, where
+        # nothing else stands, a reason to pass over the next
+        if (t.partly and t.gain > most) or (astray and t.plausible and most == np.inf):
             finish(t)
     tried = tuple(_of(t, here, m) if (m := finished.get(t.key)) else t for t in tried)
-    return min(best, key=lambda m: m.deviance, default=None), tried
+    return min(standing(), key=lambda m: m.deviance, default=None), tried
 
 
 def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> FittedModel:

@@ -39,3 +39,8 @@ def test_a_heavier_kite_and_a_load_cell_that_reads_high_are_one_flight(monkeypat
     here = finding.frame, finding.evidence.model, TWINS, finding.evidence.search.gains
     twin = next(k for k in TWINS if k != named)
     assert [[r.key for r in rivals(*here, close=close)[named]] for close in ((), (twin,))] == [[], [twin]]
+    # what got no name says how well leads are known: one that lags by less is a rival, though by more than is decisive
+    last = finding.evidence.model
+    monkeypatch.setattr(classes, "fit_instead", lambda *arguments: replace(last, deviance=last.deviance + 50.0))
+    monkeypatch.setattr(classes, "refined", lambda frame, model, criteria: model)
+    assert [[r.key for r in rivals(*here, close=(twin,), passed_over=p)[named]] for p in (0.0, 60.0)] == [[], [twin]]

@@ -135,6 +135,49 @@ def test_what_leads_on_a_part_of_the_flight_is_fitted_to_all_of_it(monkeypatch, 
     assert [t.partly for t in tried] == [False, False]
 
 
+@pytest.mark.parametrize("end, named", [(-900.0, "next"), (300.0, "best")])
+def test_a_fit_to_the_end_that_goes_astray_does_not_hide_the_next(monkeypatch, end, named):
+    """Guards a pair (blind flight): a drag with sideslip led with 2029 and came out 20018 worse when it was fitted to the end; a position
+    that is late, which came next with 1692, was then not asked at all."""
+    whole = {"best": fitted(end), "next": fitted(200.0)}
+    for key, model in whole.items():
+        model.keys = (key,)
+    monkeypatch.setattr(searching, "fit_on", lambda frame, model: whole[model.keys[-1]])
+    monkeypatch.setattr(searching, "refined", lambda frame, model, criteria: model)
+    monkeypatch.setattr(searching, "admissible", lambda before, after, criteria: after.deviance < before.deviance)
+    monkeypatch.setattr(searching, "plausible", lambda model, key: True)
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(shapes=()))
+    tried = tuple(
+        searching.Tried(SimpleNamespace(key=key), True, "converged", whole[key], gain) for key, gain in (("best", 300.0), ("next", 200.0))
+    )
+    best, tried = searching._best(SimpleNamespace(declared=None), BASE, tried, CRITERIA, lambda text: None)
+    assert best is whole[named] and [t.gain for t in tried] == [end, 200.0]
+
+
+@pytest.mark.parametrize("key, gain, most, doubted", [
+    ("lift_stall", 24.5, 799.0, True), ("lift_stall", 24.5, 200.0, False), ("airspeed_scale", 402.0, 2117.0, False),
+    ("custom_term:m_y*alpha", 24.5, 799.0, False), ("lift_stall", 24.5, 0.0, False),
+])  # fmt: skip
+def test_what_the_form_of_an_effect_leaves_gets_no_name(key, gain, most, doubted):
+    """Guards a pitch moment with the cube of alpha (four of four flights): called a pitch curvature, of its square, *and* a stall that
+    gained 3 to 7 % of it. A second effect that is there gains more, a first one has nothing to be measured by, a term claims no name."""
+    first = searching.Tried(SimpleNamespace(key="pitch_curvature"), True, "converged", fitted(most), most)
+    record = [searching.Round(BASE, (first,), "pitch_curvature", ())] if most else []
+    best = fitted(gain)
+    best.keys = ("pitch_curvature", key)
+    assert searching.slight(SimpleNamespace(declared=DEVELOPMENT), record, BASE, best) is doubted
+
+
+def test_what_got_no_name_is_remembered():
+    """Guards the lead of an answer: nothing is known better than what its form leaves (`rivals`)."""
+    first, second = (searching.Tried(SimpleNamespace(key=key), True, "converged", fitted(g), g) for key, g in (("a", 237.0), ("b", 17.0)))
+    named, unnamed = searching.Round(BASE, (first,), "a", ()), searching.Round(BASE, (second,), "", ())
+    one = fitted(237.0)
+    one.keys = ("a",)
+    assert Search(BASE, one, (named, unnamed)).passed_over == 17.0
+    assert Search(BASE, one, (named,)).passed_over == 0.0
+
+
 @pytest.mark.parametrize("tau, tried", [(1.0, [50.0, 0.8, 0.008]), (0.2, [50.0])])
 def test_a_lag_at_the_end_of_its_range_is_tried_with_other_rate_limits(monkeypatch, tau, tried):
     """Guards a slow trim motor (JSBSim): its rate limit was fitted by the longest lag there is, for the screening had put "no limit" first,

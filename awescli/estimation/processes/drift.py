@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from awescli.estimation.processes.base import Group, Prior, Process
+from awescli.estimation.processes.model_error import SPACING
 from awescli.flightlog.log import FlightLog
 from awescli.physics.declaration import KiteDeclaration
 
@@ -17,12 +18,12 @@ CHANNELS: dict[str, tuple[tuple[str, ...], Prior]] = {
 """Group -> its channels and what is known of its level: attitude of a MEMS system 0.2-1 deg, GNSS position 0.5 m [SI]."""
 MEMORY = Prior(6.0)
 """[s] 2 to 20 s are usual. Held: one that lasts as long as a flight is a bias or a scale, which effects of the library are."""
-SPACING = 1.25
 
 
 @dataclass(frozen=True)
 class Drift(Process):
-    """A group for every kind of channel that a log has."""
+    """A group for every kind of channel that a log has. Its nodes lie as close as those of model error, so that they stay where they are
+    when that goes: a drift may stand for something quicker, which a position that is 0.15 s late is."""
 
     name = "drift"
     doc = "errors of sensors that wander"
