@@ -30,7 +30,8 @@ class Evidence:
     stands for; empirical: the search of empirical terms, None where nothing asked for it; gusts: group -> level [m/s] beside the answer;
     gusts_repeat: how much of them repeats from loop to loop, None where there are none or too few loops; steadiness: of the answer
     (`constancy.steadiness`); along: channel -> what its size would gain by going with it (`constancy.gains_along`); doubted: coefficients
-    declared with a sign that hardly any aircraft has, which the declared model drives to the end of their range next to zero.
+    declared with a sign that hardly any aircraft has, which the declared model drives to the end of their range next to zero; beyond:
+    the declared model with its parameters at their bounds free to leave them, None where none is there or there is no answer.
 
     null_error, identified_error: mean NRMSE of the declared model and of the one that identify handed on, on validation loops; None
     without one.
@@ -48,6 +49,7 @@ class Evidence:
     steadiness: float = 1.0
     along: Mapping[str, float] = field(default_factory=dict)
     doubted: tuple[str, ...] = ()
+    beyond: FittedModel | None = None
     null_error: float | None = None
     identified_error: float | None = None
 

@@ -128,6 +128,9 @@ def investigate(
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, absorbed=absorbed_effects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
+    if sufficient and evidence.model.keys and null.at_bound:
+        progress("letting parameters leave their bounds")
+        evidence = replace(evidence, beyond=fit_beyond(frame, null, null.at_bound).light())
     windy = max(evidence.gusts.values(), default=0.0) > criteria.gusty
     terms = term_keys(frame.declared, moving(frame.flights[0].log))
     if lacks_terms(frame, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:

@@ -10,7 +10,7 @@ from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import PRICE, Evidence
 
 VERDICTS = ("none", "found", "cannot_tell", "unexplained", "not_deterministic", "not_testable")
-UNOPPOSED = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible")
+UNOPPOSED = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible", "bounds_hold")
 """Without these an effect that explains everything is no answer."""
 NULL = ("null_flew", "null_converged", "null_follows", "null_as_identified")
 """Without these there is no model in whose residual anything could be sought."""
@@ -23,6 +23,7 @@ OBJECTIONS = {
     "effect_steady": "its size drifts through the flight: look for what changes with time",
     "effect_constant": "its size changes with the way the kite flies ({row.says}: {row.value:.0f})",
     "signs_plausible": "{row.value}, declared with a sign that hardly any aircraft has, is driven to the end of its range next to zero",
+    "bounds_hold": "parameters at their bounds would do as well, could they leave them ({row.says}: {row.value:.0f})",
 }
 """Criterion -> why an effect that takes most of the residual away is no answer; `row`: the criterion's own."""
 
@@ -246,6 +247,9 @@ def _of_sensors(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
 def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     rivals = sorted({r.key for found in e.rivals.values() for r in found})
     failed, gusts = e.search.failed, max(e.gusts.values(), default=0.0)
+    at_bound = ", ".join(e.search.null.at_bound) or "no parameters"
+    # one whose parameters keep to their bounds has nothing to gain by leaving them
+    beyond = (e.beyond or e.search.null).deviance - e.model.deviance if e.model.keys else c.decisive
     return (
         Criterion(
             "no_rival",
@@ -286,6 +290,14 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             not e.doubted,
             "coefficients of an unlikely sign that the declared model drives to the end of their range next to zero",
             "Etkin & Reid 1996, ch. 5",
+        ),
+        Criterion(
+            "bounds_hold",
+            beyond,
+            c.decisive,
+            beyond >= c.decisive,
+            f"deviance by which the answer leads the declared model with {at_bound} free to leave their bounds",
+            "Kass & Raftery 1995",
         ),
         Criterion(
             "calm_air", gusts, c.gusty, gusts < c.gusty, "level of the gusts that the flight shows [m/s]", "set on development flights"

@@ -18,7 +18,7 @@ from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, re
 
 ANSWER = ("effect_likelier", "effect_on_unseen_loops")
 REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
-ALONE = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible")
+ALONE = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible", "bounds_hold")
 OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "calm_air", *ALONE)
 REPEATS = ("rest_repeats", "rest_lasts", "gusts_do_not_repeat")
 ROWS = {
@@ -55,7 +55,9 @@ LEFT = dict.fromkeys(REST, False)
         ("unexplained", {**FOUND, "effect_constant": False}),
         ("unexplained", {**FOUND, "effect_leads": False}),
         ("unexplained", {**FOUND, "signs_plausible": False}),
+        ("unexplained", {**FOUND, "bounds_hold": False}),
         ("none", {"signs_plausible": False}),
+        ("none", {"bounds_hold": False}),
         ("none", {"effect_steady": False}),
         ("unexplained", LEFT),
         ("unexplained", {**FOUND, **LEFT}),
@@ -87,6 +89,7 @@ def test_every_verdict_is_reached_by_its_table(expected, passed):
         ({**FOUND, "effect_constant": False}, "its size changes with the way the kite flies"),
         ({**FOUND, "effect_leads": False}, "another effect"),
         ({**FOUND, "signs_plausible": False}, "a sign that hardly any aircraft has"),
+        ({**FOUND, "bounds_hold": False}, "could they leave them"),
         ({**FOUND, "no_better_empirical_term": False}, "empirical terms"),
         ({**FOUND, "sensors_plausible": False}, "a sensor"),
         ({**FOUND, **LEFT}, "more than noise"),
@@ -146,7 +149,7 @@ def model(deviance=0.0, keys=(), validation=0.0, flies=100, still_to_gain=0.0, r
     return SimpleNamespace(
         keys=tuple(keys), strengths=tuple(f"{k}.k" for k in keys), deviance=deviance,
         validation=np.array([validation, 0.0]), unseen=validation, flies=flies, chi2=chi2,
-        segments=100, fit=fitted, rest=rest or {}, problems=(problem or sensors(),),
+        segments=100, fit=fitted, rest=rest or {}, problems=(problem or sensors(),), at_bound=[],
     )  # fmt: skip
 
 
@@ -181,7 +184,7 @@ GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 22
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 23
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
@@ -220,6 +223,7 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("effect_steady", {"answer": GOOD, "steadiness": 2e-4}, {"answer": GOOD, "steadiness": 5e-5}),
         ("effect_constant", {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 99.0}}, {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 101.0}}),
         ("signs_plausible", {"answer": GOOD}, {"answer": GOOD, "doubted": ("Cma",)}),
+        ("bounds_hold", {"answer": GOOD, "beyond": model(910.5)}, {"answer": GOOD, "beyond": model(909.5)}),
         ("calm_air", {"gusts": {"vertical gusts": 0.19}}, {"gusts": {"vertical gusts": 0.21}}),
         (
             "gusts_do_not_repeat", {"gusts": GUSTY, "gusts_repeat": Repetition({"gust_d": 0.19}, {"gust_d": 0.001}, 8)},
