@@ -63,9 +63,10 @@ def estimates(misfit: Misfit, x: np.ndarray, own: NuisanceValues, gram: Gram, wh
 
 
 def shrunk(found: np.ndarray, H: np.ndarray) -> np.ndarray:
-    """(n,) the mean of estimates (m, n) times 1 - (its variance) / (its square), in the norm of H^-1; zero where that is negative."""
+    """(n,) the mean of estimates (m, n) times 1 - (its variance) / (its square), in the norm of H^-1; zero where the
+    first is no less, or H is no metric at all (a fit far from its minimum)."""
     mean = found.mean(axis=0)
     apart = found - mean
     variance = float(np.sum(apart.T * np.linalg.solve(H, apart.T))) / (len(found) * (len(found) - 1))
     square = float(mean @ np.linalg.solve(H, mean))
-    return mean * max(0.0, 1.0 - variance / max(square, 1e-300))
+    return mean * (1.0 - variance / square) if 0.0 <= variance < square else 0.0 * mean

@@ -24,14 +24,24 @@ class AbsorbedEffect:
 
 
 @dataclass(frozen=True)
+class BoundsLeft:
+    """The answer without one of its effects, its parameters at their bounds free to leave them. gone: the effect; parameters: what was at
+    a bound."""
+
+    gone: str
+    parameters: tuple[str, ...]
+    model: FittedModel
+
+
+@dataclass(frozen=True)
 class Evidence:
     """search: of the library; bare: the declared model without model error; model: the answer, the declared model where there is none;
     rest: what it leaves; rivals: accepted effect -> what the flight cannot tell from it; absorbed: effects that a parameter at its bound
     stands for; empirical: the search of empirical terms, None where nothing asked for it; gusts: group -> level [m/s] beside the answer;
     gusts_repeat: how much of them repeats from loop to loop, None where there are none or too few loops; steadiness: of the answer
     (`constancy.steadiness`); along: channel -> what its size would gain by going with it (`constancy.gains_along`); doubted: coefficients
-    declared with a sign that hardly any aircraft has, which the declared model drives to the end of their range next to zero; beyond:
-    the declared model with its parameters at their bounds free to leave them, None where none is there or there is no answer.
+    declared with a sign that hardly any aircraft has, which the declared model drives to the end of their range next to zero;
+    bounds_left: the likeliest of the answer with one effect less and free of its bounds, None where no parameter is at one.
 
     null_error, identified_error: mean NRMSE of the declared model and of the one that identify handed on, on validation loops; None
     without one.
@@ -49,7 +59,7 @@ class Evidence:
     steadiness: float = 1.0
     along: Mapping[str, float] = field(default_factory=dict)
     doubted: tuple[str, ...] = ()
-    beyond: FittedModel | None = None
+    bounds_left: BoundsLeft | None = None
     null_error: float | None = None
     identified_error: float | None = None
 

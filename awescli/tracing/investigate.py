@@ -19,9 +19,9 @@ from awescli.tracing.candidates import variants
 from awescli.tracing.classes import rivals
 from awescli.tracing.constancy import gains_along, steadiness
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.evidence import AbsorbedEffect, Evidence
+from awescli.tracing.evidence import AbsorbedEffect, BoundsLeft, Evidence
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, Say, fit_added, fit_beyond, fit_on, fit_without_process
+from awescli.tracing.models import FittedModel, Say, fit_added, fit_beyond, fit_on, fit_without, fit_without_process
 from awescli.tracing.rest import Rest, channels_of, gusts_of, repetition_of_gusts, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, Tried, search
@@ -128,9 +128,9 @@ def investigate(
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, absorbed=absorbed_effects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")
-    if sufficient and evidence.model.keys and null.at_bound:
+    if sufficient and evidence.model.keys:
         progress("letting parameters leave their bounds")
-        evidence = replace(evidence, beyond=fit_beyond(frame, null, null.at_bound).light())
+        evidence = replace(evidence, bounds_left=bounds_left(frame, null, evidence.model))
     windy = max(evidence.gusts.values(), default=0.0) > criteria.gusty
     terms = term_keys(frame.declared, moving(frame.flights[0].log))
     if lacks_terms(frame, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:
@@ -235,6 +235,15 @@ def absorbed_effects(frame: Frame, null: FittedModel, keys: Sequence[str], crite
             if bound not in trial.at_bound and gain > criteria.at_bound:
                 found.append(AbsorbedEffect(key, bound, gain, trial.widened().light()))
     return tuple(sorted(found, key=lambda s: -s.gain)[:2])
+
+
+def bounds_left(frame: Frame, null: FittedModel, model: FittedModel) -> BoundsLeft | None:
+    """The likeliest of the models with one effect less than an answer whose parameters at their bounds may leave them; None where none is
+    at one. Bounds that do not hold the truth look like an effect: the air's density stood for nine parameters that could go no further."""
+    fewer = {k: null if model.keys == (k,) else fit_without(frame, model, (k,)) for k in model.keys}
+    at_bound = {k: tuple(n for n in m.at_bound if n in frame.declared.parameters) for k, m in fewer.items()}
+    found = [BoundsLeft(k, at_bound[k], fit_beyond(frame, m, at_bound[k]).light()) for k, m in fewer.items() if at_bound[k]]
+    return min(found, key=lambda b: b.model.deviance, default=None)
 
 
 def moving(log: FlightLog) -> list[str]:

@@ -23,7 +23,7 @@ OBJECTIONS = {
     "effect_steady": "its size drifts through the flight: look for what changes with time",
     "effect_constant": "its size changes with the way the kite flies ({row.says}: {row.value:.0f})",
     "signs_plausible": "{row.value}, declared with a sign that hardly any aircraft has, is driven to the end of its range next to zero",
-    "bounds_hold": "parameters at their bounds would do as well, could they leave them ({row.says}: {row.value:.0f})",
+    "bounds_hold": "bounds of the kite file that do not hold the truth would do the same ({row.says}: {row.value:.0f})",
 }
 """Criterion -> why an effect that takes most of the residual away is no answer; `row`: the criterion's own."""
 
@@ -87,7 +87,7 @@ def reason(table: Sequence[Criterion], nearest: str = "") -> str:
     objections = [said.format(row=rows[name]) for name, said in OBJECTIONS.items() if rows[name].passed is False]
     if not sufficient:
         objections.insert(0, f"more than noise is left beside it (chi-square {_short(rows['floor'].value)} on validation loops)")
-    return f"{nearest} comes nearest, but {' and '.join(objections)}."
+    return f"{nearest} {'come' if ' and ' in nearest else 'comes'} nearest, but {' and '.join(objections)}."
 
 
 def _short(value: float | str) -> str:
@@ -247,9 +247,7 @@ def _of_sensors(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
 def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     rivals = sorted({r.key for found in e.rivals.values() for r in found})
     failed, gusts = e.search.failed, max(e.gusts.values(), default=0.0)
-    at_bound = ", ".join(e.search.null.at_bound) or "no parameters"
-    # one whose parameters keep to their bounds has nothing to gain by leaving them
-    beyond = (e.beyond or e.search.null).deviance - e.model.deviance if e.model.keys else c.decisive
+    left, lead = e.bounds_left, e.bounds_left.model.deviance - e.model.deviance if e.bounds_left else None
     return (
         Criterion(
             "no_rival",
@@ -293,10 +291,11 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
         ),
         Criterion(
             "bounds_hold",
-            beyond,
+            "no parameter at a bound" if lead is None else lead,
             c.decisive,
-            beyond >= c.decisive,
-            f"deviance by which the answer leads the declared model with {at_bound} free to leave their bounds",
+            lead is None or lead >= c.decisive,
+            "deviance by which the answer leads one "
+            + (f"without {left.gone}, {', '.join(left.parameters)} free to leave their bounds" if left else "free of its bounds"),
             "Kass & Raftery 1995",
         ),
         Criterion(

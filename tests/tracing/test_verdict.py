@@ -11,7 +11,7 @@ from awescli.estimation.processes.base import Group, Prior
 from awescli.estimation.processes.drift import Drift
 from awescli.tracing.classes import Rival
 from awescli.tracing.criteria import CRITERIA
-from awescli.tracing.evidence import AbsorbedEffect, Evidence
+from awescli.tracing.evidence import AbsorbedEffect, BoundsLeft, Evidence
 from awescli.tracing.rest import Repetition, Rest
 from awescli.tracing.search import Search, crowded
 from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, reason, table, verdict
@@ -89,7 +89,7 @@ def test_every_verdict_is_reached_by_its_table(expected, passed):
         ({**FOUND, "effect_constant": False}, "its size changes with the way the kite flies"),
         ({**FOUND, "effect_leads": False}, "another effect"),
         ({**FOUND, "signs_plausible": False}, "a sign that hardly any aircraft has"),
-        ({**FOUND, "bounds_hold": False}, "could they leave them"),
+        ({**FOUND, "bounds_hold": False}, "do not hold the truth"),
         ({**FOUND, "no_better_empirical_term": False}, "empirical terms"),
         ({**FOUND, "sensors_plausible": False}, "a sensor"),
         ({**FOUND, **LEFT}, "more than noise"),
@@ -149,7 +149,7 @@ def model(deviance=0.0, keys=(), validation=0.0, flies=100, still_to_gain=0.0, r
     return SimpleNamespace(
         keys=tuple(keys), strengths=tuple(f"{k}.k" for k in keys), deviance=deviance,
         validation=np.array([validation, 0.0]), unseen=validation, flies=flies, chi2=chi2,
-        segments=100, fit=fitted, rest=rest or {}, problems=(problem or sensors(),), at_bound=[],
+        segments=100, fit=fitted, rest=rest or {}, problems=(problem or sensors(),),
     )  # fmt: skip
 
 
@@ -223,7 +223,8 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("effect_steady", {"answer": GOOD, "steadiness": 2e-4}, {"answer": GOOD, "steadiness": 5e-5}),
         ("effect_constant", {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 99.0}}, {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 101.0}}),
         ("signs_plausible", {"answer": GOOD}, {"answer": GOOD, "doubted": ("Cma",)}),
-        ("bounds_hold", {"answer": GOOD, "beyond": model(910.5)}, {"answer": GOOD, "beyond": model(909.5)}),
+        ("bounds_hold", {"answer": GOOD, "bounds_left": BoundsLeft("sideslip_drag", ("CD0",), model(910.5))},
+         {"answer": GOOD, "bounds_left": BoundsLeft("sideslip_drag", ("CD0",), model(909.5))}),
         ("calm_air", {"gusts": {"vertical gusts": 0.19}}, {"gusts": {"vertical gusts": 0.21}}),
         (
             "gusts_do_not_repeat", {"gusts": GUSTY, "gusts_repeat": Repetition({"gust_d": 0.19}, {"gust_d": 0.001}, 8)},
