@@ -248,6 +248,7 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     rivals = sorted({r.key for found in e.rivals.values() for r in found})
     failed, gusts = e.search.failed, max(e.gusts.values(), default=0.0)
     left, lead = e.bounds_left, e.bounds_left.model.deviance - e.model.deviance if e.bounds_left else None
+    gone, at_bound = (left.gone, ", ".join(left.parameters)) if left else ("one effect", "parameters")
     return (
         Criterion(
             "no_rival",
@@ -294,8 +295,7 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "no parameter at a bound" if lead is None else lead,
             c.decisive,
             lead is None or lead >= c.decisive,
-            "deviance by which the answer leads one "
-            + (f"without {left.gone}, {', '.join(left.parameters)} free to leave their bounds" if left else "free of its bounds"),
+            f"deviance by which the answer leads one without {gone}, {at_bound} free to leave their bounds",
             "Kass & Raftery 1995",
         ),
         Criterion(

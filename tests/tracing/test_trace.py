@@ -167,8 +167,8 @@ def test_a_model_that_does_not_fly_is_not_asked():
 
 @pytest.mark.parametrize("effects", [{}, {"load_cell_lag": {"tau": 0.3}}])
 def test_bounds_that_do_not_hold_the_truth_are_no_effect(effects):
-    """Guards two blind flights with nothing amiss but bounds, alone and beside a lag that was there: the air's density was named. Declared so
-    that CD0 must be a fifth too large, a drag or a density would mend it, and so would its bounds: none is named, and these are."""
+    """Guards two blind flights on which the air's density was named for bounds that were wrong, alone and beside a lag that was there. CD0
+    must be a fifth too large here; a drag or a density would mend it, and so would its bounds: none is named, and these are."""
     declared, log, parts = short_flight(effects, 47, 80.0, ("CL0", "CLa", "CD0", "CDa2", "Cma"))
     wrong = replace(declared.table()["CD0"], value=0.125, lower=0.106, upper=0.163, std=None)
     declared = declared.with_parameters(declared.table().with_rows([wrong]))
