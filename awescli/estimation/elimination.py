@@ -10,42 +10,65 @@ RIDGE = 1e-12
 
 @dataclass(frozen=True)
 class Eliminated:
-    """Unknowns v (K, a) eliminated from Gram matrices of [v, x, y]: v = M^-1 (r - X x - Y p), M = C C'. C: (K, a, a); X: (K, a, x) and Y:
-    (K, a, n + 1) with y = [p, r], both divided by C."""
+    """Unknowns v (..., a) eliminated from Gram matrices of [v, x, y]: v = M^-1 (r - X x - Y p), M = C C'.
 
-    C: np.ndarray
+    inverse: (..., a, a) of C; X: (..., a, x) and Y: (..., a, n + 1) with y = [p, r], both divided by C.
+    """
+
+    inverse: np.ndarray
     X: np.ndarray
     Y: np.ndarray
 
     def solve(self, x: np.ndarray, change: np.ndarray, mean: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """(K, a, c) v for c cases: x (K, x, c), change of the globals (n, c), mean (c,) 1 where the residual counts, noise (K, a, c)."""
-        inside = noise + self.Y[..., -1:] * mean - np.matmul(self.Y[..., :-1], change) - np.matmul(self.X, x[..., : self.X.shape[-1], :])
-        return np.linalg.solve(self.C.swapaxes(-1, -2), inside)
+        """(..., a, c) v for c cases: x (..., x, c), change of the globals (n, c), mean (c,) 1 where the residual counts, noise (..., a,
+        c)."""
+        return self.apart(change, mean, noise) + np.matmul(self.gain, x[..., : self.X.shape[-1], :])
+
+    def apart(self, change: np.ndarray, mean: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """(..., a, c) what `solve` gives back where x is zero."""
+        inside = noise + self.Y[..., -1:] * mean - np.matmul(self.Y[..., :-1], change)
+        return np.matmul(self.inverse.swapaxes(-1, -2), inside)
+
+    @property
+    def gain(self) -> np.ndarray:
+        """(..., a, x) of v to x."""
+        return -np.matmul(self.inverse.swapaxes(-1, -2), self.X)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(..., a, a) of v, the others held."""
+        return np.matmul(self.inverse.swapaxes(-1, -2), self.inverse)
 
     @property
     def log_det(self) -> np.ndarray:
-        """(K,) log det M"""
-        return 2 * np.log(np.diagonal(self.C, axis1=-2, axis2=-1)).sum(axis=-1)
+        """(...) log det M"""
+        return -2 * np.log(np.diagonal(self.inverse, axis1=-2, axis2=-1)).sum(axis=-1)
 
 
 def eliminate_first(M: np.ndarray, cross: np.ndarray, rest: np.ndarray, n_x: int) -> tuple[Eliminated, np.ndarray]:
-    """(what gives v back, Gram matrices of the rest without v) for Gram matrices M (K, a, a) of v, cross (K, a, b) and rest (K, b, b); of
-    the rest, the first n_x are x and the others y."""
-    C = firm_cholesky(M)
-    # dividing by C with one factorisation for all: C is small, and well scaled by its ridge
-    Y = np.matmul(np.linalg.inv(C), cross) if C.shape[-1] else cross
-    return Eliminated(C, Y[..., :n_x], Y[..., n_x:]), rest - np.matmul(Y.swapaxes(-1, -2), Y)
+    """(what gives v back, Gram matrices of the rest without v) for Gram matrices M (..., a, a) of v, cross (..., a, b) and rest (..., b,
+    b); of the rest, the first n_x are x and the others y."""
+    inverse = inverse_root(M)
+    Y = np.matmul(inverse, cross)
+    return Eliminated(inverse, Y[..., :n_x], Y[..., n_x:]), rest - np.matmul(Y.swapaxes(-1, -2), Y)
+
+
+def inverse_root(M: np.ndarray) -> np.ndarray:
+    """C^-1 (..., a, a) of M = C C', with the least ridge on the diagonal that makes it exist: dividing by C takes one factorisation then,
+    and C is small, and well scaled by its ridge."""
+    return np.linalg.inv(firm_cholesky(M))
 
 
 def firm_cholesky(M: np.ndarray) -> np.ndarray:
-    """Factors C C' of M (K, a, a) with the least ridge on the diagonal that makes them exist."""
+    """Factors C C' of M (..., a, a) with the least ridge on the diagonal that makes them exist."""
     if not M.shape[-1]:
         return M
-    diagonal = np.einsum("...ii->...i", M)
+    firm = M.copy()
+    diagonal = np.einsum("...ii->...i", firm)
     ridge = RIDGE * (1 + diagonal)
     for _ in range(6):
         try:
-            firm = M + ridge[..., None] * np.eye(M.shape[-1])
+            diagonal += ridge
             return np.linalg.cholesky(firm)
         except np.linalg.LinAlgError:
             ridge = 100 * ridge

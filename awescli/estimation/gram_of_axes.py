@@ -1,5 +1,6 @@
 """What the links of segments say of the axes of processes, instead of the disturbances and drifts that these act on."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,14 +8,20 @@ import numpy as np
 from awescli.estimation.axes import Axes
 from awescli.estimation.links import Gram
 
+AT_ONCE = 1 << 21
+"""[bytes] of links that are put together at once: few enough to stay in a core's cache, many enough for numpy to be worth calling."""
+
 
 @dataclass(frozen=True)
 class GramOfAxes:
-    """Gram matrices of [state, w, w+], link by link. width: n_s + 2 W; runs: (where, from where) columns are copied, in pieces that lie
-    together on both sides: one place at a time numpy takes longer to copy than to eliminate."""
+    """Gram matrices of x = [w+, s, w], link by link: s the state and w the processes at its first node, w+ these at its second one.
+
+    W: axes; runs: (where, from where) columns of x are copied, in pieces that lie together on both sides: one place at a time numpy takes
+    longer to copy than to eliminate.
+    """
 
     gram: Gram
-    width: int
+    W: int
     runs: list[tuple[slice, slice]]
 
     @classmethod
@@ -22,28 +29,35 @@ class GramOfAxes:
         n_s, A = gram.n_s, gram.disturbances
         width = n_s + 2 * A
         D = (gram.x.shape[-1] - width) // 2
-        nodes = (np.where(axes.acts >= 0, n_s + node * A + axes.acts, width + node * D + axes.drifts) for node in (0, 1))
-        place = np.concatenate([np.arange(n_s), *nodes]).astype(int)
+        first, second = (np.where(axes.acts >= 0, n_s + node * A + axes.acts, width + node * D + axes.drifts) for node in (0, 1))
+        place = np.concatenate([second, np.arange(n_s), first]).astype(int)
         runs = np.split(np.arange(len(place)), np.flatnonzero(np.diff(place) != 1) + 1)
-        return cls(gram, len(place), [(slice(r[0], r[-1] + 1), slice(place[r[0]], place[r[-1]] + 1)) for r in runs])
+        return cls(gram, len(axes), [(slice(r[0], r[-1] + 1), slice(place[r[0]], place[r[-1]] + 1)) for r in runs if len(r)])
 
-    def x(self, link: int) -> np.ndarray:
-        """(K, n_s + 2 W, n_s + 2 W)"""
-        found, own = np.empty((len(self.gram), self.width, self.width)), self.gram.x[:, link]
-        for rows, of_rows in self.runs:
-            for columns, of_columns in self.runs:
-                found[:, rows, columns] = own[:, of_rows, of_columns]
-        return found
+    @property
+    def width(self) -> int:
+        """Of x."""
+        return self.gram.n_s + 2 * self.W
 
-    def xy(self, link: int) -> np.ndarray:
-        """(K, n_s + 2 W, n + 1) with [globals, residual]."""
-        found, own = np.empty((len(self.gram), self.width, self.gram.xy.shape[-1])), self.gram.xy[:, link]
-        for rows, of_rows in self.runs:
-            found[:, rows] = own[:, of_rows]
-        return found
+    def backward(self, count: int) -> Iterator[tuple[int, np.ndarray]]:
+        """(link, (K, width, width + W + n + 1)) of links count - 1, ..., 0: x with [x, nothing yet, globals, residual], to be written into;
+        what is in between makes room for w at the last node of the segment."""
+        size, (K, _, _, k) = self.width, self.gram.xy.shape
+        columns = size + self.W + k
+        at_once = max(AT_ONCE // (8 * K * size * columns), 1)
+        for until in range(count, 0, -at_once):
+            some = slice(max(until - at_once, 0), until)
+            rows = np.empty((K, until - some.start, size, columns))
+            rows[..., size : size + self.W] = 0.0
+            for here, of_rows in self.runs:
+                for there, of_columns in self.runs:
+                    rows[:, :, here, there] = self.gram.x[:, some, of_rows, of_columns]
+                rows[:, :, here, size + self.W :] = self.gram.xy[:, some, of_rows]
+            for link in range(until - 1, some.start - 1, -1):
+                yield link, rows[:, link - some.start]
 
     def end_sensitivities(self) -> np.ndarray:
-        """(K, L - 1, n_s, n_s + 2 W) of the state at the next node to [state, w, w+]; to drifts there are none."""
+        """(K, L - 1, n_s, width) of the state at the next node to x; to drifts there are none."""
         E, acting = np.zeros((*self.gram.E.shape[:3], self.width)), self.gram.n_s + 2 * self.gram.disturbances
         for columns, of_columns in self.runs:
             count = max(min(of_columns.stop, acting) - of_columns.start, 0)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from awescli.estimation.axes import Axes, gap_between
-from awescli.estimation.elimination import Eliminated, eliminate_first, firm_cholesky
+from awescli.estimation.elimination import Eliminated, eliminate_first, inverse_root
 from awescli.estimation.gram_of_axes import GramOfAxes
 from awescli.estimation.links import Gram
 from awescli.estimation.smoother import Innovations, Nuisances, Smoother
@@ -105,61 +105,52 @@ def eliminate_parts(
 
 def _segments(
     links: GramOfAxes, axes: Axes, path: np.ndarray, E: np.ndarray, spans: np.ndarray
-) -> tuple[tuple[Eliminated, ...], Eliminated, np.ndarray, np.ndarray]:
-    """(eliminated inner nodes, first one first; eliminated starts; Gram matrices (K, 2 W + n + 1, ...) of [w at the first node, w at the
-    last one, globals, residual]; (K,) log det of all this)."""
+) -> tuple[Eliminated, Eliminated, np.ndarray, np.ndarray]:
+    """(eliminated inner nodes (K, L - 1, ...), first one first; eliminated starts; Gram matrices (K, 2 W + n + 1, ...) of [w at the first
+    node, w at the last one, globals, residual]; (K,) log det of all this)."""
     gram = links.gram
-    n_s, n_start, W, L = gram.n_s, gram.n_start, len(axes), len(spans)
-    s, w0, w1 = slice(0, n_s), slice(n_s, n_s + W), slice(n_s + W, n_s + 2 * W)
+    n_s, n_start, W, L, K = gram.n_s, gram.n_start, len(axes), len(spans), len(gram)
+    # columns of a link: w at its second node, [state, w] at its first one, w at the last node of the segment, globals and residual
+    x, after, w0 = slice(0, links.width), slice(0, W), slice(W + n_s, links.width)
+    kept, others = slice(W, links.width), slice(W, None)
     F, Q = axes.decay(spans), axes.variance(spans)
     step = path[:, 1:] - F * path[:, :-1]  # what the present values ask of the noise
-    here, log_det = np.arange(W), np.zeros(len(gram))
-    # the processes' steps as Gram matrices: of [s, w, w+] with itself (the same in all segments), with the residual, and of this
-    P, asks = np.zeros((L, n_s + 2 * W, n_s + 2 * W)), np.zeros((len(gram), L, n_s + 2 * W))
-    P[:, n_s + here, n_s + here], P[:, n_s + W + here, n_s + W + here] = F * F / Q, 1 / Q
-    P[:, n_s + here, n_s + W + here] = P[:, n_s + W + here, n_s + here] = -F / Q
-    asks[..., w0], asks[..., w1] = F * step / Q, -step / Q
-
-    G = gram.y.copy()
-    G[:, -1, -1] += (step * step / Q).sum(axis=(1, 2))
-    # the last link: w at its second node stays, with globals and residual
-    M, U = links.x(L - 1) + P[L - 1], links.xy(L - 1)
-    U[..., -1] += asks[:, L - 1]
-    V = M[:, : n_s + W, : n_s + W]
-    cross = np.concatenate([M[:, : n_s + W, w1], U[:, : n_s + W]], axis=2)
-    rest = np.concatenate([np.concatenate([M[:, w1, w1], U[:, w1]], axis=2), np.concatenate([U[:, w1].swapaxes(1, 2), G], axis=2)], axis=1)
-    inner: list[Eliminated] = []
-    nothing = np.zeros((len(gram), n_s + 2 * W, W))
-    for m in range(L - 2, -1, -1):
-        M, U = links.x(m), np.concatenate([nothing, links.xy(m)], axis=2)
-        M += P[m]
-        U[..., -1] += asks[:, m]
+    here = np.arange(W)
+    # the processes' steps as Gram matrices: of [w+, s, w] with itself (the same in all segments), with the residual, and of this
+    P, asks = np.zeros((L, links.width, links.width)), np.zeros((K, L, links.width))
+    P[:, here, here], P[:, W + n_s + here, W + n_s + here] = 1 / Q, F * F / Q
+    P[:, here, W + n_s + here] = P[:, W + n_s + here, here] = -F / Q
+    asks[..., after], asks[..., w0] = -step / Q, F * step / Q
+    rest = gram.y.copy()
+    rest[:, -1, -1] += (step * step / Q).sum(axis=(1, 2))
+    roots, divided = np.empty((K, L - 1, W, W)), np.empty((K, L - 1, W, n_s + 2 * W + gram.y.shape[-1]))
+    for m, M in links.backward(L):
+        M[..., x] += P[m]
+        M[..., -1] += asks[:, m]
+        if m == L - 1:
+            # w at the second node of the last link stays, with globals and residual: V is the Gram matrix of [s, w] with [s, w, these]
+            V = np.concatenate([M[:, kept, kept], M[:, kept, after], M[:, kept, links.width + W :]], axis=2)
+            of_last = np.concatenate([M[:, after, after], M[:, after, links.width + W :]], axis=2)
+            continue
+        # [s+, w+] = [E x, w+] in the Gram matrix of all behind
         e = E[:, m]
-        back = e.swapaxes(1, 2)
-        M += np.matmul(back, np.matmul(V[:, s, s], e))
-        mixed = np.matmul(back, V[:, s, w0])
-        M[:, :, w1] += mixed
-        M[:, w1, :] += mixed.swapaxes(1, 2)
-        M[:, w1, w1] += V[:, w0, w0]
-        U += np.matmul(back, cross[:, s])
-        U[:, w1] += cross[:, w0]
-        kept = slice(0, n_s + W)
-        C = firm_cholesky(M[:, w1, w1])
-        inverse = np.linalg.inv(C)
-        Yx, Yu = np.matmul(inverse, M[:, w1, kept]), np.matmul(inverse, U[:, w1])
-        inner.append(Eliminated(C, np.concatenate([Yx, Yu[..., :W]], axis=2), Yu[..., W:]))
-        log_det += inner[-1].log_det
-        V = M[:, kept, kept] - np.matmul(Yx.swapaxes(1, 2), Yx)
-        cross = U[:, kept] - np.matmul(Yx.swapaxes(1, 2), Yu)
-        rest = rest - np.matmul(Yu.swapaxes(1, 2), Yu)
-    free = slice(0, n_start)
-    to_rest = np.concatenate([V[:, free, w0], cross[:, free]], axis=2)
-    around = np.concatenate(
-        [np.concatenate([V[:, w0, w0], cross[:, w0]], axis=2), np.concatenate([cross[:, w0].swapaxes(1, 2), rest], axis=2)], axis=1
-    )
-    start, of_ends = eliminate_first(V[:, free, free], to_rest, around, 2 * W)
-    log_det += start.log_det + np.log(Q).sum() + gram.log_prior
-    return tuple(reversed(inner)), start, of_ends, log_det
+        T = np.matmul(V[..., :n_s], e)
+        T[..., after] += V[..., n_s : n_s + W]
+        T = np.concatenate([T, V[..., n_s + W :]], axis=2)
+        M += np.matmul(e.swapaxes(1, 2), T[:, :n_s])
+        M[:, after] += T[:, n_s:]
+        roots[:, m] = inverse_root(M[:, after, after])
+        Y = np.matmul(roots[:, m], M[:, after, others], out=divided[:, m])
+        V = M[:, kept, others] - np.matmul(Y[..., : n_s + W].swapaxes(1, 2), Y)
+    last = divided[..., n_s + W :].reshape(K, (L - 1) * W, W + rest.shape[-1])
+    around = np.concatenate([of_last, np.concatenate([of_last[..., W:].swapaxes(1, 2), rest], axis=2)], axis=1)
+    around -= np.matmul(last.swapaxes(1, 2), last)
+    inner = Eliminated(roots, divided[..., : n_s + 2 * W], divided[..., n_s + 2 * W :])
+    free, first = slice(0, n_start), slice(n_s, n_s + W)
+    around = np.concatenate([V[:, first, n_s:], np.concatenate([V[:, first, n_s + W :].swapaxes(1, 2), around], axis=2)], axis=1)
+    start, of_ends = eliminate_first(V[:, free, free], V[:, free, n_s:], around, 2 * W)
+    log_det = inner.log_det.sum(axis=1) + start.log_det + np.log(Q).sum() + gram.log_prior
+    return inner, start, of_ends, log_det
 
 
 def _joined(
@@ -169,9 +160,12 @@ def _joined(
     W, L = len(axes), path.shape[1] - 1
     k = of_ends.shape[1] - 2 * W
     here, a, b, y = np.arange(W), slice(0, W), slice(W, 2 * W), slice(2 * W, 2 * W + k)
-    cost, added = np.zeros(len(of_ends)), np.zeros(len(of_ends))
-    # Gram matrix of [w at the first node of the segment behind, globals, residual], and log det, of all behind
-    behind, behind_det, so_far = np.zeros((W + k, W + k)), 0.0, (0.0, 0.0)
+    cost, added, n = np.zeros(len(of_ends)), np.zeros(len(of_ends)), k - 1
+    if not len(which):
+        return Information(np.zeros((n, n)), np.zeros(n), cost, added, dof, None), ()
+    # Gram matrix of [w at the first node of the segment behind, globals, residual], and log det, of all behind; the same of each place
+    behind, behind_det = np.zeros((W + k, W + k)), 0.0
+    whole, dets = np.empty((len(which), W + k, W + k)), np.empty(len(which))
     joined: list[tuple[Eliminated | None, Eliminated]] = []
     for place in range(len(which) - 1, -1, -1):
         seg = which[place]
@@ -196,21 +190,19 @@ def _joined(
                 first, behind = eliminate_first(behind[a, a], to_rest, around, W)
                 det += float(first.log_det) + float(np.log(q).sum())
             M[W:, W:] += behind
-        joined_last, whole = eliminate_first(M[b, b], np.concatenate([M[b, a], M[b, y]], axis=1), _without(M, W), W)
-        det += float(joined_last.log_det)
+        joined_last, behind = eliminate_first(M[b, b], np.concatenate([M[b, a], M[b, y]], axis=1), _without(M, W), W)
+        behind_det = det + float(joined_last.log_det)
         joined.append((first, joined_last))
-        behind, behind_det = whole, det
-        total = _begun(axes, path[seg, 0], behind, det)
-        cost[seg], added[seg] = total[0][-1, -1] - so_far[0], total[1] - so_far[1]
-        so_far = float(total[0][-1, -1]), total[1]
-    n = k - 1
-    if not len(which):
-        return Information(np.zeros((n, n)), np.zeros(n), cost, added, dof, None), ()
-    (whole, _, first), joined = total, joined[::-1]
+        whole[place], dets[place] = behind, behind_det
+    begun, totals, added_up = _begun(axes, path[which, 0], whole, dets)
+    cost[which] = totals[:, -1, -1] - np.append(totals[1:, -1, -1], 0.0)
+    added[which] = added_up - np.append(added_up[1:], 0.0)
+    joined = joined[::-1]
     # joined[i] holds w at the first node of the segment BEHIND i; move each to its own segment
+    first = Eliminated(begun.inverse[0], begun.X[0], begun.Y[0])
     firsts = [first, *(f for f, _ in joined[:-1])]
     joined = [(f, last) for f, (_, last) in zip(firsts, joined, strict=True)]
-    return Information(whole[:n, :n], whole[:n, -1], cost, added, dof, None), tuple(joined)
+    return Information(totals[0, :n, :n], totals[0, :n, -1], cost, added, dof, None), tuple(joined)
 
 
 def _without(M: np.ndarray, W: int) -> np.ndarray:
@@ -219,13 +211,13 @@ def _without(M: np.ndarray, W: int) -> np.ndarray:
     return M[np.ix_(kept, kept)]
 
 
-def _begun(axes: Axes, value: np.ndarray, behind: np.ndarray, det: float) -> tuple[np.ndarray, float, Eliminated]:
-    """(Gram matrix of y, log det, w at the first node) of a flight that begins here, its processes stationary."""
+def _begun(axes: Axes, value: np.ndarray, behind: np.ndarray, det: np.ndarray) -> tuple[Eliminated, np.ndarray, np.ndarray]:
+    """(w at the first node, Gram matrix of y, log det) of flights that begin here, their processes stationary; all (k, ...)."""
     W, here = len(axes), np.arange(len(axes))
     M, p = behind.copy(), axes.level**2
-    M[here, here] += 1 / p
-    M[here, -1] -= value / p
-    M[-1, here] -= value / p
-    M[-1, -1] += (value * value / p).sum()
-    first, whole = eliminate_first(M[:W, :W], M[:W, W:], M[W:, W:], 0)
-    return whole, det + float(first.log_det) + np.log(p).sum(), first
+    M[:, here, here] += 1 / p
+    M[:, here, -1] -= value / p
+    M[:, -1, here] -= value / p
+    M[:, -1, -1] += (value * value / p).sum(axis=1)
+    first, whole = eliminate_first(M[:, :W, :W], M[:, :W, W:], M[:, W:, W:], 0)
+    return first, whole, det + first.log_det + np.log(p).sum()

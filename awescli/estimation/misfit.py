@@ -273,8 +273,12 @@ class Misfit:
     @property
     def _hats(self) -> np.ndarray:
         """(N+1, L + 1) weight of each node at every sample."""
-        samples = np.arange(self.observed.segments.steps + 1)
-        return np.stack([np.interp(samples, self.nodes, row) for row in np.eye(len(self.nodes))], axis=1)
+        samples, gaps = np.arange(self.observed.segments.steps + 1)[:, None], np.diff(self.nodes)
+        risen = np.clip((samples - self.nodes[:-1]) / gaps, 0.0, 1.0)  # from each node to the next
+        hats = np.ones((len(samples), len(self.nodes)))
+        hats[:, 1:] = risen
+        hats[:, :-1] -= risen
+        return hats
 
     def with_processes(self, processes: Sequence[Process]) -> "Misfit":
         """The same with other processes."""

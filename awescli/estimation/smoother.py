@@ -45,8 +45,9 @@ class Nuisances:
 
 @dataclass(frozen=True)
 class Smoother:
-    """What was eliminated, in the order in which it comes back. times: (K, L + 1) of the nodes [s]; start: of the segments; inner: from the
-    first inner node on; joined: (along the flight: w at the first node where it is not that at the last one before, w at the last node)."""
+    """What was eliminated, in the order in which it comes back. times: (K, L + 1) of the nodes [s]; E: (K, L - 1, n_s, W + n_s + W) of the
+    state at the next node to [w+, s, w]; start: of the segments; inner: of the inner nodes (K, L - 1, ...); joined: (along the flight: w
+    at the first node where it is not that at the last one before, w at the last node)."""
 
     gram: Gram
     axes: Axes
@@ -54,7 +55,7 @@ class Smoother:
     times: np.ndarray
     E: np.ndarray
     start: Eliminated
-    inner: tuple[Eliminated, ...]
+    inner: Eliminated
     joined: tuple[tuple[Eliminated | None, Eliminated], ...]
     which: np.ndarray
 
@@ -73,10 +74,12 @@ class Smoother:
             path[k, 0], path[k, L] = a, before
         ends = np.concatenate([path[:, 0], path[:, L]], axis=1)
         states[:, 0, :n_start] = self.start.solve(ends, change, mean, noise(K, n_start))
-        for m, inner in enumerate(self.inner):
-            x = np.concatenate([states[:, m], path[:, m], path[:, L]], axis=1)
-            path[:, m + 1] = inner.solve(x, change, mean, noise(K, W))
-            states[:, m + 1] = np.matmul(self.E[:, m], np.concatenate([states[:, m], path[:, m], path[:, m + 1]], axis=1))
+        gain = self.inner.gain
+        apart = self.inner.apart(change, mean, noise(L - 1, K, W).swapaxes(0, 1)) + np.matmul(gain[..., n_s + W :], path[:, L:])
+        for m in range(L - 1):
+            x = np.concatenate([states[:, m], path[:, m]], axis=1)
+            path[:, m + 1] = apart[:, m] + np.matmul(gain[:, m, :, : n_s + W], x)
+            states[:, m + 1] = np.matmul(self.E[:, m], np.concatenate([path[:, m + 1], x], axis=1))
         return Nuisances(states, path)
 
     def innovations(self, change: np.ndarray) -> Innovations:
@@ -103,9 +106,8 @@ class Smoother:
             if first is None:
                 A = before
             else:
-                inverse = np.linalg.inv(first.C).T
-                gain = -inverse @ first.X if first.X.shape[-1] else np.zeros((W, W))
-                own = inverse @ inverse.T
+                gain = first.gain if first.X.shape[-1] else np.zeros((W, W))
+                own = first.covariance
                 A = gain @ before @ gain.T + own
                 # before the first segment lies an endless gap
                 gap = gap_between(self.times[which[i - 1], -1], self.times[which[i], 0]) if i else np.inf
@@ -118,9 +120,8 @@ class Smoother:
                 longer += slope * (e * w + np.diag(crossed)) / q
                 known += slope**2 * w * w / q
                 count += 1
-            inverse = np.linalg.inv(last.C).T
-            gain = -inverse @ last.X
-            B = gain @ A @ gain.T + inverse @ inverse.T
+            gain = last.gain
+            B = gain @ A @ gain.T + last.covariance
             ends[i] = np.block([[A, A @ gain.T], [gain @ A, B]])
             before = B
         return ends, Innovations(square, spread, count, longer, known)
@@ -131,16 +132,14 @@ class Smoother:
         n, (found, crossed) = n_s + 2 * W, np.zeros((2, len(self.gram.bounds) - 1, W))
         s, w, b = slice(0, n_s), slice(n_s, n_s + W), slice(n_s + W, n)
         # covariance S of [s, w at the node, w at the last node]
-        inverse = np.linalg.inv(self.start.C[which]).swapaxes(1, 2)
         gain = np.zeros((len(which), n, 2 * W))
-        gain[:, :n_start] = -np.matmul(inverse, self.start.X[which])
+        gain[:, :n_start] = self.start.gain[which]
         gain[:, w, :W] = gain[:, b, W:] = np.eye(W)
         S = np.matmul(np.matmul(gain, ends), gain.swapaxes(1, 2))
-        S[:, :n_start, :n_start] += np.matmul(inverse, inverse.swapaxes(1, 2))
-        for m, inner in enumerate(self.inner):
-            inverse = np.linalg.inv(inner.C[which]).swapaxes(1, 2)
-            own = np.matmul(inverse, inverse.swapaxes(1, 2))
-            gain = -np.matmul(inverse, inner.X[which])
+        S[:, :n_start, :n_start] += self.start.covariance[which]
+        gains, owns = self.inner.gain[which], self.inner.covariance[which]
+        for m in range(gains.shape[1]):
+            gain, own = gains[:, m], owns[:, m]
             moved = gain.copy()
             moved[:, :, w] -= np.diag(F[m])
             seen = np.matmul(moved, S)
@@ -149,9 +148,9 @@ class Smoother:
             E = self.E[which, m]
             A, B = np.zeros((len(which), n, n)), np.zeros((len(which), n, W))
             A[:, w], A[:, b, b], B[:, w] = gain, np.eye(W), np.eye(W)
-            A[:, s, : n_s + W] = E[:, :, : n_s + W]
-            A[:, s] += np.matmul(E[:, :, n_s + W :], gain)
-            B[:, s] = E[:, :, n_s + W :]
+            A[:, s, : n_s + W] = E[:, :, W:]
+            A[:, s] += np.matmul(E[:, :, :W], gain)
+            B[:, s] = E[:, :, :W]
             S = np.matmul(np.matmul(A, S), A.swapaxes(1, 2)) + np.matmul(np.matmul(B, own), B.swapaxes(1, 2))
         moved = np.zeros((W, n))
         moved[:, b], moved[:, w] = np.eye(W), -np.diag(F[-1])
