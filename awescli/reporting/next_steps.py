@@ -23,6 +23,9 @@ def _rivals(evidence: Evidence) -> list[Words]:
     if effects.get("verdict") == "found":
         kept = Code("trace-residual/kite.yaml")
         items.append((Strong("Use the model."), " ", kept, " holds the kite with the effect and its new values."))
+    if effects.get("outside_bounds"):
+        text = f" {listed(list(effects['outside_bounds']))}: the flight asks for values outside them."
+        items.append((Strong("Correct bounds in the kite file."), text))
     if effects.get("verdict") == "unexplained":
         text = " The empirical terms say in which channel it acts and with what it grows; the physics is open."
         items.append((Strong("Name what is left."), text))

@@ -105,7 +105,7 @@ class TraceResidual(Stage):
         progress("scoring on unseen loops")
         models = {"before": finding.before(), "after": finding.after()}
         before = predicted(models["before"], log, parts, config.horizon)
-        after = before if finding.model is finding.null else predicted(models["after"], log, parts, config.horizon)
+        after = before if finding.model is finding.first else predicted(models["after"], log, parts, config.horizon)
         predictions = {"before": before, "after": after}
         effects = summary(finding, log, config.horizon, *(p["test"] for p in predictions.values()))
         effects["kinematics"] = kinematics(log)
@@ -208,6 +208,8 @@ def answer_lines(effects: dict, kite_file: Path) -> list[str]:
     # a second witness, which asks no model of forces: in full, or in one line
     told_alone = [f"kinematics alone: {seen}" for seen in seen_alone(effects).values()]
     alone, briefly = ([shorten(t, most, placeholder=" ...") for t in told_alone] for most in (120, WIDTH - 4))
+    alone = [*(o["sentence"] for o in effects["outside_bounds"].values()), *alone]
+    briefly = [*([f"outside their bounds: {', '.join(effects['outside_bounds'])}"] if effects["outside_bounds"] else []), *briefly]
     end = [
         change(before, after, error["noise_floor"]["mean"], error["horizon_s"]),
         f"left: chi-square {number(left.get('chi2'))} (1: noise alone){share}",

@@ -1,16 +1,32 @@
 """What all models of a trace share: the flights, how they are cut, and how much of them is looked at."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from awescli.estimation.problem import EstimationProblem, build, simulator_of
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Split
+from awescli.notation.parameters import Parameter
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
+
+BEYOND = 10.0
+"""Prior standard deviations to either side where a bound is taken away."""
+
+
+def unbounded(p: Parameter) -> Parameter:
+    """The parameter without bounds, its prior as it was."""
+    return replace(p, lower=p.value - BEYOND * p.prior_std, upper=p.value + BEYOND * p.prior_std, std=p.prior_std, relative=False)
+
+
+def _of_its_sign(p: Parameter) -> Parameter:
+    """The parameter without bounds, but for the sign that these say."""
+    free = unbounded(p)
+    lower, upper = max(free.lower, 0.0) if p.lower > 0 else free.lower, min(free.upper, 0.0) if p.upper < 0 else free.upper
+    return replace(free, lower=lower, upper=upper)
 
 
 @dataclass(frozen=True)
@@ -59,6 +75,15 @@ class Frame:
     def declared(self) -> KiteDeclaration:
         """Of the plan's flight."""
         return self.flights[0].declared
+
+    def beyond(self, names: Sequence[str]) -> "Frame":
+        """The same with parameters free to leave their declared bounds, but not to change a sign that these say; the priors stay."""
+        flights = []
+        for flight in self.flights:
+            table = flight.declared.table()
+            rows = (_of_its_sign(table[n]) for n in names)
+            flights.append(replace(flight, declared=flight.declared.with_parameters(table.with_rows(rows))))
+        return replace(self, flights=tuple(flights))
 
     def problems(self, keys: Sequence[str]) -> list[EstimationProblem]:
         """The flights cut up for the declared kite with the effects `keys` at null."""

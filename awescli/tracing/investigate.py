@@ -8,6 +8,7 @@ import numpy as np
 from awescli.estimation.processes.base import Group
 from awescli.estimation.processes.roll_gusts import RollGusts as RollGustProcess
 from awescli.flightlog.log import FlightLog
+from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import SURFACES
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.doubts import unusual_signs
@@ -67,7 +68,7 @@ class Finding:
     the declared model where nothing was found, one with empirical terms where what is left has no name; implausible: a candidate that
     leads with a size that nothing has, and its model without bounds; roll_gusts: None where there are none; flights: since when and with
     which size the answer, or the candidate that came nearest to one, holds in each; by_prediction: with what a model without a verdict
-    predicts better."""
+    predicts better; within: the finding within the declared bounds, `unexplained`, where this one is that without them."""
 
     frame: Frame
     verdict: str
@@ -79,10 +80,24 @@ class Finding:
     roll_gusts: RollGusts | None = None
     flights: tuple[InFlight, ...] = ()
     by_prediction: ByPrediction | None = None
+    within: "Finding | None" = None
 
     @property
     def null(self) -> FittedModel:
         return self.evidence.search.null
+
+    @property
+    def first(self) -> FittedModel:
+        """The model that the trace began with: declared, within its bounds, as nothing helps it."""
+        return self.within.null if self.within else self.null
+
+    @property
+    def outside(self) -> tuple[Parameter, ...]:
+        """Parameters as they were declared of which this finding has values outside their bounds."""
+        if self.within is None:
+            return ()
+        declared, now = self.within.frame.declared.table(), self.model.table
+        return tuple(p for p in declared.rows if p.name in now and not p.lower <= now[p.name].value <= p.upper)
 
     @property
     def reason(self) -> str:
@@ -91,7 +106,7 @@ class Finding:
 
     def before(self) -> Simulator:
         """The declared model at its fit, ready to predict."""
-        return self.by_prediction.base.simulator if self.by_prediction else self.null.simulator
+        return self.by_prediction.base.simulator if self.by_prediction else self.first.simulator
 
     def after(self) -> Simulator:
         """The final model, ready to predict."""
@@ -106,7 +121,27 @@ def investigate(
     frame: Frame, null: FittedModel, keys: Sequence[str], *, rounds: int = CRITERIA.effects, null_error: float | None = None,
     identified_error: float | None = None, criteria: Criteria = CRITERIA, progress: Say = lambda text: None,
 ) -> Finding:  # fmt: skip
-    """Trace what the fitted declared model lacks."""
+    """Trace what the fitted declared model lacks. Where nothing explains it and parameters stand at their bounds, it may be the bounds that
+    do not hold the truth: what is found without them is the answer then, and they are named."""
+    how = {"rounds": rounds, "null_error": null_error, "identified_error": identified_error, "criteria": criteria, "progress": progress}
+    found = _investigated(frame, null, keys, **how)
+    at_bound = [n for n in found.null.at_bound if n in frame.declared.parameters]
+    if found.verdict != "unexplained" or not at_bound:
+        return found
+    progress("looking again, without the bounds that parameters stand at")
+    wider = frame.beyond(at_bound)
+    free = fit_on(wider, found.null)
+    if found.null.deviance - free.deviance < criteria.decisive:
+        return found
+    again = _investigated(wider, free, keys, **how)
+    return replace(again, within=found) if again.verdict in ("found", "none") else found
+
+
+def _investigated(
+    frame: Frame, null: FittedModel, keys: Sequence[str], *, rounds: int, null_error: float | None, identified_error: float | None,
+    criteria: Criteria, progress: Say,
+) -> Finding:  # fmt: skip
+    """Trace what the fitted declared model lacks within its bounds."""
     bare, rest = rest_of(frame, null)
     evidence = Evidence(Search(null, null, ()), bare, bare, rest, null_error=null_error, identified_error=identified_error)
     if any(c.passed is False for c in table(evidence, criteria) if c.name in NULL):

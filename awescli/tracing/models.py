@@ -11,11 +11,11 @@ from awescli.estimation.misfit import DIVERGED_COST, Misfit
 from awescli.estimation.problem import EstimationProblem, without_record
 from awescli.estimation.processes.base import Process
 from awescli.estimation.staged_fit import COARSE, MODEL_ERROR, SETTLED_ON, SLIGHT, Flight, fit_flights, fit_levels, widened
-from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.notation.parameters import ParameterTable
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import make_effect
 from awescli.simulation.rollout import Simulator
-from awescli.tracing.frame import Frame, Levels
+from awescli.tracing.frame import Frame, Levels, unbounded
 
 Say = Callable[[str], None]
 """Tells the user what is being done."""
@@ -28,8 +28,6 @@ NEAR = 4.0
 holds."""
 AT_END = 1e-6
 """Share of its range by which a parameter at an end of it may be away from the end."""
-BEYOND = 10.0
-"""Prior standard deviations to either side where a bound is taken away."""
 
 
 @dataclass(frozen=True)
@@ -185,10 +183,13 @@ def _asked_of(fitted: JointFit, judged: Sequence[Fit], moved: np.ndarray) -> tup
 
 
 def _validation(fitted: JointFit, judged: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray]:
-    """(H (n, n), b (n,)): what the validation loops of all flights say of the parameters."""
+    """(H (n, n), b (n,)): what the validation loops of all flights say of the parameters. Nothing those on which a model runs away, whose
+    information is a difference of numbers that are too large to have one."""
     n = len(fitted.names)
     H, b = np.zeros((n, n)), np.zeros(n)
     for f, place in zip(judged, fitted.places, strict=True):
+        if not (np.diag(f.information.H) >= 0).all():
+            continue
         H[np.ix_(place, place)] += f.information.H
         b[place] += f.information.b
     return H, b
@@ -307,7 +308,7 @@ def _fitted(
     rounds, tolerance = how
     problems, tables, owns, slopes = [], [], [], []
     for raw, before, fitted in zip(frame.problems(keys), base.problems, base.fit.flights, strict=True):
-        prior = raw.prior.with_rows(_unbounded(raw.prior[n]) for n in beyond if n in raw.prior)
+        prior = raw.prior.with_rows(unbounded(raw.prior[n]) for n in beyond if n in raw.prior)
         simulator = raw.simulator.holding(prior)
         table = simulator.kite.parameters
         table = table.with_values({**{n: fitted.parameters[n].value for n in table if n in fitted.parameters}, **values})
@@ -325,10 +326,6 @@ def _fitted(
         slopes.append(share * np.array([was.get(n, 0.0) for n in names]) if how is QUICK else None)
     found = fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, owns=owns, slopes=slopes)
     return FittedModel.of(keys, strengths, *found)
-
-
-def _unbounded(p: Parameter) -> Parameter:
-    return replace(p, lower=p.value - BEYOND * p.prior_std, upper=p.value + BEYOND * p.prior_std, std=p.prior_std, relative=False)
 
 
 def _gone(processes: Sequence[Process], kind: str) -> tuple[Process, ...]:

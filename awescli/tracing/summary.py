@@ -38,9 +38,9 @@ SENTENCES = {
 
 
 def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction, after: Prediction) -> dict:
-    """effects.json: verdict and its criteria, effects with sizes, intervals and what they cannot be distinguished from, ranking, what is
-    unexplained, error on test loops, parameter shifts. before, after: of the test loops."""
-    null, model, evidence = finding.null, finding.model, finding.evidence
+    """effects.json: verdict and its criteria, effects with sizes, intervals and what they cannot be distinguished from, parameters outside
+    their bounds, ranking, what is unexplained, error on test loops, parameter shifts. before, after: of the test loops."""
+    model, evidence = finding.model, finding.evidence
     named = evidence.model if finding.verdict in ("found", "cannot_tell") else None
     effects = [_effect(finding, key, named, log) for key in named.keys] if named else []
     if finding.verdict == "cannot_tell":
@@ -51,13 +51,18 @@ def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction
         "noise_floor": before.noise_floor(), "diverged_before": before.diverged, "diverged_after": after.diverged, "split": "test",
     }  # fmt: skip
     because = finding.reason if testable or not finding.reason else f"Why: {finding.reason}."
-    said = (SENTENCES[finding.verdict], because, _slip(finding), _began(finding), better["sentence"] if better else "")
+    outside = _outside(finding)
+    said = (
+        SENTENCES[finding.verdict], because, *(o["sentence"] for o in outside.values()), _slip(finding), _began(finding),
+        better["sentence"] if better else "",
+    )  # fmt: skip
     return {
         "verdict": finding.verdict,
         "sentence": " ".join(s for s in said if s),
         "reason": finding.reason or None,
         "effects": effects,
         "by_prediction": better,
+        "outside_bounds": outside,
         "ranking": _ranking(finding),
         "unexplained": _unexplained(finding) if finding.verdict == "unexplained" else None,
         "error": error,
@@ -75,7 +80,7 @@ def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction
         "detectable": {key: size for key, (_, size) in evidence.search.detectable.items()},
         "detectable_units": {key: _unit(finding, key, name) for key, (name, _) in evidence.search.detectable.items()},
         "not_testable": list(evidence.search.rounds[0].untestable) if evidence.search.rounds else [],
-        "parameter_shifts": _shifts(finding.by_prediction.base if finding.by_prediction else null, model),
+        "parameter_shifts": _shifts(finding.by_prediction.base if finding.by_prediction else finding.first, model),
         "separate": separate(effects),
     }  # fmt: skip
 
@@ -88,8 +93,8 @@ def _chi2(finding: Finding) -> dict[str, float]:
     elif finding.verdict == "not_testable":
         return {}
     else:
-        before = finding.evidence.bare
-        after = finding.model if finding.model is not finding.null else before
+        before = (finding.within or finding).evidence.bare
+        after = finding.evidence.bare if finding.model is finding.null else finding.model
     return {
         "train_before": before.fit.chi2, "train_after": after.fit.chi2, "validation_before": before.chi2, "validation_after": after.chi2,
     }  # fmt: skip
@@ -105,6 +110,24 @@ def left(rest: Rest, before: float) -> dict:
         "chi2": rest.chi2, "share": share, "channels": rest.channels, "worth": rest.worth, "levels": rest.levels,
         "repeats": None if again is None else {"share": again.share, "p": again.p, "loops": again.loops},
     }  # fmt: skip
+
+
+def _outside(finding: Finding) -> dict[str, dict]:
+    """Parameters whose declared bounds had to go for the finding: name -> value, std, unit, bounds, and all this in a sentence."""
+    fit, found = finding.model.fit, {}
+    std = dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
+    for p in finding.outside:
+        value, unit = fit.parameters[p.name].value, "" if p.unit in ("", "-") else f" {p.unit}"
+        lower, upper = (None if np.isinf(end) else end for end in (p.lower, p.upper))
+        declared = (
+            f"at least {p.lower:.4g}" if upper is None else f"at most {p.upper:.4g}" if lower is None else f"{lower:.4g} to {upper:.4g}"
+        )
+        said = f"{value:.4g}{unit} (std {std[p.name]:.2g})"
+        found[p.name] = {
+            "value": value, "std": float(std[p.name]), "unit": p.unit, "lower": lower, "upper": upper,
+            "sentence": f"The kite file's bounds of {p.name}, {declared}, do not hold what the flight says: {said}.",
+        }  # fmt: skip
+    return found
 
 
 def _in_flight(finding: Finding, flight: InFlight) -> dict:

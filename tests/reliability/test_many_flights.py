@@ -62,7 +62,7 @@ def halfway(folder):
 
 
 def begun(folder):
-    """How often b's first stage has begun. Asked of the log, never of the lock: who asks `free` holds it, and a run that begins is refused."""
+    """How often b's first stage has begun. Asked of the log: who asks for the lock holds it, and a run that begins then is refused."""
     log = folder / "out" / "b" / ".awes" / "awes.log"
     return log.read_text().count("from step") if log.is_file() else 0
 

@@ -81,6 +81,15 @@ def test_a_parameter_of_which_train_says_nothing_stays_where_it_is(seen):
     assert wider == pytest.approx(np.linalg.slogdet(known + more)[1] - np.linalg.slogdet(known)[1]) and np.isfinite(gained)
 
 
+def test_loops_on_which_a_model_runs_away_say_nothing():
+    """Guards a traceback on the AP2's flight: a model that was unstable on validation loops had an information of -1e171 there."""
+    fitted, judged, *_ = linear(3)
+    runs_away = SimpleNamespace(information=SimpleNamespace(H=-1e171 * np.ones((N, N)), b=1e150 * np.ones(N)))
+    step, gained, wider = _asked_of(fitted, [runs_away], np.zeros(N))
+    assert not step.any() and gained == 0.0 and wider == 0.0
+    assert _asked_of(fitted, [judged], np.zeros(N))[0].any()
+
+
 def test_what_all_loops_want_is_what_a_fit_of_all_loops_finds():
     """Guards `shift` on a flight: to first order it leads to the parameters of a fit of train and validation together."""
     frame, null = null_model()

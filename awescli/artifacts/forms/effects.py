@@ -180,6 +180,14 @@ class ByPrediction(Checked):
     sentence: Text = Field(description="the same in a sentence")
 
 
+class Outside(Size):
+    """A parameter whose declared bounds do not hold what the flight says."""
+
+    lower: Number | None = Field(description="lower bound that was declared [as `unit` says]; nothing where there was none")
+    upper: Number | None = Field(description="upper bound that was declared [as `unit` says]; nothing where there was none")
+    sentence: Text = Field(description="the same in a sentence")
+
+
 class Segments(Checked):
     """Where in the flight an answer gains."""
 
@@ -275,6 +283,9 @@ class Effects(Checked):
     separate: list[Text] = Field(default=[], description="what to fly to tell rivals apart, a sentence each")
     by_prediction: ByPrediction | None = Field(
         default=None, description="where there is no verdict: with which effects unseen loops are predicted better"
+    )
+    outside_bounds: dict[str, Outside] = Field(
+        default={}, description="parameter -> its value, where the answer holds only outside the bounds that the kite file declares"
     )
     kinematics: list[SeenAlone] = Field(default=[], description="errors of sensors that show without any model of forces")
 
