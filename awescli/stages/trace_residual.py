@@ -205,11 +205,11 @@ def answer_lines(effects: dict, kite_file: Path) -> list[str]:
     share = f", {100 * left['share']:.0f} % of what was missing" if left.get("share") else ""
     rest = effects["unexplained"]
     empirical = [shorten(f"empirical: {rest['expression']}", 120, placeholder=" ...")] if rest and rest["expression"] else []
-    # a second witness, which asks no model of forces: in full, or in one line
-    told_alone = [f"kinematics alone: {seen}" for seen in seen_alone(effects).values()]
-    alone, briefly = ([shorten(t, most, placeholder=" ...") for t in told_alone] for most in (120, WIDTH - 4))
-    alone = [*(o["sentence"] for o in effects["outside_bounds"].values()), *alone]
-    briefly = [*([f"outside their bounds: {', '.join(effects['outside_bounds'])}"] if effects["outside_bounds"] else []), *briefly]
+    # what else was seen (of bounds; by a second witness, which asks no model of forces): in full, or in a line each
+    bounds, told_alone = effects["outside_bounds"], [f"kinematics alone: {seen}" for seen in seen_alone(effects).values()]
+    alone = [*(o["sentence"] for o in bounds.values()), *(shorten(t, 120, placeholder=" ...") for t in told_alone)]
+    briefly = [*([f"outside their bounds: {', '.join(bounds)}"] if bounds else []), *told_alone]
+    briefly = [shorten(t, WIDTH - 4, placeholder=" ...") for t in briefly]
     end = [
         change(before, after, error["noise_floor"]["mean"], error["horizon_s"]),
         f"left: chi-square {number(left.get('chi2'))} (1: noise alone){share}",
@@ -230,9 +230,11 @@ def answer_lines(effects: dict, kite_file: Path) -> list[str]:
         versions = [[says, *empirical, *alone, *end], [says, *empirical, *alone, *end[::2]], [brief, *short, *briefly, *end[::2]]]
         return fitting(TraceResidual.name, versions)
     found = [[_said(e, most) for e in effects["effects"]] for most in (9, 1, 0)]
-    versions = [[f"{verdict}: {first}", *(f"and {e}" for e in others), *empirical, *alone, *end] for first, *others in found]
-    names = shorten(f"{verdict}: {', '.join(named(e) for e in effects['effects'])}", 200, placeholder=" ...")
-    return fitting(TraceResidual.name, [*versions, [names, *empirical, *alone, *end[::2]], [names, *briefly, *end[::2]]])
+    # sizes before the long form of what else was seen
+    told = [(found[0], alone), *((sizes, briefly) for sizes in found)]
+    versions = [[f"{verdict}: {first}", *(f"and {e}" for e in others), *empirical, *seen, *end] for (first, *others), seen in told]
+    names, few = (shorten(f"{verdict}: {', '.join(named(e) for e in effects['effects'])}", most, placeholder=" ...") for most in (200, 120))
+    return fitting(TraceResidual.name, [*versions, [names, *empirical, *briefly, *end[::2]], [few, *briefly, *end[::2]]])
 
 
 def _said(effect: dict, most: int) -> str:

@@ -25,7 +25,7 @@ def unbounded(p: Parameter) -> Parameter:
 def _of_its_sign(p: Parameter) -> Parameter:
     """The parameter without bounds, but for the sign that these say."""
     free = unbounded(p)
-    lower, upper = max(free.lower, 0.0) if p.lower > 0 else free.lower, min(free.upper, 0.0) if p.upper < 0 else free.upper
+    lower, upper = max(free.lower, 0.0) if p.lower >= 0 else free.lower, min(free.upper, 0.0) if p.upper <= 0 else free.upper
     return replace(free, lower=lower, upper=upper)
 
 

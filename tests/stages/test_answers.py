@@ -113,11 +113,14 @@ REASON = f"surface_effectiveness:elevator comes nearest, but {' and '.join(OBJEC
 @pytest.mark.parametrize("verdict", SAYS)
 @pytest.mark.parametrize("count", [0, 1, 3])
 @pytest.mark.parametrize("seen", [0, 1, 4])
-def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen):
+@pytest.mark.parametrize("outside", [0, 1, 12])
+def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen, outside):
     rivals = [{"name": "surface_effectiveness", "acts_on": "elevator"}] * 4
     entry = EFFECT | {"parameters": SIZES, "rivals": rivals if verdict == "cannot_tell" else []}
     error = {"horizon_s": 5.0, **{k: {"mean": 0.0123456} for k in ("before", "after", "noise_floor")}}
     unexplained = {"expression": "; ".join(f"m_y += qbar*S*(+0.0{i}234*alpha*V_a)" for i in range(6))} if verdict == "unexplained" else None
+    outside = outside if verdict in ("found", "none") else 0  # no others need a trace without bounds
+    bounds = {f"Cmde_{i}": {"sentence": f"The kite file's bounds of Cmde_{i} do not hold what the flight says."} for i in range(outside)}
     effects = {
         "verdict": verdict,
         "reason": REASON if verdict == "unexplained" else None,
@@ -126,11 +129,15 @@ def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen):
         "left": {"chi2": 1.234, "share": 0.5},
         "unexplained": unexplained,
         "kinematics": [{"sentence": "position late by 0.2603 s +- 0.0004"}] * seen,
+        "outside_bounds": bounds,
     }
     lines = lines_of("trace-residual", answer_lines(effects, "out/trace-residual/kite.yaml"))
     assert max(map(len, lines)) <= 80 and len(lines) <= 6, lines
     assert "0.0123 -> 0.0123 (noise alone 0.0123)" in " ".join(lines) and verdict in lines[0] and "kite.yaml" in lines[-1]
     assert ("kinematics alone: position late by 0.2603 s" in " ".join(lines)) == (seen > 0)
+    assert ("Cmde_0" in " ".join(lines)) == (outside > 0)
+    if count == 1 and verdict == "found" and seen + outside < 2:
+        assert "threshold -123.456 N s/m [" in " ".join(" ".join(lines).split())  # a size before a long sentence
     if count:
         assert "surface_effectiveness on elevator" in " ".join(" ".join(lines).split())
 
