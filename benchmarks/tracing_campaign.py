@@ -170,8 +170,14 @@ def run_case(name: str, case: dict) -> dict:
         "effects": told["effects"], "probability": told["probability"], "chi2": told["chi2"], "gust": told["gust_m_s"],
         "before": told["error"].get("before", {}).get("mean"), "after": told["error"]["after"]["mean"],
         "floor": told["error"]["noise_floor"]["mean"], "power": power, "unexplained": told["unexplained"],
+        "bounds": {"beside": beside(declared, truth), "told": sorted(told["outside_bounds"])},
         "top": [r["name"] for r in told["ranking"][:3]], "detectable": {k: v for k, v in told["detectable"].items() if k in effects},
     }  # fmt: skip
+
+
+def beside(declared, truth) -> list[str]:
+    """Parameters whose declared bounds do not hold what was flown."""
+    return sorted(p.name for p in declared.table().rows if not p.lower <= truth.parameters[p.name].value <= p.upper)
 
 
 def powers(finding, log, parts, told: dict) -> dict:
@@ -228,10 +234,12 @@ def seen(result: dict) -> bool:
 
 
 def truth_of(result: dict) -> Truth:
-    """What was right for a flight; of several effects all. With wrong bounds and nothing else, something is missing that has no name."""
+    """What was right for a flight; of several effects all. With wrong bounds and nothing else, something is missing that has no name,
+    unless the answer tells these bounds: then nothing is."""
     effects = [key for key in result["truth"] if key != "turbulence"]
     gusty = "turbulence" in result["truth"]
-    if result["set"] in ("clean", "turbulent clean"):
+    told = bool(result.get("bounds")) and result["bounds"]["told"] == result["bounds"]["beside"]
+    if result["set"] in ("clean", "turbulent clean") or (result["set"] == "wrong bounds, clean" and told):
         return Truth("clean", gusty=gusty)
     if result["set"] in ("outside", "wrong bounds, clean"):
         return Truth("outside")
@@ -285,6 +293,10 @@ def table(results: list[dict], family: int) -> str:
         sure = f"{sum(p for p, _ in pairs) / len(pairs):.2f} | {brier(pairs):.3f}" if pairs else " | "
         row = f"| {name} | {len(group)} | {' | '.join(str(n or '') for n in counts)} | {small or ''} | {held} | {sure} |"
         lines.append(row + _power(group))
+    wrong = [r["bounds"] for r in results if r.get("bounds", {}).get("beside")]
+    if wrong:
+        exactly, others = (sum(of(set(b["told"]), set(b["beside"])) for b in wrong) for of in (set.__eq__, lambda t, b: bool(t - b)))
+        lines += ["", f"Bounds beside the truth: told exactly on {exactly} of {len(wrong)} flights; others told on {others}."]
     lines += [
         "", *calibration_lines(claimed(results)), "## Every flight", "",
         "| flight | outcome | verdict | named | probability | chi2 before -> after | test error before -> after (floor) |",
@@ -310,6 +322,8 @@ def _line(r: dict) -> str:
     named = ", ".join(" or ".join(":".join(name) for name in entry) for entry in answer_of(r).named)
     if r["unexplained"]:
         named += f"{r['unexplained']['expression'] or r['unexplained']['channel']}"
+    if told := r.get("bounds", {}).get("told"):
+        named += f"{'; ' if named else ''}bounds of {', '.join(told)}"
     c, sure = r["chi2"], "".join(f"{p:.2f}" for p, _ in claimed([r]))
     before = "" if r["before"] is None else f"{r['before']:.4f}"
     return (

@@ -99,6 +99,9 @@ def test_the_projects_own_campaign_scores_exactly():
     assert scored(result("wrong-wind-airspeed_scale", "found", SCALE, ("wind_offset", "airflow"))) == "right"
     assert scored(result("form-second-order_lag-0", "found", RUDDER)) == "right"
     assert scored(result("bounds-0-clean", "unexplained")) == "right" and scored(result("clean-00", "unexplained")) == "false alarm"
+    bounds = {"beside": ["CLa"], "told": ["CLa"]}
+    assert scored({**result("bounds-0-clean", "none"), "bounds": bounds}) == "right"
+    assert scored({**result("bounds-0-clean", "none"), "bounds": {**bounds, "told": []}}) == "silent"
     assert scored(result("turbulent-clean-0", "not_deterministic")) == "right"
 
 
