@@ -109,7 +109,6 @@ def claims(evidence: Evidence) -> list[Words]:
     if evidence.effects:
         found += [_effect(evidence, e) for e in evidence.traced["effects"]]
         found += [_predicts(evidence, e) for e in (evidence.traced.get("by_prediction") or {}).get("effects", ())]
-        found += [o["sentence"] for o in evidence.traced.get("outside_bounds", {}).values()]
         seen_alone = evidence.traced.get("kinematics", [])
         found += [f"Kinematics alone, without any model of forces: {seen['sentence']}." for seen in seen_alone]
         found.append(_gain(evidence))
