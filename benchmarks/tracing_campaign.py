@@ -177,7 +177,8 @@ def run_case(name: str, case: dict) -> dict:
 
 def beside(declared, truth) -> list[str]:
     """Parameters whose declared bounds do not hold what was flown."""
-    return sorted(p.name for p in declared.table().rows if not p.lower <= truth.parameters[p.name].value <= p.upper)
+    flown = truth.parameters
+    return sorted(p.name for p in declared.table().rows if p.name in flown and not p.lower <= flown[p.name].value <= p.upper)
 
 
 def powers(finding, log, parts, told: dict) -> dict:
