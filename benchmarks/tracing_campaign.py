@@ -296,7 +296,7 @@ def table(results: list[dict], family: int) -> str:
         lines.append(row + _power(group))
     wrong = [r["bounds"] for r in results if r.get("bounds", {}).get("beside")]
     if wrong:
-        exactly, others = (sum(of(set(b["told"]), set(b["beside"])) for b in wrong) for of in (set.__eq__, lambda t, b: bool(t - b)))
+        exactly, others = sum(b["told"] == b["beside"] for b in wrong), sum(not set(b["told"]) <= set(b["beside"]) for b in wrong)
         lines += ["", f"Bounds beside the truth: told exactly on {exactly} of {len(wrong)} flights; others told on {others}."]
     lines += [
         "", *calibration_lines(claimed(results)), "## Every flight", "",

@@ -18,7 +18,7 @@ BEYOND = 10.0
 
 
 def unbounded(p: Parameter) -> Parameter:
-    """The parameter without bounds, its prior as it was."""
+    """The parameter without bounds; its prior is normal about its value, with the standard deviation that it had."""
     return replace(p, lower=p.value - BEYOND * p.prior_std, upper=p.value + BEYOND * p.prior_std, std=p.prior_std, relative=False)
 
 
@@ -77,7 +77,7 @@ class Frame:
         return self.flights[0].declared
 
     def beyond(self, names: Sequence[str]) -> "Frame":
-        """The same with parameters free to leave their declared bounds, but not to change a sign that these say; the priors stay."""
+        """The same with parameters free to leave their declared bounds, but not to change a sign that these say."""
         flights = []
         for flight in self.flights:
             table = flight.declared.table()

@@ -88,16 +88,18 @@ class Finding:
 
     @property
     def first(self) -> FittedModel:
-        """The model that the trace began with: declared, within its bounds, as nothing helps it."""
+        """The declared model within its bounds."""
         return self.within.null if self.within else self.null
 
     @property
     def outside(self) -> tuple[Parameter, ...]:
-        """Parameters as they were declared of which this finding has values outside their bounds."""
+        """Parameters, as they were declared, whose bounds leave out the whole 95 % interval of this finding."""
         if self.within is None:
             return ()
-        declared, now = self.within.frame.declared.table(), self.model.table
-        return tuple(p for p in declared.rows if p.name in now and not p.lower <= now[p.name].value <= p.upper)
+        fit = self.model.fit
+        away = dict(zip(fit.names, 1.96 * np.sqrt(np.diag(fit.covariance)), strict=True))
+        rows = [(p, fit.parameters[p.name].value) for p in self.within.frame.declared.table().rows if p.name in away]
+        return tuple(p for p, value in rows if value + away[p.name] < p.lower or value - away[p.name] > p.upper)
 
     @property
     def reason(self) -> str:
@@ -122,7 +124,8 @@ def investigate(
     identified_error: float | None = None, criteria: Criteria = CRITERIA, progress: Say = lambda text: None,
 ) -> Finding:  # fmt: skip
     """Trace what the fitted declared model lacks. Where nothing explains it and parameters stand at their bounds, it may be the bounds that
-    do not hold the truth: what is found without them is the answer then, and they are named."""
+    do not hold the truth: what is found without them is the answer then, and they are named, if it leads all that was found within them.
+    An effect that does what the bounds forbid is as good an explanation, else."""
     how = {"rounds": rounds, "null_error": null_error, "identified_error": identified_error, "criteria": criteria, "progress": progress}
     found = _investigated(frame, null, keys, **how)
     at_bound = [n for n in found.null.at_bound if n in frame.declared.parameters]
@@ -134,7 +137,8 @@ def investigate(
     if found.null.deviance - free.deviance < criteria.decisive:
         return found
     again = _investigated(wider, free, keys, **how)
-    return replace(again, within=found) if again.verdict in ("found", "none") else found
+    lead = min(found.null.deviance, found.evidence.model.deviance) - again.model.deviance
+    return replace(again, within=found) if again.verdict in ("found", "none") and lead >= criteria.decisive else found
 
 
 def _investigated(

@@ -12,7 +12,7 @@ from awescli.tracing.frame import BEYOND, Frame, TracedFlight
     [(0.0, 0.12, "lower"), (0.05, 0.12, "lower"), (-0.12, 0.0, "upper"), (-0.12, 0.2, None)],
 )
 def test_parameters_leave_their_bounds_but_not_the_sign_that_these_say(lower, upper, kept):
-    """Guards a drag at zero lift that was free to be negative: a bound of zero says a sign, and the prior stays as it was."""
+    """Guards a drag at zero lift that was free to be negative: a bound of zero says a sign. What a parameter is drawn to stays."""
     declared, log, parts = short_flight({}, 61, 30.0, ())
     value = (lower + upper) / 2
     row = Parameter("CD0", value, "-", lower, upper, free=True)

@@ -82,7 +82,7 @@ def test_a_parameter_of_which_train_says_nothing_stays_where_it_is(seen):
 
 
 def test_loops_on_which_a_model_runs_away_say_nothing():
-    """Guards a traceback on the AP2's flight: a model that was unstable on validation loops had an information of -1e171 there."""
+    """Guards a traceback on the AP2's flight: its model without bounds is unstable on validation loops, with an information of -1e171."""
     fitted, judged, *_ = linear(3)
     runs_away = SimpleNamespace(information=SimpleNamespace(H=-1e171 * np.ones((N, N)), b=1e150 * np.ones(N)))
     step, gained, wider = _asked_of(fitted, [runs_away], np.zeros(N))

@@ -166,22 +166,34 @@ def test_a_model_that_does_not_fly_is_not_asked():
     assert account["probability"]["something_else"] > 0.9
 
 
-@pytest.mark.parametrize("effects", [{}, {"load_cell_lag": {"tau": 0.3}}])
-def test_bounds_that_do_not_hold_the_truth_are_no_effect(effects):
-    """Guards blind flights on which the air's density was named for bounds that were wrong, or nothing was, beside a lag that was there.
-    CD0 must be a fifth too large here; a drag or a density would mend it, and so would its bounds: these are told, and what is there."""
+def with_a_wrong_bound(effects):
+    """(declared, log, parts) of a flight with effects, CD0 declared a fifth too large at least."""
     declared, log, parts = short_flight(effects, 47, 80.0, ("CL0", "CLa", "CD0", "CDa2", "Cma"))
-    truth = DEVELOPMENT.parameters["CD0"].value
     wrong = replace(declared.table()["CD0"], value=0.125, lower=0.106, upper=0.163, std=None)
-    declared = declared.with_parameters(declared.table().with_rows([wrong]))
-    account, finding = traced_flight(declared, log, parts, 2.0, candidates=("parasitic_drag", "air_density", "load_cell_lag"))
-    within = finding.within
-    row = next(c for c in within.table if c.name == "bounds_hold")
-    assert within.verdict == "unexplained" and row.passed is False and "CD0" in within.evidence.bounds_left.parameters
-    assert "CD0" in within.reason and (account["verdict"], {n for n, _ in named(account)}) == ("found" if effects else "none", set(effects))
+    return declared.with_parameters(declared.table().with_rows([wrong])), log, parts
+
+
+@pytest.mark.parametrize("effects", [{}, {"load_cell_lag": {"tau": 0.3}}])
+def test_bounds_that_do_not_hold_the_truth_are_told(effects):
+    """Guards blind flights on which nothing was named, or the air's density, for bounds that were wrong: these are told, and what is
+    there beside them; the error before is that within the bounds."""
+    declared, log, parts = with_a_wrong_bound(effects)
+    account, finding = traced_flight(declared, log, parts, 2.0, candidates=("air_density", "load_cell_lag"))
+    assert finding.within.verdict == "unexplained" and finding.before().kite.parameters["CD0"].value == pytest.approx(0.106, rel=1e-5)
+    assert (account["verdict"], {n for n, _ in named(account)}) == ("found" if effects else "none", set(effects))
     (name,) = account["outside_bounds"]
-    told = account["outside_bounds"][name]
+    told, truth = account["outside_bounds"][name], DEVELOPMENT.parameters["CD0"].value
     assert name == "CD0" and abs(told["value"] - truth) < 3 * told["std"] and (told["lower"], told["upper"]) == (0.106, 0.163)
     assert told["sentence"] in account["sentence"] and account["error"]["after"]["mean"] < account["error"]["before"]["mean"]
     handed_on = finding.declaration().parameters["CD0"]
     assert handed_on.value == told["value"] and 0 <= handed_on.lower < told["value"] < handed_on.upper
+
+
+@pytest.mark.parametrize("effects", [{}, {"load_cell_lag": {"tau": 0.3}}])
+def test_bounds_are_not_told_where_an_effect_does_what_they_forbid(effects):
+    """Guards against either answer where both do as well: a drag of no lift is CD0 by another name, and may be what is missing."""
+    declared, log, parts = with_a_wrong_bound(effects)
+    account, finding = traced_flight(declared, log, parts, 2.0, candidates=("parasitic_drag", "air_density", "load_cell_lag"))
+    row = next(c for c in finding.table if c.name == "bounds_hold")
+    assert account["verdict"] == "unexplained" and not account["effects"] and row.passed is False
+    assert account["outside_bounds"] == {} and "CD0" in account["reason"] and "CD0" in finding.evidence.bounds_left.parameters
