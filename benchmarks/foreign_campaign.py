@@ -96,7 +96,7 @@ def truth_of(result: Mapping[str, Any]) -> Truth:
     kind = read_kinds()[result["kind"]]
     known = tuple(a for a in kind.answers if all(key.strip().partition(":")[0] in EFFECTS for key in a.split("+")))
     group = "outside" if kind.group == "library" and not known else kind.group
-    return Truth(group, known, result["air"] == "gusts" or kind.conditions.turbulence[1] > 0)
+    return Truth(group, known, result["air"] != "calm" or kind.conditions.turbulence[1] > 0)
 
 
 def scored(result: Mapping[str, Any]) -> str:
@@ -172,7 +172,7 @@ def main(arguments=None) -> int:
     parser.add_argument("--families", type=int, nargs="+", default=[0], help="of seeds; 0 and 1 for development, others are flown once")
     parser.add_argument("--kinds", nargs="+", default=[], help="names of foreign_kinds.yaml, or groups (library, outside, clean)")
     parser.add_argument("--size", nargs="+", choices=list(SHARES), default=["full"], help="of the effects")
-    parser.add_argument("--air", choices=("calm", "gusts"), default="calm", help="in which effects are flown")
+    parser.add_argument("--air", choices=("calm", "gusts", "field"), default="calm", help="of effects; field: all that logs have")
     parser.add_argument("--repeats", type=int, default=1, help="flights of every kind and family")
     add_options(parser)
     options = parser.parse_args(arguments)

@@ -49,13 +49,16 @@ NO_WORLD = ("foreign_campaign.py", "foreign_agreement.py")
 """Files of ours on which no flight depends."""
 TRIES = 5
 """Draws of the flight's conditions before a case is given up: an effect may not fly in all of them."""
+FIELD = "clean_field"
+"""The kind whose conditions are those of logs from the field."""
 MISSED = ("CL_alfa", "Cmq", "Clp", "Cn_rud", "CtD")
 """Parameters of which two are declared with bounds that do not hold the truth, where a kind asks for it."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """kind: a name of the registry; size: full, half, quarter; family of seeds; repeat: further flights of the same; air: calm or gusts."""
+    """kind: a name of the registry; size: full, half, quarter; family of seeds; repeat: further flights of the same; air: calm, gusts, or
+    field: another rate and length, other noise, wandering attitude, turbulence, faults, every other time no pitot."""
 
     kind: str
     size: str
@@ -71,6 +74,16 @@ class Case:
     def seed(self) -> int:
         """The same at all sizes, so that they are flown under the same conditions."""
         return zlib.crc32(f"{self.kind}/{self.family}/{self.repeat}".encode())
+
+    def registered(self) -> Kind:
+        """The kind, under the conditions of the case."""
+        kind = read_kinds()[self.kind]
+        if self.air != "field":
+            return kind
+        own = kind.conditions
+        pitot = own.vanes or "V_a" in kind.world.sensors or bool(np.random.default_rng([self.seed, 4]).random() < 0.5)
+        field = read_kinds()[FIELD].conditions.model_copy(update={"vanes": own.vanes, "bounds": own.bounds, "pitot": pitot})
+        return kind.model_copy(update={"conditions": field})
 
 
 @dataclass(frozen=True)
@@ -92,9 +105,9 @@ class Draw:
 
 def flight_folder(case: Case, cache: Path) -> Path:
     """The case's folder in the cache, flown first where it is not there. It is named by what it is made from, our sources included."""
-    folder = cache / f"{case.family}-{case.name}-{_digest(case, read_kinds()[case.kind])}"
+    kind = case.registered()
+    folder = cache / f"{case.family}-{case.name}-{_digest(case, kind)}"
     if not (folder / "passport.json").is_file():
-        kind = read_kinds()[case.kind]
         kite = read_kite(KITE)
         draw, flight = flown(case, kind, kite)
         for name, text in written(flight, draw.scene, kind, case.seed, kind.values(case.size)).items():

@@ -110,6 +110,7 @@ class Conditions(_Frozen):
     elevator: tuple[float, float] = Field((3.5, 6.0), description="the operator's trim [deg, in the log's sign]")
     pitot: bool = True
     vanes: bool = Field(False, description="log the flow angles too: a mapped log, wind from one station")
+    faults: bool = Field(False, description="the recorder loses rows, sensors fall silent, single values are far off")
     bounds: Literal["hold", "miss"] = Field("hold", description="whether declared bounds hold the truth")
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 import yaml
+from foreign_faults import with_faults
 from foreign_formula import number
 from foreign_kinds import Kind
 from foreign_names import Scene
@@ -49,9 +50,11 @@ def written(flight: ForeignFlight, scene: Scene, kind: Kind, seed: int, values: 
     columns["camber_sp"] = np.zeros(len(flight.time))
     length, speed = scene.reel_out.at(flight.time - number(kind.world.line.late, values))
     columns["reel_out_speed"], columns["tether_length"] = speed, length
+    if kind.conditions.faults:
+        columns = with_faults(columns, [name for name in (*COLUMNS, *VANES) if name in columns], flight.rate, seed)
     if not vanes:
         return {"kite.csv": _csv(columns), "wind.csv": _weather(wind)}
-    columns |= _station(wind, flight.time)
+    columns |= _station(wind, (columns["epoch_ms"] - EPOCH_MS) / 1000)
     return {"log.csv": _csv(columns), "flight.yaml": yaml.safe_dump(_mapping(), sort_keys=False)}
 
 
@@ -61,7 +64,8 @@ def _wrapped(angle: np.ndarray) -> np.ndarray:
 
 
 def _csv(columns: Mapping[str, np.ndarray]) -> str:
-    return pl.DataFrame({name: np.round(c, DIGITS) + 0.0 if c.dtype == float else c for name, c in columns.items()}).write_csv()
+    table = pl.DataFrame({name: np.round(c, DIGITS) + 0.0 if c.dtype == float else c for name, c in columns.items()})
+    return table.fill_nan(None).write_csv()
 
 
 def _weather(wind: WindRecord) -> str:

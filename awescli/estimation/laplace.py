@@ -15,6 +15,13 @@ from awescli.estimation.smoother import Nuisances
 
 PROBE = 0.5
 """Size of the probes, in standard deviations: small enough not to lose a segment."""
+UNSURE = 1.0
+"""Standard error of the mean of the estimates, in standard deviations of the global, beyond which a component of the gradient is taken from
+differences of the log determinant instead. So uncertain is the time constant of an actuator beside gusts that roll the kite."""
+ENOUGH = 8
+"""Probes from which on these differences are worth their time: fewer are asked while levels still change, and it is left out."""
+APART = 0.3
+"""Standard deviations of the global to either side in these differences."""
 LARGEST = 0.1
 """Share of the cost by which a step along the slope alone may change it: beyond, the model is far from the flight, and this is no
 correction."""
@@ -39,8 +46,27 @@ def log_det_gradient(
     # probes far from the flight may end in numbers that are none
     if not np.isfinite(found).all():
         return nothing
+    error, std = found.std(axis=0, ddof=1) / np.sqrt(len(found)), 1 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+    unsure = np.flatnonzero(error * std > UNSURE)
+    found[:, unsure] = 0.0
     mean = shrunk(found, H)
+    for i in unsure if probes >= ENOUGH else ():
+        mean[i] = by_differences(misfit, x, own, info, which, APART * std[i] * np.eye(len(x))[i])
     return mean if mean @ np.linalg.solve(H, mean) < LARGEST * float(info.cost[which].sum()) else nothing
+
+
+def by_differences(misfit: Misfit, x: np.ndarray, own: NuisanceValues, info: Information, which: np.ndarray, step: np.ndarray) -> float:
+    """-1/2 of the derivative of the log determinant along a step (n,) of one global, the nuisances at their best on either side; 0 where
+    that loses a segment, or the log determinant bends by more than it slopes."""
+    log_det, here = [], float(info.log_det[which].sum())
+    for change in (step, -step):
+        there = own.moved(info.nuisances(change), 1.0, np.isin(np.arange(len(own.path)), which))
+        said = misfit.linear(x + change, there, parameters=())
+        if not (said.alive[which] > misfit.observed.segments.steps).all():
+            return 0.0
+        log_det.append(float(misfit.eliminated(said.gram, there, which).log_det[which].sum()) - here)
+    up, down = log_det
+    return -0.5 * (up - down) / (2 * float(step.sum())) if abs(up + down) < abs(up - down) else 0.0
 
 
 def estimates(misfit: Misfit, x: np.ndarray, own: NuisanceValues, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:

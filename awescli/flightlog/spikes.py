@@ -1,12 +1,13 @@
-"""Spikes: one or two samples that leap away and come back, faster than anything that flies, and numbers that no sensor reports, however
-many in a row. Found before units are judged, then missing."""
+"""Spikes: one or two samples that leap away and come back, faster than anything that flies, single values that their neighbours on either
+side contradict, and numbers that no sensor reports, however many in a row. Found before units are judged, then missing."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.ndimage import median_filter
 
+from awescli.notation.angles import wrap
 from awescli.notation.quantities import ANGLES, MEASURED, UNITS
 
 WINDOW = 5
@@ -17,6 +18,13 @@ USUAL = 10.0
 
 SPAN = 0.2
 """... and by this share of the range in which 98 % of a measured signal lies."""
+
+CONTRADICTED = 3.0
+"""A single value is off by so many times what 99 % of the values are from the cubic through their four neighbours: some eleven standard
+deviations of a sensor's noise. No value of the bundled flight is, nor of ten development flights."""
+
+PASSES = 5
+"""In which they are looked for: one that is far off hides a nearer one beside it."""
 
 COMMAND = 0.5
 """Set-points may jump: their spikes leave the whole range, and by at least this much (SI: 29 deg, 0.5 m, 0.5 m/s)."""
@@ -62,12 +70,46 @@ def usual(x: np.ndarray, shares: float | Sequence[float]) -> Any:
 
 def _spiked(name: str, x: np.ndarray) -> np.ndarray:
     """(N,) bool of a signal (N,) without missing values."""
-    if name in ANGLES:
-        x = np.unwrap(x)
+    if name in MEASURED:
+        return _leapt(np.unwrap(x) if name in ANGLES else x) | _contradicted(x, wrap if name in ANGLES else np.asarray)
     low, high = usual(x, (0.01, 0.99))
     off = np.abs(x - median_filter(x, WINDOW, mode="nearest"))
-    if name not in MEASURED:
-        return off > max(USUAL * usual(off, 0.99), high - low, COMMAND)
+    return off > max(USUAL * usual(off, 0.99), high - low, COMMAND)
+
+
+def _leapt(x: np.ndarray) -> np.ndarray:
+    """(N,) bool: one or two samples far from the running median."""
+    low, high = usual(x, (0.01, 0.99))
     if low == high:
         return np.zeros(x.size, bool)  # stands still: faults.py's business
+    off = np.abs(x - median_filter(x, WINDOW, mode="nearest"))
     return off > max(USUAL * usual(off, 0.99), SPAN * (high - low))
+
+
+def _contradicted(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """(N,) bool: values that their neighbours on either side contradict, with all samples that repeat them; turned: differences of x."""
+    starts = np.flatnonzero(np.append(True, np.diff(x) != 0))
+    spiked, left = np.zeros(starts.size, bool), np.arange(starts.size)
+    for _ in range(PASSES):
+        if left.size < FEWEST:
+            break
+        off = _off_the_neighbours(x[starts[left]], turned)
+        far = np.flatnonzero(off > CONTRADICTED * usual(off, 0.99))
+        # what is off puts its neighbours off: the one that is most so
+        far = far[off[far] >= off[far[:, None] + np.array([-2, -1, 1, 2])].max(axis=1)]
+        if not far.size:
+            break
+        spiked[left[far]] = True
+        left = np.delete(left, far)
+    return np.repeat(spiked, np.diff(np.append(starts, x.size)))
+
+
+def _off_the_neighbours(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """(N,) distance from the cubic through two neighbours on either side; 0 where the lines through these two and those two do not say the
+    same, as they do not where a signal steps, and at the ends."""
+    before, here, after, second = (turned(x[k : x.size - 4 + k] - x[1:-3]) for k in (0, 2, 3, 4))
+    off = turned(here - (4 * after - second - before) / 6)
+    from_left, from_right = here + before, here - (2 * after - second)
+    found = np.zeros(x.size)
+    found[2:-2] = np.where(np.abs(turned(from_left - from_right)) < np.abs(off), np.abs(off), 0.0)
+    return found

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("jsbsim", reason="the foreign world needs jsbsim (extras `campaign` and `test`)")
 
 from foreign_agreement import MOST, agreement, clean_agreement  # noqa: E402
+from foreign_faults import with_faults  # noqa: E402
 from foreign_flights import KITE, Case, drawn, flight_folder, start_of  # noqa: E402
 from foreign_kinds import Actuator, World, read_kinds  # noqa: E402
 from foreign_names import Scene  # noqa: E402
@@ -274,6 +275,50 @@ def test_bounds_that_are_to_miss_the_truth_do(tmp_path):
     assert len(outside) == 2
     clean = read_kite(flight_folder(Case("clean_short", "full", 0), tmp_path) / "kite.yaml")
     assert all(row.lower <= TRUTH.parameters[n].value <= row.upper for n, row in clean.parameters.items() if row.free)
+
+
+def test_field_conditions_are_those_of_the_kind_with_its_own_sensors():
+    """Another rate, noise, drift, turbulence and faults; vanes and a pitot stay where the kind needs them."""
+    field = KINDS["clean_field"].conditions
+    for kind, family in (("actuator_lag", 3), ("airspeed_scale", 3), ("vane_bias", 3)):
+        case = Case(kind, "full", family, air="field")
+        found = case.registered()
+        assert found.conditions.faults and found.conditions.rates == field.rates and found.world == KINDS[kind].world
+        assert found.conditions.vanes == KINDS[kind].conditions.vanes
+    pitots = [Case("airspeed_scale", "full", f, air="field").registered().conditions.pitot for f in range(8)]
+    without = [Case("actuator_lag", "full", f, air="field").registered().conditions.pitot for f in range(8)]
+    assert all(pitots) and any(without) and not all(without)
+    assert Case("actuator_lag", "full", 3).registered() == KINDS["actuator_lag"]
+
+
+def test_faults_are_rows_and_values_that_are_missing_or_far_off():
+    time = np.arange(0, 100, 0.02)
+    columns = {"epoch_ms": (1000 * time).astype(int), **{c: np.sin(time + i) for i, c in enumerate("abcd")}, "rudder_sp": 0.1 * time}
+    found = with_faults(columns, list("abcd"), 50.0, seed=1)
+    kept = np.isin(columns["epoch_ms"], found["epoch_ms"])
+    assert 2 * 5 <= (~kept).sum() <= 2 * 30 and len({len(values) for values in found.values()}) == 1
+    assert np.array_equal(found["rudder_sp"], columns["rudder_sp"][kept])
+    silent = {c: int(np.isnan(found[c]).sum()) for c in "abcd"}
+    assert sum(n > 0 for n in silent.values()) == 3 and all(n <= 75 for n in silent.values())
+    off = {c: np.abs(found[c] - columns[c][kept]) for c in "abcd"}
+    assert 4 < sum(np.count_nonzero(o > 0) for o in off.values()) < 50
+    assert min(o[o > 0].min() for o in off.values() if (o > 0).any()) > 5 * np.median(np.abs(np.diff(columns["a"])))
+    assert all(np.array_equal(found[c], again, equal_nan=True) for c, again in with_faults(columns, list("abcd"), 50.0, seed=1).items())
+
+
+def test_a_flight_with_faults_is_read_as_what_was_sensed(tmp_path):
+    """What the reader calls valid is what the sensor saw, but for its noise: nothing far off is left."""
+    from foreign_flights import flown as made
+
+    case = Case("actuator_lag", "full", 0, air="field")
+    log, (_, flight) = read_flight(flight_folder(case, tmp_path)), made(case, case.registered(), TRUTH)
+    assert log.counters["spikes"] > 20 and 0.9 < log.valid.mean() < 1.0
+    at = np.rint((log.time - log.time[0]) * flight.rate).astype(int)
+    for channel, (std, share) in TRUTH.noise.channels().items():
+        if channel in log:
+            error = log[channel] - flight.sensed[channel][at]
+            error = np.abs(wrap(error) if channel in ANGLES else error)[log.valid] / (std + share * 5000.0)
+            assert error.max() < 20 and (error > 1e-2).mean() < 0.02, channel
 
 
 # --- registry

@@ -7,7 +7,7 @@ import pytest
 from kites import DEVELOPMENT, flight
 
 from awescli.estimation import laplace
-from awescli.estimation.fit import fit
+from awescli.estimation.fit import fit, relaxed
 from awescli.estimation.laplace import estimates, log_det_gradient, shrunk
 from awescli.estimation.problem import build, simulator_of
 from awescli.estimation.processes.gusts import Gusts, mean_airspeed
@@ -148,6 +148,39 @@ def test_an_estimate_is_the_second_difference_of_the_cost(problem):
             sides = [slope(own.moved(draws, side * laplace.PROBE, None, case), i, by) for side in (1.0, -1.0)]
             expected = -(sum(sides) - 2 * there) / (2 * laplace.PROBE**2)
             assert found[case, i] == pytest.approx(expected, rel=2e-3), (name, case)
+
+
+@pytest.mark.parametrize("unsure", [0.0, 1.0])
+def test_where_probes_scatter_the_log_determinant_is_differenced(problem, log, monkeypatch, unsure):
+    """Guards lags of actuators in gusts that roll the kite: estimates of the slope with their time constant scattered by 12 standard
+    deviations where JSBSim had flown, and the fit ended at half of it, or called it a delay. Either way (unsure: every component, or this
+    one), what moves the parameter is that of central differences with the nuisances at their best."""
+    monkeypatch.setattr(laplace, "UNSURE", unsure)
+    tau = "actuator_lag:rudder.tau"
+    n = len(log)
+    parts = Split(((0, int(0.85 * n)),), ((int(0.85 * n), n),), (), (1, 1, 0), "time")
+    lagging = build(simulator_of(DEVELOPMENT, log, ["actuator_lag:rudder"]), log, parts, 5.0, tuple(log.measured))
+    rolling = RollGusts.of(DEVELOPMENT, log).at({"roll gusts": 0.03})
+    names, every = ("CLa", "Jx", tau), np.arange(4)
+    at = lagging.with_processes([*problem.processes, rolling])
+    misfit = replace(at.misfit(names=names), observed=at.fitted.pick(every))
+    x = lagging.simulator.kite.parameters.with_values({tau: 0.05}).vector(names)
+    own = relaxed(misfit, x, relaxed(misfit, x, misfit.own()))
+    gram = misfit.linear(x, own).gram
+    info = misfit.eliminated(gram, own, every)
+    std = 1 / np.sqrt(np.diag(info.H))
+    scatter = estimates(misfit, x, own, gram, every, info.samples(8, seed=0)).std(axis=0) * std
+    assert scatter[2] > 3 and (scatter[:2] < 2).all()
+
+    def log_det(x):
+        best = relaxed(misfit, x, relaxed(misfit, x, own))
+        return float(misfit.eliminated(misfit.linear(x, best).gram, best, every).log_det.sum())
+
+    found = log_det_gradient(misfit, x, own, gram, info, every, np.zeros(3), 8)
+    for i in range(3) if unsure == 0.0 else (2,):
+        e = 0.5 * std[i] * np.eye(3)[i]
+        slope = -(log_det(x + e) - log_det(x - e)) / (4 * e[i])
+        assert abs(found[i] - slope) * std[i] < 0.05 + 0.1 * abs(slope) * std[i], names[i]
 
 
 def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
