@@ -23,6 +23,10 @@ CONTRADICTED = 3.0
 """A single value is off by so many times what 99 % of the values are from the cubic through their four neighbours: some eleven standard
 deviations of a sensor's noise. No value of the bundled flight is, nor of ten development flights."""
 
+NEARBY, AMONG = 50, 8.0
+"""So many values on the livelier side say what is usual there: a flight in a long log of standing is noisier than most of it. A spike is off
+by so many times their median, five standard deviations where they are normal."""
+
 PASSES = 5
 """In which they are looked for: one that is far off hides a nearer one beside it."""
 
@@ -87,29 +91,33 @@ def _leapt(x: np.ndarray) -> np.ndarray:
 
 
 def _contradicted(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """(N,) bool: values that their neighbours on either side contradict, with all samples that repeat them; turned: differences of x."""
+    """(N,) bool: values that their neighbours on either side contradict, with the samples of a slow sensor that repeat them; turned:
+    differences of x."""
     starts = np.flatnonzero(np.append(True, np.diff(x) != 0))
-    spiked, left = np.zeros(starts.size, bool), np.arange(starts.size)
-    for _ in range(PASSES):
-        if left.size < FEWEST:
-            break
-        off = _off_the_neighbours(x[starts[left]], turned)
-        far = np.flatnonzero(off > CONTRADICTED * usual(off, 0.99))
+    lengths = np.diff(np.append(starts, x.size))
+    values, spiked = x[starts], np.zeros(starts.size, bool)
+    for _ in range(PASSES if starts.size >= FEWEST else 0):
+        by, agreed = _off_the_neighbours(values, turned)
+        off = np.abs(by)
+        far = np.flatnonzero((off > CONTRADICTED * usual(off, 0.99)) & agreed)
         # what is off puts its neighbours off: the one that is most so
         far = far[off[far] >= off[far[:, None] + np.array([-2, -1, 1, 2])].max(axis=1)]
+        sides = [np.clip(far[:, None] + side * np.arange(1, NEARBY + 1), 0, off.size - 1) for side in (-1, 1)]
+        far = far[off[far] > AMONG * np.max([np.median(off[side], axis=1) for side in sides], axis=0)]
         if not far.size:
             break
-        spiked[left[far]] = True
-        left = np.delete(left, far)
-    return np.repeat(spiked, np.diff(np.append(starts, x.size)))
+        spiked[far] = True
+        values[far] -= by[far]
+    # a value that stays is none of these: faults.py's business
+    return np.repeat(spiked & (lengths <= 2 * np.median(lengths)), lengths)
 
 
-def _off_the_neighbours(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """(N,) distance from the cubic through two neighbours on either side; 0 where the lines through these two and those two do not say the
-    same, as they do not where a signal steps, and at the ends."""
+def _off_the_neighbours(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """((N,) difference from the cubic through two neighbours on either side, (N,) bool: do the lines through these two and those two say
+    the same? They do not where a signal steps, and nothing is said of the ends)."""
     before, here, after, second = (turned(x[k : x.size - 4 + k] - x[1:-3]) for k in (0, 2, 3, 4))
-    off = turned(here - (4 * after - second - before) / 6)
+    off, agreed = np.zeros(x.size), np.zeros(x.size, bool)
+    off[2:-2] = turned(here - (4 * after - second - before) / 6)
     from_left, from_right = here + before, here - (2 * after - second)
-    found = np.zeros(x.size)
-    found[2:-2] = np.where(np.abs(turned(from_left - from_right)) < np.abs(off), np.abs(off), 0.0)
-    return found
+    agreed[2:-2] = np.abs(turned(from_left - from_right)) < np.abs(off[2:-2])
+    return off, agreed

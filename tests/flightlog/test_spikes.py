@@ -7,10 +7,10 @@ import pytest
 
 from awescli.flightlog.read import read_flight
 from awescli.flightlog.spikes import without_spikes
-from awescli.physics.declaration import Noise
+from awescli.physics.declaration import read_kite
 
 DEMO = Path(__file__).parents[2] / "data" / "km1_demo"
-NOISE = {name: std for name, (std, _) in Noise().channels().items()}
+NOISE = {name: std for name, (std, _) in read_kite(DEMO.parent / "kites" / "km1_initial.yaml").noise.channels().items()}
 OFF = 15.0
 """Times the noise that the kite file declares."""
 
@@ -72,3 +72,13 @@ def test_a_slow_sensor_repeats_what_is_off(clean):
     slow = np.repeat(clean["p_n"][::5], 5)[: clean["p_n"].size]
     slow[3000:3005] += 3.0
     assert looked_at({"p_n": slow})["p_n"] == list(range(3000, 3005))
+
+
+def test_a_log_that_stands_most_of_the_time(clean):
+    """Two minutes of flight in an hour of standing: what is usual in flight is not usual in the log."""
+    for name, x in clean.items():
+        still = x[0] + 0.1 * NOISE[name] * np.random.default_rng(0).normal(size=25 * x.size)
+        assert not looked_at({name: np.concatenate([still, x])})[name], name
+        spiked = x.copy()
+        spiked[3000] += 2 * OFF * NOISE[name]
+        assert looked_at({name: np.concatenate([still, spiked])})[name] == [still.size + 3000], name
