@@ -24,8 +24,8 @@ CONTRADICTED = 3.0
 deviations of a sensor's noise. No value of the bundled flight is, nor of ten development flights."""
 
 NEARBY, AMONG = 50, 8.0
-"""So many values on the livelier side say what is usual there: a flight in a long log of standing is noisier than most of it. A spike is off
-by so many times their median, five standard deviations where they are normal."""
+"""So many values on the livelier side say what is usual there: a flight in a long log of standing is noisier than most of it. A spike is
+off by so many times their median, five standard deviations where they are normal."""
 
 PASSES = 5
 """In which they are looked for: one that is far off hides a nearer one beside it."""
