@@ -183,6 +183,23 @@ def test_where_probes_scatter_the_log_determinant_is_differenced(problem, log, m
         assert abs(found[i] - slope) * std[i] < 0.05 + 0.1 * abs(slope) * std[i], names[i]
 
 
+def test_nothing_is_differenced_along_what_has_no_metric(problem, monkeypatch):
+    """Guards fits far from their minimum, whose information may be negative: no step can be taken from it."""
+    names, every = ("CLa", "Cmq"), np.arange(2)
+    at = coarse(problem, 0.25)
+    misfit = replace(at.misfit(names=names), observed=at.fitted.pick(every))
+    x, own = problem.kite.parameters.vector(names), misfit.own()
+    gram = misfit.linear(x, own).gram
+    info = misfit.eliminated(gram, own, every)
+    scattered = np.array([[1e9, 1e9], [-1e9, -1e9]] * 4)
+    monkeypatch.setattr(laplace, "estimates", lambda *given: scattered.copy())
+    asked = []
+    monkeypatch.setattr(laplace, "by_differences", lambda *given: asked.append(given[-1]) or 0.0)
+    for sign in (1.0, -1.0):
+        log_det_gradient(misfit, x, own, gram, replace(info, H=np.diag([sign, 1.0]) * np.abs(info.H)), every, np.zeros(2), 8)
+    assert [step.nonzero()[0].tolist() for step in asked] == [[0], [1], [1]] and np.isfinite(asked).all()
+
+
 def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
     """Guards the fit in gusty air: at the truth gusts at their best alone would pull the parameters by many standard deviations (chi-square
     in the norm of the information; 1 is chance); with the log determinant's slope three quarters of that are gone."""
