@@ -18,8 +18,8 @@ PROBE = 0.5
 UNSURE = 1.0
 """Standard error of the mean of the estimates, in standard deviations of the global, beyond which a component of the gradient is taken from
 differences of the log determinant instead. So uncertain is the time constant of an actuator beside gusts that roll the kite."""
-ENOUGH = 8
-"""Probes from which on these differences are worth their time: fewer are asked while levels still change, and it is left out."""
+ENOUGH = 4
+"""Probes from which on that is asked: two hardly say how uncertain they are. With fewer, such a component is left out."""
 APART = 0.3
 """Standard deviations of the global to either side in these differences."""
 LARGEST = 0.1

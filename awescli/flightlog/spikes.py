@@ -17,11 +17,14 @@ USUAL = 10.0
 """A spike leaves the running median by so many times what 99 % of the samples do, ..."""
 
 SPAN = 0.2
-"""... and by this share of the range in which 98 % of a measured signal lies."""
+"""... and by this share of the range of that median: rare manoeuvres of a quiet flight are in it, spikes are not."""
 
-CONTRADICTED = 3.0
-"""A single value is off by so many times what 99 % of the values are from the cubic through their four neighbours: some eleven standard
-deviations of a sensor's noise. No value of the bundled flight is, nor of ten development flights."""
+CONTRADICTED = 4.0
+"""A single value is off by so many times what 95 % of the values are from the cubic through their four neighbours: some eleven standard
+deviations of a sensor's noise. One value in a hundred may be off, which puts its neighbours off too, and the scale stays."""
+
+AGREED = 0.5
+"""Share of that by which what either side says may differ: more, and it is a corner of a manoeuvre."""
 
 NEARBY, AMONG = 50, 8.0
 """So many values on the livelier side say what is usual there: a flight in a long log of standing is noisier than most of it. A spike is
@@ -74,20 +77,16 @@ def usual(x: np.ndarray, shares: float | Sequence[float]) -> Any:
 
 def _spiked(name: str, x: np.ndarray) -> np.ndarray:
     """(N,) bool of a signal (N,) without missing values."""
-    if name in MEASURED:
-        return _leapt(np.unwrap(x) if name in ANGLES else x) | _contradicted(x, wrap if name in ANGLES else np.asarray)
-    low, high = usual(x, (0.01, 0.99))
-    off = np.abs(x - median_filter(x, WINDOW, mode="nearest"))
-    return off > max(USUAL * usual(off, 0.99), high - low, COMMAND)
-
-
-def _leapt(x: np.ndarray) -> np.ndarray:
-    """(N,) bool: one or two samples far from the running median."""
-    low, high = usual(x, (0.01, 0.99))
+    turned: Callable[[np.ndarray], np.ndarray] = wrap if name in ANGLES else np.asarray
+    run = np.unwrap(x) if name in ANGLES else x
+    low, high = usual(run, (0.01, 0.99))
+    smooth = median_filter(run, WINDOW, mode="nearest")
+    off = np.abs(run - smooth)
+    if name not in MEASURED:
+        return off > max(USUAL * usual(off, 0.99), high - low, COMMAND)
     if low == high:
         return np.zeros(x.size, bool)  # stands still: faults.py's business
-    off = np.abs(x - median_filter(x, WINDOW, mode="nearest"))
-    return off > max(USUAL * usual(off, 0.99), SPAN * (high - low))
+    return (off > max(USUAL * usual(off, 0.99), SPAN * np.ptp(smooth))) | _contradicted(x, turned)
 
 
 def _contradicted(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -99,7 +98,7 @@ def _contradicted(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> 
     for _ in range(PASSES if starts.size >= FEWEST else 0):
         by, agreed = _off_the_neighbours(values, turned)
         off = np.abs(by)
-        far = np.flatnonzero((off > CONTRADICTED * usual(off, 0.99)) & agreed)
+        far = np.flatnonzero((off > CONTRADICTED * usual(off, 0.95)) & agreed)
         # what is off puts its neighbours off: the one that is most so
         far = far[off[far] >= off[far[:, None] + np.array([-2, -1, 1, 2])].max(axis=1)]
         sides = [np.clip(far[:, None] + side * np.arange(1, NEARBY + 1), 0, off.size - 1) for side in (-1, 1)]
@@ -114,10 +113,10 @@ def _contradicted(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> 
 
 def _off_the_neighbours(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """((N,) difference from the cubic through two neighbours on either side, (N,) bool: do the lines through these two and those two say
-    the same? They do not where a signal steps, and nothing is said of the ends)."""
+    the same? They do not where a signal steps or turns, and nothing is said of the ends)."""
     before, here, after, second = (turned(x[k : x.size - 4 + k] - x[1:-3]) for k in (0, 2, 3, 4))
     off, agreed = np.zeros(x.size), np.zeros(x.size, bool)
     off[2:-2] = turned(here - (4 * after - second - before) / 6)
     from_left, from_right = here + before, here - (2 * after - second)
-    agreed[2:-2] = np.abs(turned(from_left - from_right)) < np.abs(off[2:-2])
+    agreed[2:-2] = np.abs(turned(from_left - from_right)) < AGREED * np.abs(off[2:-2])
     return off, agreed

@@ -152,8 +152,8 @@ def test_an_estimate_is_the_second_difference_of_the_cost(problem):
 
 @pytest.mark.parametrize("unsure", [0.0, 1.0])
 def test_where_probes_scatter_the_log_determinant_is_differenced(problem, log, monkeypatch, unsure):
-    """Guards lags of actuators in gusts that roll the kite: estimates of the slope with their time constant scattered by 12 standard
-    deviations where JSBSim had flown, and the fit ended at half of it, or called it a delay. Either way (unsure: every component, or this
+    """Guards lags of actuators in gusts that roll the kite: estimates of the slope with their time constant scatter by more than three
+    standard deviations; the fit ended short of it, and it was called a delay. Either way (unsure: every component, or this
     one), what moves the parameter is that of central differences with the nuisances at their best."""
     monkeypatch.setattr(laplace, "UNSURE", unsure)
     tau = "actuator_lag:rudder.tau"
