@@ -147,17 +147,13 @@ def test_the_exported_files_fly_what_awes_simulate_flies(run, tmp_path, form, mo
 @pytest.mark.parametrize("by", ["recorded", "controller"])
 @pytest.mark.parametrize("model", ["identified", "with_effects"])
 def test_the_aircraft_of_jsbsim_flies_what_awes_simulate_flies(run, tmp_path, model, by):
-    """Ten seconds, to 1e-3 of each channel's range; less, where the flight magnifies errors: as long as a tenth of its step changes what
-    `awes simulate` itself flies by less than a quarter of that."""
+    """Ten seconds, or as long as the simulated kite stays up, to 1e-3 of each channel's range, beside `awes simulate` in steps that change
+    nothing of what it flies: those it takes by itself err by as much where the controlled kite magnifies errors."""
     needs("jsbsim")
     tables = exported(run, tmp_path, "jsbsim", model, by)
-    trajectory, ride = simulated(run, tables, model, by)
-    wanted, finer = channels(trajectory), channels(simulate(run, model, by, "simulate.step=0.001"))
-    shared = min(wanted.shape[1], finer.shape[1])
-    own = apart(finer[:, :shared], wanted[:, :shared], of_range=True)
-    sure = int(np.argmax(own > 2.5e-4)) if (own > 2.5e-4).any() else shared
-    assert sure * ride.dt > 1.5
-    assert apart(kept(in_jsbsim(tmp_path / "jsbsim", tables, ride)), wanted, of_range=True)[:sure].max() < 1e-3
+    _, ride = simulated(run, tables, model, by)
+    wanted = channels(simulate(run, model, by, "simulate.step=0.001"))
+    assert apart(kept(in_jsbsim(tmp_path / "jsbsim", tables, ride)), wanted, of_range=True).max() < 1e-3
 
 
 @pytest.mark.slow
