@@ -13,6 +13,7 @@ from awescli.flightlog.clocks import clock_offset
 from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.flightlog.mat5 import read_mat
 from awescli.flightlog.resample import RawFlight, uniform_log, usable_stamps
+from awescli.flightlog.spikes import without_spikes
 from awescli.flightlog.table import ABSURD
 from awescli.notation.errors import BadInput, did_you_mean
 
@@ -85,7 +86,9 @@ def read_ampyx(path: Path, max_gap: float = 0.2, late: Mapping[str, float] | Non
     groups = {name: "winch" if name in ("tension", "reel_out_speed", "tether_length") else "onboard" for name in signals} | {
         "wind": "weather"
     }
-    raw = RawFlight(path.resolve().parent.name, start, seconds - seconds[0], signals, str(path), groups, late, wind, tuple(notes))
+    signals, spikes = without_spikes(signals, np.arange(seconds.size))
+    name = path.resolve().parent.name
+    raw = RawFlight(name, start, seconds - seconds[0], signals, str(path), groups, late, wind, tuple(notes), spikes)
     return uniform_log(raw, max_gap)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from awescli.flightlog.flight_file import Mix
 from awescli.flightlog.log import FlightLog, WindRecord
 from awescli.flightlog.resample import RawFlight, sample_interval, uniform_log, usable_stamps
+from awescli.flightlog.spikes import without_spikes
 from awescli.flightlog.units import GRAVITY, factor_to_si
 from awescli.flightlog.wind_triangle import with_some_wind
 from awescli.notation.errors import BadInput, did_you_mean
@@ -90,7 +91,7 @@ def assembled(
         what = "the log has no surface outputs that awes knows" + (f"; it has {surfaces}" if surfaces else "")
         do = "Log the actuators, or say in a flight.yaml what drives what: `mix: {elevator: {of: {CHANNEL: 0.4}, unit: rad}}`."
         raise BadInput(what, path, do)
-    channels = {n: _clean(c) for n, c in channels.items()}
+    channels, spikes = _clean(channels)
     if short := [n for n in NEEDED if channels[n].stamps.size < 3]:
         raise BadInput(f"{', '.join(short)} have fewer than 3 values", path, "Is the log complete?")
     first, last = max(channels[n].stamps[0] for n in NEEDED), min(channels[n].stamps[-1] for n in NEEDED)
@@ -100,17 +101,23 @@ def assembled(
     clock = first + dt * np.arange(int((last - first) / dt) + 1)
     groups = {n: "motor" if n == "motor_speed" else "onboard" for n in channels} | {"wind": "weather"}
     raw = RawFlight(
-        name, start, clock, {n: c.values for n, c in channels.items()}, path, groups, dict(how.late), wind, notes,
+        name, start, clock, {n: c.values for n, c in channels.items()}, path, groups, dict(how.late), wind, notes, spikes,
         own_stamps={n: c.stamps for n, c in channels.items()},
     )  # fmt: skip
     return with_some_wind(uniform_log(raw, max_gap), density)
 
 
-def _clean(channel: Channel) -> Channel:
-    """The channel without what is missing and without stamps that do not run forward."""
-    rows = np.flatnonzero(np.isfinite(channel.values) & np.isfinite(channel.stamps))
-    rows = rows[usable_stamps(channel.stamps[rows])[0]]
-    return Channel(channel.stamps[rows], channel.values[rows])
+def _clean(channels: Mapping[str, Channel]) -> tuple[dict[str, Channel], dict[str, int]]:
+    """(channels without what is missing, without stamps that do not run forward and without spikes; quantity -> spikes it had)."""
+    clean, spikes = {}, {}
+    for name, channel in channels.items():
+        rows = np.flatnonzero(np.isfinite(channel.values) & np.isfinite(channel.stamps))
+        rows = rows[usable_stamps(channel.stamps[rows])[0]]
+        signals, found = without_spikes({name: channel.values}, rows)
+        rows = rows[np.isfinite(signals[name][rows])]
+        clean[name] = Channel(channel.stamps[rows], signals[name][rows])
+        spikes |= found
+    return clean, spikes
 
 
 def euler_angles_of(q0: np.ndarray, q1: np.ndarray, q2: np.ndarray, q3: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

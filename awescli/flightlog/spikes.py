@@ -24,7 +24,7 @@ CONTRADICTED = 4.0
 deviations of a sensor's noise. One value in a hundred may be off, which puts its neighbours off too, and the scale stays."""
 
 AGREED = 0.5
-"""Share of that by which what either side says may differ: more, and it is a corner of a manoeuvre."""
+"""Share of that by which the line through the two on either side may say otherwise: more, and it is a corner of a manoeuvre."""
 
 NEARBY, AMONG = 50, 8.0
 """So many values on the livelier side say what is usual there: a flight in a long log of standing is noisier than most of it. A spike is
@@ -112,11 +112,12 @@ def _contradicted(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> 
 
 
 def _off_the_neighbours(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """((N,) difference from the cubic through two neighbours on either side, (N,) bool: do the lines through these two and those two say
-    the same? They do not where a signal steps or turns, and nothing is said of the ends)."""
+    """((N,) difference from the cubic through two neighbours on either side, (N,) bool: is it as far off the line through these two, and
+    off that through those two? It is not where a signal steps or turns, and nothing is said of the ends)."""
     before, here, after, second = (turned(x[k : x.size - 4 + k] - x[1:-3]) for k in (0, 2, 3, 4))
     off, agreed = np.zeros(x.size), np.zeros(x.size, bool)
     off[2:-2] = turned(here - (4 * after - second - before) / 6)
     from_left, from_right = here + before, here - (2 * after - second)
-    agreed[2:-2] = np.abs(turned(from_left - from_right)) < AGREED * np.abs(off[2:-2])
+    apart = [np.abs(turned(from_line - off[2:-2])) for from_line in (from_left, from_right)]
+    agreed[2:-2] = np.maximum(*apart) < AGREED * np.abs(off[2:-2])
     return off, agreed

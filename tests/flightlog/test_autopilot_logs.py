@@ -1,6 +1,7 @@
 """Logs of autopilots: a flight whose truth is known, in the formats of three recorders, written by hand from their public descriptions."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -159,6 +160,24 @@ def test_flights_of_px4_and_ardupilot_come_back(tmp_path, truth, kind):
         assert error < 0.35 * size, (signal, error, size)  # a step of a surface lies between two samples
     assert float(np.median(log.wind.speed)) == pytest.approx(6.0, abs=0.01)
     assert float(np.median(np.mod(log.wind.direction, 2 * np.pi))) == pytest.approx(4.5, abs=0.01)
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_single_values_that_are_far_off_are_missing(tmp_path, truth, kind):
+    """Once in ten seconds a heading and a pitch angle that leap: gone, and what was flown is there instead."""
+    _, name, content, _ = READERS[kind]
+    at = np.arange(200, 4000, 500)
+    theta, psi = truth["theta"].copy(), truth["psi"].copy()
+    theta[at] += 0.5
+    psi[at] += 2.0
+    logs = []
+    for flown in (truth, replace(truth, measured={**truth.measured, "theta": theta, "psi": psi})):
+        (tmp_path / name).write_bytes(content(flown))
+        logs.append(read_flight(tmp_path))
+    clean, spiked = logs
+    assert clean.counters["spikes"] == 0 and spiked.counters["spikes"] >= 2 * at.size
+    for signal in ("theta", "psi"):
+        assert np.abs(wrap(spiked[signal] - clean[signal])).max() < 0.02, signal
 
 
 def test_a_ulg_without_surface_outputs_is_refused(tmp_path, truth):

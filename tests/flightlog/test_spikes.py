@@ -60,6 +60,13 @@ def test_half_a_turn_off(clean):
     assert looked_at({"psi": psi})["psi"] == [3000]
 
 
+def test_corners_without_noise_are_flown(clean):
+    """A simulator has none: where straight stretches meet, both go through the corner, and the cubic does not."""
+    for name, x in clean.items():
+        bent = np.interp(np.arange(4 * x.size) / 4, np.arange(x.size), np.unwrap(x) if name in ("phi", "psi") else x)
+        assert not looked_at({name: bent})[name], name
+
+
 def test_steps_and_corners_are_flown(clean):
     """After a gap a signal goes on elsewhere; an accelerometer may turn within a sample."""
     for name, x in clean.items():
