@@ -17,8 +17,8 @@ from pathlib import Path
 import yaml
 
 from awescli.artifacts import write_text
-from awescli.estimation.controller_config import ControllerConfig
-from awescli.estimation.controller_fit import fit_controller
+from awescli.controller_fit.config import ControllerConfig
+from awescli.controller_fit.fit import fit_controller
 from awescli.estimation.problem import build, simulator_of, without_record
 from awescli.estimation.staged_fit import fit_in_stages
 from awescli.flightlog.loops import find_loops

@@ -28,8 +28,8 @@ from pathlib import Path
 import numpy as np
 
 from awescli.artifacts import read_arrays, write_arrays, write_text
-from awescli.estimation.controller_config import ControllerConfig
-from awescli.estimation.controller_fit import fit_controller
+from awescli.controller_fit.config import ControllerConfig
+from awescli.controller_fit.fit import fit_controller
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split

@@ -15,7 +15,7 @@ import numpy as np
 
 import awescli  # noqa: F401, I001  (before numpy: one BLAS thread)
 from awescli.artifacts import write_text
-from awescli.estimation.controller_samples import Samples, available, feature_matrix, gather, standardisation
+from awescli.controller_fit.samples import Samples, available, feature_matrix, gather, standardisation
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.read import read_flight
 from awescli.flightlog.split import split

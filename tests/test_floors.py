@@ -11,7 +11,7 @@ FLOORS = {
     "notation": 0,
     "flightlog": 1, "artifacts": 1, "engine": 1,
     "physics": 2, "control": 2,
-    "simulation": 3,
+    "simulation": 3, "controller_fit": 3,
     "estimation": 4,
     "learning": 5, "tracing": 5,
     "reporting": 6, "export": 6,

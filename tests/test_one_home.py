@@ -40,7 +40,7 @@ def test_a_dataclass_tells_of_fields_that_it_has():
 def test_local_quadratics_have_one_home():
     """Guards the window of a local quadratic, which stood in four files. (A law's samples are smoothed by cubics.)"""
     assert files_with(r"savgol_filter\(.*, 2\b") == {"flightlog/smoothing.py"}
-    assert files_with(r"import .*savgol_filter") == {"flightlog/smoothing.py", "estimation/controller_samples.py"}
+    assert files_with(r"import .*savgol_filter") == {"flightlog/smoothing.py", "controller_fit/samples.py"}
 
 
 def test_angles_are_wrapped_in_one_place():

@@ -1,1 +1,1 @@
-"""Floor 4: what logs teach us about parameters and control laws. Changes parameters; writes and prints nothing."""
+"""Floor 4: what logs teach us about parameters. Changes parameters; writes and prints nothing."""

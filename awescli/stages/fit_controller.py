@@ -44,8 +44,8 @@ class FitController(Stage):
 
     def check(self, inputs: Inputs, config: FitControllerConfig) -> Iterator[tuple[str, BadInput]]:
         from awescli.control.features import check_features
-        from awescli.estimation.controller_features import FEATURE_SETS
-        from awescli.estimation.controller_samples import gather
+        from awescli.controller_fit.features import FEATURE_SETS
+        from awescli.controller_fit.samples import gather
         from awescli.notation.errors import BadInput, did_you_mean
 
         named = isinstance(config.features, str)
@@ -71,9 +71,9 @@ class FitController(Stage):
 
     def run(self, context: Context, config: FitControllerConfig) -> dict[str, Any]:
         from awescli.artifacts import write_json
-        from awescli.estimation.controller_config import ControllerConfig
-        from awescli.estimation.controller_fit import fit_controller
-        from awescli.estimation.winch_law import fit_winch
+        from awescli.controller_fit.config import ControllerConfig
+        from awescli.controller_fit.fit import fit_controller
+        from awescli.controller_fit.winch import fit_winch
         from awescli.physics.declaration import read_kite
         from awescli.simulation.survival import flies, gain_margin, loop_gain
         from awescli.stages.controller_artifact import wind_direction, write_controller

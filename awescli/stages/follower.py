@@ -14,7 +14,7 @@ def follower_of(log: "FlightLog", declaration: "KiteDeclaration") -> "PathFollow
 
     from awescli.control.law import state_mapping
     from awescli.control.path_following import PathFollowing
-    from awescli.estimation.controller_pattern import fit_pattern
+    from awescli.controller_fit.pattern import fit_pattern
     from awescli.notation.quantities import SURFACES
 
     rudder = declaration.surfaces.get("rudder")

@@ -8,8 +8,8 @@ import pytest
 from kites import flight
 
 from awescli.control.linear_law import LinearLaw
-from awescli.estimation.controller_config import ControllerConfig
-from awescli.estimation.controller_fit import fit_controller
+from awescli.controller_fit.config import ControllerConfig
+from awescli.controller_fit.fit import fit_controller
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
 from awescli.notation.quantities import STATES, SURFACES

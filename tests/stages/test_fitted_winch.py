@@ -9,7 +9,7 @@ from kites import DEVELOPMENT
 from pumped import DRUM, DT, HEIGHTS, LENGTH, PHASES, start, wind
 
 from awescli.artifacts import read_json
-from awescli.estimation.winch_law import fit_winch, lag
+from awescli.controller_fit.winch import fit_winch, lag
 from awescli.flightlog.cycles import pieces
 from awescli.flightlog.read import read_flight
 from awescli.flightlog.split import split

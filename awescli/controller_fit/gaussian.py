@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from awescli.control.gaussian_law import design
-from awescli.estimation.controller_bounds import error_bounds, estimate_bounds, neighbour_pairs
-from awescli.estimation.controller_centres import farthest_points, thin
-from awescli.estimation.controller_config import ControllerConfig
-from awescli.estimation.controller_greedy import greedy_order
-from awescli.estimation.controller_hold import Hold
-from awescli.estimation.controller_lp import sparse_coefficients
-from awescli.estimation.controller_problem import Problem, fit_on_everything, score_linear
-from awescli.estimation.controller_ridge import well_conditioned
+from awescli.controller_fit.bounds import error_bounds, estimate_bounds, neighbour_pairs
+from awescli.controller_fit.centres import farthest_points, thin
+from awescli.controller_fit.config import ControllerConfig
+from awescli.controller_fit.greedy import greedy_order
+from awescli.controller_fit.hold import Hold
+from awescli.controller_fit.lp import sparse_coefficients
+from awescli.controller_fit.problem import Problem, fit_on_everything, score_linear
+from awescli.controller_fit.ridge import well_conditioned
 
 RIDGES = (1e-4, 3e-5, 1e-5, 3e-6)
 CONDITION_SHARE = 0.7

@@ -11,18 +11,18 @@ from awescli.control.features import FEATURE_SETS, evaluate
 from awescli.control.law import deflections_of_log, deflections_of_states, state_mapping
 from awescli.control.laws import LAWS, from_artifact, to_artifact
 from awescli.control.pattern import Pattern
-from awescli.estimation.controller_bounds import Pairs, estimate_bounds, neighbour_pairs
-from awescli.estimation.controller_centres import farthest_points
-from awescli.estimation.controller_config import ControllerConfig
-from awescli.estimation.controller_fit import fit_controller
-from awescli.estimation.controller_greedy import greedy_order
-from awescli.estimation.controller_hold import displaced
-from awescli.estimation.controller_lp import sparse_coefficients
-from awescli.estimation.controller_noise import NOISE
-from awescli.estimation.controller_pattern import fit_pattern
-from awescli.estimation.controller_ridge import solve_ridge, triangle, well_conditioned
-from awescli.estimation.controller_samples import answered, gather, in_blocks
-from awescli.estimation.controller_steering import TERMS, find_steering
+from awescli.controller_fit.bounds import Pairs, estimate_bounds, neighbour_pairs
+from awescli.controller_fit.centres import farthest_points
+from awescli.controller_fit.config import ControllerConfig
+from awescli.controller_fit.fit import fit_controller
+from awescli.controller_fit.greedy import greedy_order
+from awescli.controller_fit.hold import displaced
+from awescli.controller_fit.lp import sparse_coefficients
+from awescli.controller_fit.noise import NOISE
+from awescli.controller_fit.pattern import fit_pattern
+from awescli.controller_fit.ridge import solve_ridge, triangle, well_conditioned
+from awescli.controller_fit.samples import answered, gather, in_blocks
+from awescli.controller_fit.steering import TERMS, find_steering
 from awescli.flightlog.log import FlightLog
 from awescli.notation.errors import BadInput
 

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from awescli.estimation.controller_centres import thin
-from awescli.estimation.controller_config import ControllerConfig
-from awescli.estimation.controller_hold import Hold
-from awescli.estimation.controller_problem import Problem
-from awescli.estimation.controller_ridge import affine_design
+from awescli.controller_fit.centres import thin
+from awescli.controller_fit.config import ControllerConfig
+from awescli.controller_fit.hold import Hold
+from awescli.controller_fit.problem import Problem
+from awescli.controller_fit.ridge import affine_design
 
 DECAYS = (1e-6, 1e-5, 1e-4)
 

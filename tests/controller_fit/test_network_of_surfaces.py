@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from awescli.estimation.controller_network import _forward, _train
+from awescli.controller_fit.network import _forward, _train
 
 
 def test_two_surfaces_of_an_affine_law_are_recovered():

@@ -7,18 +7,18 @@ import numpy as np
 
 from awescli.control.law import Law, deflections_of_states
 from awescli.control.laws import LAWS
-from awescli.estimation.controller_centres import thin
-from awescli.estimation.controller_config import ControllerConfig
-from awescli.estimation.controller_convex import fit_convex
-from awescli.estimation.controller_features import Choice, estimate_delay, feature_report, observed_limits, observed_rates, rank_features
-from awescli.estimation.controller_gaussian import fit_gaussian
-from awescli.estimation.controller_hold import steering_hold
-from awescli.estimation.controller_linear import fit_linear
-from awescli.estimation.controller_network import fit_network
-from awescli.estimation.controller_noise import noise_through_law
-from awescli.estimation.controller_problem import blocks, pose
-from awescli.estimation.controller_samples import Samples, answered, gather, in_blocks, samples_at
-from awescli.estimation.controller_steering import Steering, find_steering
+from awescli.controller_fit.centres import thin
+from awescli.controller_fit.config import ControllerConfig
+from awescli.controller_fit.convex import fit_convex
+from awescli.controller_fit.features import Choice, estimate_delay, feature_report, observed_limits, observed_rates, rank_features
+from awescli.controller_fit.gaussian import fit_gaussian
+from awescli.controller_fit.hold import steering_hold
+from awescli.controller_fit.linear import fit_linear
+from awescli.controller_fit.network import fit_network
+from awescli.controller_fit.noise import noise_through_law
+from awescli.controller_fit.problem import blocks, pose
+from awescli.controller_fit.samples import Samples, answered, gather, in_blocks, samples_at
+from awescli.controller_fit.steering import Steering, find_steering
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Range
 from awescli.notation.errors import BadInput

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from awescli.control.laws import LAWS
-from awescli.estimation.controller_noise import NOISE
+from awescli.controller_fit.noise import NOISE
 from awescli.notation.errors import BadInput, did_you_mean
 
 

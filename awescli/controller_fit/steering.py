@@ -20,8 +20,8 @@ from scipy.optimize import least_squares
 
 from awescli.control.features import evaluate
 from awescli.control.pattern import Pattern, arc
-from awescli.estimation.controller_centres import thin
-from awescli.estimation.controller_samples import Samples, samples_at
+from awescli.controller_fit.centres import thin
+from awescli.controller_fit.samples import Samples, samples_at
 
 ROWS = 1500
 TERMS = ("course_error", "radius_error", "curvature")

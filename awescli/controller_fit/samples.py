@@ -9,8 +9,8 @@ from scipy.signal import savgol_filter
 from awescli.control.features import FEATURES, evaluate
 from awescli.control.law import state_mapping
 from awescli.control.pattern import Pattern
-from awescli.estimation.controller_centres import thin
-from awescli.estimation.controller_pattern import fit_pattern, loop_numbers
+from awescli.controller_fit.centres import thin
+from awescli.controller_fit.pattern import fit_pattern, loop_numbers
 from awescli.flightlog.log import FlightLog
 from awescli.notation.errors import BadInput
 from awescli.notation.quantities import SURFACES

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from awescli.control.pattern import Pattern
-from awescli.estimation.controller_centres import thin
-from awescli.estimation.controller_problem import Problem, fit_on_everything
-from awescli.estimation.controller_ridge import affine_design
-from awescli.estimation.controller_samples import Samples, feature_matrix, samples_at
-from awescli.estimation.controller_steering import Steering
+from awescli.controller_fit.centres import thin
+from awescli.controller_fit.problem import Problem, fit_on_everything
+from awescli.controller_fit.ridge import affine_design
+from awescli.controller_fit.samples import Samples, feature_matrix, samples_at
+from awescli.controller_fit.steering import Steering
 
 POINTS = 100
 DISPLACED = ((0.15, 0.0), (-0.15, 0.0), (0.0, 0.3), (0.0, -0.3), (0.3, -0.3), (-0.3, 0.3))

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.control.gaussian_law import design
-from awescli.estimation.controller_bounds import Pairs, error_bounds, estimate_bounds, neighbour_pairs
-from awescli.estimation.controller_centres import farthest_points, thin
-from awescli.estimation.controller_config import ControllerConfig
-from awescli.estimation.controller_hold import Hold
-from awescli.estimation.controller_lp import PENALTY, SparseSolution, sparse_coefficients
-from awescli.estimation.controller_problem import Problem, Score, span_error
+from awescli.controller_fit.bounds import Pairs, error_bounds, estimate_bounds, neighbour_pairs
+from awescli.controller_fit.centres import farthest_points, thin
+from awescli.controller_fit.config import ControllerConfig
+from awescli.controller_fit.hold import Hold
+from awescli.controller_fit.lp import PENALTY, SparseSolution, sparse_coefficients
+from awescli.controller_fit.problem import Problem, Score, span_error
 
 BOUNDS = (0.25, 0.5, 1.0)
 """Bounds of the error that are tried, in units of eps. Below 1 some samples must lie beyond theirs: the slack then is the error that is

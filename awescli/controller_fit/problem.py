@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from awescli.estimation.controller_centres import thin
-from awescli.estimation.controller_ridge import solve_ridge, triangle
-from awescli.estimation.controller_samples import Samples, feature_matrix, loop_folds, standardisation
+from awescli.controller_fit.centres import thin
+from awescli.controller_fit.ridge import solve_ridge, triangle
+from awescli.controller_fit.samples import Samples, feature_matrix, loop_folds, standardisation
 
 EARLY = 0.6
 """Share of the train part, its earliest, that has to predict the latest known flight: further ahead than the test part is."""

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable, Iterator
 
-from awescli.estimation.controller_config import ControllerConfig
-from awescli.estimation.controller_hold import Hold
-from awescli.estimation.controller_problem import Problem, fit_on_everything, score_linear
-from awescli.estimation.controller_ridge import affine_design
+from awescli.controller_fit.config import ControllerConfig
+from awescli.controller_fit.hold import Hold
+from awescli.controller_fit.problem import Problem, fit_on_everything, score_linear
+from awescli.controller_fit.ridge import affine_design
 
 RIDGES = (1e-6, 1e-4, 1e-3, 1e-2)
 

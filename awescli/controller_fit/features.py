@@ -7,9 +7,9 @@ import numpy as np
 
 from awescli.control.features import FEATURE_SETS, check_features
 from awescli.control.gaussian_law import design
-from awescli.estimation.controller_centres import farthest_points, thin
-from awescli.estimation.controller_problem import Problem, Score, pose, score_linear
-from awescli.estimation.controller_samples import Samples, available, thinned
+from awescli.controller_fit.centres import farthest_points, thin
+from awescli.controller_fit.problem import Problem, Score, pose, score_linear
+from awescli.controller_fit.samples import Samples, available, thinned
 from awescli.notation.errors import BadInput, did_you_mean
 
 TRIAL_ROWS, TRIAL_CENTRES, TRIAL_WIDTH, TRIAL_RIDGE = 1500, 60, 1.4, 1e-5

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import bmat, csr_matrix, identity
 
-from awescli.estimation.controller_bounds import Pairs
+from awescli.controller_fit.bounds import Pairs
 
 PENALTY = 100.0
 """Price of a slack, where a coefficient of the same size costs 1: errors come first."""
