@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -273,12 +274,7 @@ class Misfit:
     @property
     def _hats(self) -> np.ndarray:
         """(N+1, L + 1) weight of each node at every sample."""
-        samples, gaps = np.arange(self.observed.segments.steps + 1)[:, None], np.diff(self.nodes)
-        risen = np.clip((samples - self.nodes[:-1]) / gaps, 0.0, 1.0)  # from each node to the next
-        hats = np.ones((len(samples), len(self.nodes)))
-        hats[:, 1:] = risen
-        hats[:, :-1] -= risen
-        return hats
+        return hats_at(tuple(self.nodes.tolist()))
 
     def with_processes(self, processes: Sequence[Process]) -> "Misfit":
         """The same with other processes."""
@@ -305,6 +301,18 @@ def most_at_once(size: int) -> int:
     """Segments of so many bytes that are worked through at once: full groups for all cores where there are enough."""
     fit_in, full = max(int(SIZE * cores() / max(size, 1)), 1), LANES * cores()
     return fit_in // full * full or fit_in
+
+
+@lru_cache(maxsize=32)
+def hats_at(nodes: tuple[int, ...]) -> np.ndarray:
+    """(N+1, L + 1) weight of each of L + 1 nodes, the last one at sample N, at every sample: linear in between."""
+    samples, gaps = np.arange(nodes[-1] + 1)[:, None], np.diff(nodes)
+    risen = np.clip((samples - np.array(nodes[:-1])) / gaps, 0.0, 1.0)  # from each node to the next
+    hats = np.ones((len(samples), len(nodes)))
+    hats[:, 1:] = risen
+    hats[:, :-1] -= risen
+    hats.flags.writeable = False
+    return hats
 
 
 def nodes_of(segments: Segments, spacing_s: float) -> np.ndarray:

@@ -63,17 +63,18 @@ def fastest_poles(kite: FlightModel, starts: np.ndarray, setpoints: np.ndarray, 
     n = len(kite.state_names)
     x = [*starts.T, *(np.zeros(len(starts)) for _ in range(n - 12)), *setpoints.T]
     x[12:n] = [np.broadcast_to(s, len(starts)) for s in kite.initial(x, u, c)]
-
-    def rates(x) -> np.ndarray:
-        return np.stack([np.broadcast_to(np.asarray(r, dtype=float), len(starts)) for r in kite.derivative(x, u, c)], axis=1)
-
     moving = [i for i, name in enumerate(kite.state_names) if name not in ("phi", "theta", "psi")]
-    A = np.empty((len(starts), len(moving), len(moving)))
+    K, m = len(starts), len(moving)
+    # every state ahead, then every state behind, in one call of the kite
+    moved = np.repeat(np.stack(x)[:, None], 2 * m, axis=1)
+    size = 1e-6 * np.maximum(np.abs(moved[moving, 0]), 1.0)
     with np.errstate(all="ignore"):
-        for column, i in enumerate(moving):
-            size = 1e-6 * np.maximum(np.abs(x[i]), 1.0)
-            ahead, behind = ([*x[:i], x[i] + s * size, *x[i + 1 :]] for s in (1.0, -1.0))
-            A[:, :, column] = ((rates(ahead) - rates(behind)) / (2 * size[:, None]))[:, moving]
+        moved[moving, np.arange(m)] += size
+        moved[moving, m + np.arange(m)] -= size
+        rates = kite.derivative([v.reshape(-1) for v in moved], [np.tile(v, 2 * m) for v in u], c)
+        rates = [np.broadcast_to(np.asarray(rates[i], dtype=float), 2 * m * K) for i in moving]
+        ahead, behind = np.stack(rates, axis=1).reshape(2, m, K, m)
+        A = ((ahead - behind) / (2 * size[..., None])).transpose(1, 2, 0)
         found = np.full(len(A), np.nan)
         good = np.isfinite(A).all(axis=(1, 2))
         found[good] = np.abs(np.linalg.eigvals(A[good])).max(axis=1)
