@@ -6,6 +6,8 @@ import numpy as np
 
 RIDGE = 1e-12
 """Of the diagonal: what rounding asks for where an unknown is hardly seen."""
+HARDER, TRIES = 100.0, 6
+"""Times what was tried before where that is not enough, and how often."""
 
 
 @dataclass(frozen=True)
@@ -66,10 +68,10 @@ def firm_cholesky(M: np.ndarray) -> np.ndarray:
     firm = M.copy()
     diagonal = np.einsum("...ii->...i", firm)
     ridge = RIDGE * (1 + diagonal)
-    for _ in range(6):
+    for _ in range(TRIES):
         try:
             diagonal += ridge
             return np.linalg.cholesky(firm)
         except np.linalg.LinAlgError:
-            ridge = 100 * ridge
+            ridge = HARDER * ridge
     return np.linalg.cholesky(np.where(np.eye(M.shape[-1]) > 0, np.abs(M) + 1.0, 0.0))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.estimation.axes import Axes
+from awescli.estimation.backward import padded, row_length
 from awescli.estimation.links import Gram
 
 AT_ONCE = 1 << 21
@@ -39,26 +40,24 @@ class GramOfAxes:
         """Of x."""
         return self.gram.n_s + 2 * self.W
 
-    def backward(self, count: int) -> Iterator[tuple[int, np.ndarray]]:
-        """(link, (K, width, width + W + n + 1)) of links count - 1, ..., 0: x with [x, nothing yet, globals, residual], to be written into;
-        what is in between makes room for w at the last node of the segment."""
+    def backward(self, count: int) -> Iterator[tuple[slice, np.ndarray]]:
+        """(links, (K, links, width, row_length(columns))) of some links after the other, the last ones of 0, ..., count - 1 first: x with
+        [x, nothing yet, globals, residual], to be written into; what is in between makes room for w at the last node of the segment."""
         size, (K, _, _, k) = self.width, self.gram.xy.shape
         columns = size + self.W + k
         at_once = max(AT_ONCE // (8 * K * size * columns), 1)
         for until in range(count, 0, -at_once):
             some = slice(max(until - at_once, 0), until)
-            rows = np.empty((K, until - some.start, size, columns))
-            rows[..., size : size + self.W] = 0.0
+            rows = np.zeros((K, until - some.start, size, row_length(columns)))
             for here, of_rows in self.runs:
                 for there, of_columns in self.runs:
                     rows[:, :, here, there] = self.gram.x[:, some, of_rows, of_columns]
-                rows[:, :, here, size + self.W :] = self.gram.xy[:, some, of_rows]
-            for link in range(until - 1, some.start - 1, -1):
-                yield link, rows[:, link - some.start]
+                rows[:, :, here, size + self.W : columns] = self.gram.xy[:, some, of_rows]
+            yield some, rows
 
     def end_sensitivities(self) -> np.ndarray:
-        """(K, L - 1, n_s, width) of the state at the next node to x; to drifts there are none."""
-        E, acting = np.zeros((*self.gram.E.shape[:3], self.width)), self.gram.n_s + 2 * self.gram.disturbances
+        """(K, L - 1, n_s, padded(width)) of the state at the next node to x; to drifts there are none, nor behind the width."""
+        E, acting = np.zeros((*self.gram.E.shape[:3], padded(self.width))), self.gram.n_s + 2 * self.gram.disturbances
         for columns, of_columns in self.runs:
             count = max(min(of_columns.stop, acting) - of_columns.start, 0)
             E[..., columns.start : columns.start + count] = self.gram.E[..., of_columns.start : of_columns.start + count]

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from awescli.estimation.axes import Axes, gap_between
-from awescli.estimation.elimination import Eliminated, eliminate_first, inverse_root
+from awescli.estimation.backward import eliminate_backward, padded
+from awescli.estimation.elimination import Eliminated, eliminate_first
 from awescli.estimation.gram_of_axes import GramOfAxes
 from awescli.estimation.links import Gram
 from awescli.estimation.smoother import Innovations, Nuisances, Smoother
@@ -83,7 +84,7 @@ def eliminate(gram: Gram, axes: Axes, path: np.ndarray, starts: np.ndarray, dt: 
     info, joined = _joined(axes, path, starts[:, None] + times, which, of_ends, log_det, gram.dof)
     if not len(which):
         return info
-    return replace(info, _back=Smoother(gram, axes, path, starts[:, None] + times, E, start, inner, joined, which))
+    return replace(info, _back=Smoother(gram, axes, path, starts[:, None] + times, E[..., : links.width], start, inner, joined, which))
 
 
 def eliminate_parts(
@@ -112,7 +113,7 @@ def _segments(
     n_s, n_start, W, L, K = gram.n_s, gram.n_start, len(axes), len(spans), len(gram)
     # columns of a link: w at its second node, [state, w] at its first one, w at the last node of the segment, globals and residual
     x, after, w0 = slice(0, links.width), slice(0, W), slice(W + n_s, links.width)
-    kept, others = slice(W, links.width), slice(W, None)
+    kept = slice(W, links.width)
     F, Q = axes.decay(spans), axes.variance(spans)
     step = path[:, 1:] - F * path[:, :-1]  # what the present values ask of the noise
     here = np.arange(W)
@@ -123,25 +124,22 @@ def _segments(
     asks[..., after], asks[..., w0] = -step / Q, F * step / Q
     rest = gram.y.copy()
     rest[:, -1, -1] += (step * step / Q).sum(axis=(1, 2))
-    roots, divided = np.empty((K, L - 1, W, W)), np.empty((K, L - 1, W, n_s + 2 * W + gram.y.shape[-1]))
-    for m, M in links.backward(L):
-        M[..., x] += P[m]
-        M[..., -1] += asks[:, m]
-        if m == L - 1:
-            # w at the second node of the last link stays, with globals and residual: V is the Gram matrix of [s, w] with [s, w, these]
-            V = np.concatenate([M[:, kept, kept], M[:, kept, after], M[:, kept, links.width + W :]], axis=2)
-            of_last = np.concatenate([M[:, after, after], M[:, after, links.width + W :]], axis=2)
-            continue
-        # [s+, w+] = [E x, w+] in the Gram matrix of all behind
-        e = E[:, m]
-        T = np.matmul(V[..., :n_s], e)
-        T[..., after] += V[..., n_s : n_s + W]
-        T = np.concatenate([T, V[..., n_s + W :]], axis=2)
-        M += np.matmul(e.swapaxes(1, 2), T[:, :n_s])
-        M[:, after] += T[:, n_s:]
-        roots[:, m] = inverse_root(M[:, after, after])
-        Y = np.matmul(roots[:, m], M[:, after, others], out=divided[:, m])
-        V = M[:, kept, others] - np.matmul(Y[..., : n_s + W].swapaxes(1, 2), Y)
+    columns, width = links.width + W + gram.y.shape[-1], links.width
+    roots, divided = np.zeros((K, L - 1, W, padded(W))), np.empty((K, L - 1, W, columns - W))
+    roots[..., here, here] = 1.0
+    for some, M in links.backward(L):
+        M[..., x] += P[some]
+        M[..., columns - 1] += asks[:, some]
+        if some.stop == L:
+            # w at the second node of the last link stays, with globals and residual: what is said of [s, w] is said with it
+            M, behind = M[:, :-1], M[:, -1].copy()
+            of_last = np.concatenate([behind[:, after, after], behind[:, after, width + W : columns]], axis=2)
+            behind[:, kept, width : width + W] = behind[:, kept, after]
+            some = slice(some.start, L - 1)
+        eliminate_backward(M, E[:, some], behind, roots[:, some], columns)
+        if M.shape[1]:
+            divided[:, some], behind = M[:, :, after, W:columns], M[:, 0]
+    V, roots = behind[:, kept, W:columns], np.ascontiguousarray(roots[..., :W])
     last = divided[..., n_s + W :].reshape(K, (L - 1) * W, W + rest.shape[-1])
     around = np.concatenate([of_last, np.concatenate([of_last[..., W:].swapaxes(1, 2), rest], axis=2)], axis=1)
     around -= np.matmul(last.swapaxes(1, 2), last)

@@ -74,16 +74,13 @@ def by_differences(misfit: Misfit, x: np.ndarray, own: NuisanceValues, info: Inf
 def estimates(misfit: Misfit, x: np.ndarray, own: NuisanceValues, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:
     """(m, n) the gradient as each of m draws of the nuisances sees it; None where one loses a segment."""
     mask, (rest_x, rest) = np.isin(np.arange(len(gram)), which), gram.gradients()
-    every_x, every = [], []
-    for case in range(draws.path.shape[-1]):
-        bent_x, bent = -2.0 * rest_x, -2.0 * rest
-        for side in (1.0, -1.0):
-            of_x, of_globals, alive = misfit.gradients(x, own.moved(draws, side * PROBE, mask, case))
-            if not (alive[which] > misfit.observed.segments.steps).all():
-                return None
-            bent_x, bent = bent_x + of_x, bent + of_globals
-        every_x.append(bent_x / (2 * PROBE**2))
-        every.append(bent / (2 * PROBE**2))
+    sides = (own.moved(draws, side * PROBE, mask, case) for case in range(draws.path.shape[-1]) for side in (1.0, -1.0))
+    seen, every_x, every = misfit.gradients(x, sides), [], []
+    for ahead, behind in zip(seen, seen, strict=True):
+        if any(not (alive[which] > misfit.observed.segments.steps).all() for _, _, alive in (ahead, behind)):
+            return None
+        every_x.append((ahead[0] + behind[0] - 2.0 * rest_x) / (2 * PROBE**2))
+        every.append((ahead[1] + behind[1] - 2.0 * rest) / (2 * PROBE**2))
     # the prior's pull is linear, and gone from second differences: processes at rest
     at_rest = NuisanceValues(own.starts, 0.0 * own.path)
     info = misfit.eliminated(gram.asked(np.stack(every_x, axis=-1), np.stack(every, axis=-1)), at_rest, which)

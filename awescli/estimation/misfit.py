@@ -1,8 +1,9 @@
 """The misfit of a simulator to observed segments (docs/equations.md (20), (21)): of parameters, of segment starts, of processes."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import islice
 
 import numpy as np
 
@@ -166,10 +167,9 @@ class Misfit:
         """(which segments, `links` of these, their trajectories), some segments after the other: sensitivities are larger than all else of
         a flight, and those of the next part take the place of these. columns: how many more will stand beside them, of `extra` or of the
         caller."""
-        names, samples, outputs = self.names if parameters is None else tuple(parameters), *self.observed.measured.shape[1:]
+        names, count = self.names if parameters is None else tuple(parameters), len(self.observed.segments)
         self.simulator.stepping(self.segments(own))
-        width = self.simulator.n_s + 2 * len(self.disturbances) + len(names) + 2 * columns
-        at_once, count = most_at_once(8 * samples * outputs * width), len(self.observed.segments)
+        at_once = self._at_once(len(names) + 2 * columns)
         with workspace() as room:
             for first in range(0, count, at_once):
                 which = slice(first, min(first + at_once, count))
@@ -200,11 +200,23 @@ class Misfit:
 
         return eliminate_parts(grams(), self.axes, own.path, self.begins, self.observed.segments.dt, flies)
 
-    def gradients(self, x: np.ndarray, own: NuisanceValues) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(`Links.gradients` of all segments, (K, L, q) and (K, n); (K,) samples before a segment diverged)."""
-        found = [(*links.gradients(), trajectories.alive) for _, links, trajectories in self.parts(x, own)]
-        of_x, of_globals, alive = (np.concatenate(each) for each in zip(*found, strict=True))
-        return of_x, of_globals, alive
+    def gradients(self, x: np.ndarray, owns: Iterable[NuisanceValues]) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """For each of many nuisances: `Links.gradients` of all segments, (K, L, q) and (K, n), and (K,) samples before a segment diverged.
+        Where segments are few, those of several nuisances run side by side: they fill the lanes then."""
+        K, waiting = len(self.observed.segments), iter(owns)
+        while some := list(islice(waiting, max(self._at_once(len(self.names)) // K, 1))):
+            many = replace(self, observed=self.observed.pick(np.tile(np.arange(K), len(some)))) if len(some) > 1 else self
+            own = NuisanceValues(np.concatenate([o.starts for o in some]), np.concatenate([o.path for o in some]))
+            found = [(*links.gradients(), trajectories.alive) for _, links, trajectories in many.parts(x, own)]
+            whole = [np.concatenate(each) for each in zip(*found, strict=True)]
+            for i in range(len(some)):
+                of_x, of_globals, alive = (a[i * K : (i + 1) * K] for a in whole)
+                yield of_x, of_globals, alive
+
+    def _at_once(self, columns: int) -> int:
+        """Segments whose sensitivities, of so many columns beside those of nuisances, are kept at a time."""
+        samples, outputs = self.observed.measured.shape[1:]
+        return most_at_once(8 * samples * outputs * (self.simulator.n_s + 2 * len(self.disturbances) + columns))
 
     def whitened(self, x: np.ndarray, own: NuisanceValues) -> tuple[np.ndarray, np.ndarray]:
         """((K, N+1, n_out) whitened residual, which samples count)."""

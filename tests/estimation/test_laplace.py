@@ -93,7 +93,7 @@ def test_products_with_the_residual_are_the_gradient_to_what_is_free(problem):
     x, own = problem.kite.parameters.vector(names), misfit.own()
     random = np.random.default_rng(2)
     own.path[...] = 0.5 * random.normal(size=own.path.shape)
-    of_x, of_globals, alive = misfit.gradients(x, own)
+    of_x, of_globals, alive = next(misfit.gradients(x, [own]))
     assert (alive > misfit.observed.segments.steps).all()
     n_s, A = misfit.simulator.n_s, len(misfit.disturbances)
     assert not of_x[:, 1:, :n_s].any()

@@ -254,7 +254,7 @@ def test_what_segments_say_does_not_depend_on_how_many_are_worked_through_at_onc
     for name in ("x", "xy", "y", "E", "dof"):
         assert np.array_equal(getattr(said.gram, name), getattr(whole, name)), name
     assert said.squares == pytest.approx((links.r**2).sum(axis=(1, 2)), rel=1e-14) and np.array_equal(said.alive, trajectories.alive)
-    of_x, of_globals, alive = misfit.gradients(x, own)
+    of_x, of_globals, alive = next(misfit.gradients(x, [own]))
     assert of_x == pytest.approx(whole.xy[..., -1], rel=1e-9, abs=1e-6) and np.array_equal(alive, said.alive)
     assert of_globals == pytest.approx(whole.y[:, :-1, -1], rel=1e-9, abs=1e-6)
     info = misfit.eliminated(whole, own)
