@@ -13,6 +13,9 @@ from awescli.stages.base import Context, Inputs, Need, Seconds, Stage
 SHOWN = ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
 """Channels in the terminal's table; `mean` is that of the 12 states."""
 
+DIGIT = 0.001
+"""Share of the measured power that is a digit of the line on power."""
+
 
 class EvaluateConfig(HandedOnConfig):
     """Settings of evaluate."""
@@ -133,13 +136,17 @@ def left_by(context: Context, stage: str) -> dict | None:
 
 def power_line(powers: dict[str, dict]) -> str:
     """Measured mean power of the test loops, and every model's error of it, the last one's with the interval of what is known of the model
-    (90 %), where that is not known over loops; empty where there is none."""
+    (90 %), where that is not known over loops; empty where there is none. The interval is about what the model says in the wind as its fit
+    found it, which is said where it is not what it says in the recorded one."""
     if not powers:
         return ""
     said = [f"{model} {100 * p['error_share']:+.1f} %" for model, p in powers.items() if p["error_share"] is not None]
     *_, last = powers.values()
-    interval = [w / last["measured_mean_W"] - 1 for w in last["interval_W"]] if last.get("interval_W") else last["interval_share"]
+    known = [w / last["measured_mean_W"] - 1 for w in last["interval_W"]] if last.get("interval_W") else None
+    interval = known or last["interval_share"]
     between = " ({:+.1f} to {:+.1f})".format(*sorted(100 * share for share in interval)) if interval else ""
+    if known and said and abs((middle := sum(known) / 2) - last["error_share"]) > DIGIT:
+        between = f", {100 * middle:+.1f} % in the wind that its fit found{between}"
     return "; ".join([f"{last['measured_mean_W'] / 1000:.3g} kW measured", *([f"{', '.join(said)}{between}"] if said else [])])
 
 

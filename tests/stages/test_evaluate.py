@@ -21,6 +21,9 @@ def test_the_last_line_names_measured_power_and_every_models_error():
     """Guards the one line that an operator reads: kW, percent with signs, the last model's interval over loops."""
     line = power_line({"initial": block(-0.287), "with_effects": block(-0.0097, [-0.012, 0.003])})
     assert line == "2.5 kW measured; initial -28.7 %, with_effects -1.0 % (-1.2 to +0.3)" and len(line) <= 80
+    known = {**block(-0.009), "interval_W": [2495.0, 2510.0]}
+    assert power_line({"hybrid": known}) == "2.5 kW measured; hybrid -0.9 %, +0.1 % in the wind that its fit found (-0.2 to +0.4)"
+    assert power_line({"hybrid": {**known, "error_share": 0.001}}) == "2.5 kW measured; hybrid +0.1 % (-0.2 to +0.4)"
     assert power_line({"initial": block(None)}) == "2.5 kW measured"
     assert power_line({}) == ""
 
