@@ -57,7 +57,8 @@ def read_ampyx(path: Path, max_gap: float = 0.2, late: Mapping[str, float] | Non
             raise BadInput("controls.times is no clock that runs forward", str(path), "Is the file complete?")
         notes.append(f"{count - rows.size} samples whose time stamps are missing or do not run forward were removed.")
         seconds, air, signals = seconds[rows], air[:, rows], {name: signal[rows] for name, signal in signals.items()}
-        vectors = {name: vector[:, rows] for name, vector in vectors.items()}
+    signals, spikes = without_spikes(signals, np.arange(seconds.size))
+    whole = {name: _bridged(seconds, signal) for name, signal in signals.items()}
     heights = -signals["p_d"][np.isfinite(signals["p_d"])]
     if heights.size == 0:
         raise BadInput("response.p holds no height", str(path), "Is the file complete?")
@@ -72,21 +73,20 @@ def read_ampyx(path: Path, max_gap: float = 0.2, late: Mapping[str, float] | Non
     ]
     late = dict(late or {})
     if "winch" not in late:
-        distance = np.sqrt((vectors["p"] ** 2).sum(0))
-        range_rate = (vectors["p"] * vectors["v"]).sum(0) / np.maximum(distance, 1.0)
-        seen = clock_offset(range_rate, signals["reel_out_speed"], float(np.median(np.diff(seconds))))
+        position, velocity = (np.array([whole[f"{letter}_{axis}"] for axis in "ned"]) for letter in "pv")
+        range_rate = (position * velocity).sum(0) / np.maximum(np.sqrt((position**2).sum(0)), 1.0)
+        seen = clock_offset(range_rate, whole["reel_out_speed"], float(np.median(np.diff(seconds))))
         late["winch"] = round(seen.late, 2) if seen is not None and seen.clear else 0.0
         if seen is not None and late["winch"]:
             notes.append(
                 f"Winch signals come {late['winch']:.2f} s late against the range rate (correlation {seen.correlation:.3f}, without "
                 f"moving {seen.unshifted:.3f}); they were moved. `clocks: {{winch: 0}}` in flight.yaml leaves them."
             )
-    signals["tether_length"] = _tether_length(seconds, signals, late["winch"])
+    signals["tether_length"] = _tether_length(seconds, whole, late["winch"])
     notes.append("tether_length is the integrated winch speed; its start makes it the range where the line is taut, on average.")
     groups = {name: "winch" if name in ("tension", "reel_out_speed", "tether_length") else "onboard" for name in signals} | {
         "wind": "weather"
     }
-    signals, spikes = without_spikes(signals, np.arange(seconds.size))
     name = path.resolve().parent.name
     raw = RawFlight(name, start, seconds - seconds[0], signals, str(path), groups, late, wind, tuple(notes), spikes)
     return uniform_log(raw, max_gap)
@@ -116,6 +116,12 @@ def wind_record(seconds: np.ndarray, air: np.ndarray, height: float) -> tuple[Wi
     speed = np.hypot(air[0], air[1])[:, None]
     direction = np.unwrap(np.arctan2(-air[1], -air[0]))[:, None]
     return WindRecord(seconds - 0.0, np.array([height]), speed, direction, air[2][:, None].copy()), int((~finite).sum())
+
+
+def _bridged(seconds: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """(N,) the signal with straight lines over what is missing: a sum over it must not end there."""
+    known = np.isfinite(signal)
+    return signal if known.all() or not known.any() else np.interp(seconds, seconds[known], signal[known])
 
 
 def _tether_length(seconds: np.ndarray, signals: Mapping[str, np.ndarray], late: float) -> np.ndarray:

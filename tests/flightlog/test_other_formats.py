@@ -10,7 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
+from awescli.flightlog import ampyx_mat
 from awescli.flightlog.ampyx_mat import wind_record
+from awescli.flightlog.mat5 import read_mat
 from awescli.flightlog.quality import data_quality
 from awescli.flightlog.read import missing_for_model, read_flight
 from awescli.notation.errors import AwesError, BadInput
@@ -32,6 +34,25 @@ def test_ampyx_ap2():
     assert quality.phases["traction"] > 20 and quality.phases["retraction"] > 15 and "blocks" in quality.loops
     checks = {c.name: c for c in quality.checks}
     assert checks["airspeed bias"].ok and checks["airspeed scatter"].ok and checks["attitude against rates"].ok
+
+
+@needs_shared
+@pytest.mark.parametrize("wrong", [60.0, np.nan])
+def test_the_line_of_the_ap2_is_not_longer_for_a_wrong_winch_speed(monkeypatch, wrong):
+    """Guards the integrated length: one value of the winch's speed that is far off, or no number, leaves it as it was."""
+    file = next((SHARED / "flights" / "ampyx-ap2").glob("*.mat"))
+    clean = ampyx_mat.read_ampyx(file)
+
+    def read(*asked):
+        kinds, data = read_mat(*asked)
+        data["response"]["tetherSpeed"] = data["response"]["tetherSpeed"].copy()
+        data["response"]["tetherSpeed"][..., 900] = wrong
+        return kinds, data
+
+    monkeypatch.setattr(ampyx_mat, "read_mat", read)
+    log = ampyx_mat.read_ampyx(file)
+    assert np.abs(log["tether_length"] - clean["tether_length"]).max() < 0.02
+    assert np.abs(log["reel_out_speed"] - clean["reel_out_speed"]).max() < 0.5
 
 
 @needs_shared
