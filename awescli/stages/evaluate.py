@@ -7,7 +7,7 @@ from pydantic import Field
 
 from awescli.notation.errors import BadInput
 from awescli.stages.ahead import HandedOnConfig
-from awescli.stages.answers import ANSWER, number
+from awescli.stages.answers import ANSWER, fitting, number
 from awescli.stages.base import Context, Inputs, Need, Seconds, Stage
 
 SHOWN = ("mean", "p_n", "p_e", "p_d", "u", "v", "w", "phi", "theta", "psi", "p", "q", "r", "V_a", "alpha", "beta", "tension")
@@ -107,13 +107,12 @@ class Evaluate(Stage):
             for row in metrics.get("beside_thesis", [])
         }
         published = {"beside the thesis (another flight)": beside} if beside else {}
-        summary = {"errors": errors, **published, "noise floor": metrics["noise_floor"]["mean"], ANSWER: answer}
+        summary = {"errors": errors, **published, "noise floor": metrics["noise_floor"]["mean"]}
         if (ended := metrics["outcomes"].get("identify", "converged")) != "converged":
             answer.append(f"identify has not converged ({ended}): its parameters are no estimates")
-        if power := power_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]}):
+        powers = {model: metrics[model]["power"] for model in models if "power" in metrics[model]}
+        if power := power_line(powers):
             summary["power"] = power
-            cycles = cycle_line({model: metrics[model]["power"] for model in models if "power" in metrics[model]})
-            answer.append(f"mean power on test loops: {power}" + (f"; energy of cycles: {cycles}" if cycles else ""))
         if held := {model: b["inside"]["all"] for model in models if "inside" in (b := metrics[model]["bands"])}:
             summary["inside 90 % bands"] = ", ".join(f"{model} {100 * share:.0f} %" for model, share in held.items())
         if "wind_profile" in metrics:
@@ -121,7 +120,9 @@ class Evaluate(Stage):
         for wanted, key, place in ((config.report, "report", REPORT), (config.figures, "figures", FIGURES)):
             if wanted:
                 summary[key] = str(context.out / self.name / place)
-                answer.append(f"{key}: {summary[key]}")
+        pages = [f"{key}: {summary[key]}" for key in ("report", "figures") if key in summary]
+        last = dict([*powers.items()][-1:])
+        summary[ANSWER] = fitting(self.name, [[*answer, *power_sentence(said), *pages] for said in (powers, last)])
         return summary
 
 
@@ -140,14 +141,20 @@ def power_line(powers: dict[str, dict]) -> str:
     found it, which is said where it is not what it says in the recorded one."""
     if not powers:
         return ""
-    said = [f"{model} {100 * p['error_share']:+.1f} %" for model, p in powers.items() if p["error_share"] is not None]
+    said = [f"{model} {100 * p['error_share']:+z.1f} %" for model, p in powers.items() if p["error_share"] is not None]
     *_, last = powers.values()
     known = [w / last["measured_mean_W"] - 1 for w in last["interval_W"]] if last.get("interval_W") else None
     interval = known or last["interval_share"]
-    between = " ({:+.1f} to {:+.1f})".format(*sorted(100 * share for share in interval)) if interval else ""
+    between = " ({:+z.1f} to {:+z.1f})".format(*sorted(100 * share for share in interval)) if interval else ""
     if known and said and abs((middle := sum(known) / 2) - last["error_share"]) > DIGIT:
-        between = f", {100 * middle:+.1f} % in the wind that its fit found{between}"
+        between = f", {100 * middle:+z.1f} % in the wind that its fit found{between}"
     return "; ".join([f"{last['measured_mean_W'] / 1000:.3g} kW measured", *([f"{', '.join(said)}{between}"] if said else [])])
+
+
+def power_sentence(powers: dict[str, dict]) -> list[str]:
+    """Power, and energy where the flight has cycles, as a sentence of the answer; none where there is no power."""
+    lines = [line for line in (power_line(powers), cycle_line(powers)) if line]
+    return [f"mean power on test loops: {'; energy of cycles: '.join(lines)}"] if lines else []
 
 
 def cycle_line(powers: dict[str, dict]) -> str:
@@ -157,5 +164,5 @@ def cycle_line(powers: dict[str, dict]) -> str:
         return ""
     measured = sum(next(iter(of.values())))
     predicted = {model: sum(row["predicted_J"] for row in powers[model]["by_cycle"]) for model in of}
-    said = ", ".join(f"{model} {100 * (E / measured - 1):+.1f} %" for model, E in predicted.items()) if measured else ""
+    said = ", ".join(f"{model} {100 * (E / measured - 1):+z.1f} %" for model, E in predicted.items()) if measured else ""
     return "; ".join([f"{measured / 1000:.3g} kJ measured in {len(next(iter(of.values())))}", *([said] if said else [])])

@@ -26,6 +26,7 @@ def test_the_last_line_names_measured_power_and_every_models_error():
     assert power_line({"hybrid": {**known, "error_share": 0.001}}) == "2.5 kW measured; hybrid +0.1 % (-0.2 to +0.4)"
     assert power_line({"initial": block(None)}) == "2.5 kW measured"
     assert power_line({}) == ""
+    assert power_line({"initial": block(-0.0001)}) == "2.5 kW measured; initial +0.0 %"
 
 
 def evaluated(folder, settings=()):
