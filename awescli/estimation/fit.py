@@ -2,14 +2,14 @@
 flight's own; the nuisances of every flight are integrated out."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from awescli.estimation.gauss_newton import Linearised, Solution, covariance, minimise
 from awescli.estimation.information_filter import Information
-from awescli.estimation.laplace import log_det_gradient
+from awescli.estimation.laplace import Differences, log_det_gradient
 from awescli.estimation.limits import limits_of
 from awescli.estimation.links import Gram
 from awescli.estimation.misfit import DIVERGED_COST, Misfit, NuisanceValues
@@ -154,13 +154,14 @@ def _lifted(a: np.ndarray, place: np.ndarray, n: int) -> np.ndarray:
 @dataclass(frozen=True)
 class _Inner:
     """Of one flight: its nuisances; what integrating them out adds to J'r (n,), and the unknowns at which that was found; how often;
-    rejected: how often it led uphill; after MOST_REJECTED times it is left out."""
+    rejected: how often it led uphill; after MOST_REJECTED times it is left out; differenced: what of the slope was."""
 
     own: NuisanceValues
     slope: np.ndarray
     slope_at: np.ndarray | None
     updates: int = 0
     rejected: int = 0
+    differenced: Differences = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -270,9 +271,9 @@ class _Problem:
         rejected = i.rejected + 1
         again = rejected < MOST_REJECTED and len(known.counted) and len(place)
         found = self._slope(share, x, place, i, known.gram, known.information, known.counted) if again else None
-        new = 0.0 * i.slope if found is None else found
+        new, differenced = (0.0 * i.slope, i.differenced) if found is None else found
         b[place] += new
-        return replace(i, slope=new, slope_at=x, rejected=rejected)
+        return replace(i, slope=new, slope_at=x, rejected=rejected, differenced=differenced)
 
     def _integrated(
         self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, before: Linearised | None, gram: Gram, info: Information,
@@ -294,13 +295,14 @@ class _Problem:
             if not (small and (distance > UPDATE_DISTANCE or (distance > 1.0 and updates < UPDATES))):
                 return replace(i, updates=updates)
         found = self._slope(share, x, place, i, gram, info, counted)
-        return replace(i, slope=i.slope if found is None else found, slope_at=x, updates=updates)
+        slope, differenced = (i.slope, i.differenced) if found is None else found
+        return replace(i, slope=slope, slope_at=x, updates=updates, differenced=differenced)
 
     def _slope(
         self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, gram: Gram, info: Information, counted: np.ndarray
-    ) -> np.ndarray | None:
+    ) -> tuple[np.ndarray, Differences] | None:
         precision = self._deviations(x)[1][place] ** 2
-        return log_det_gradient(share.misfit, x[place], i.own, gram, info, counted, precision, self.probes)
+        return log_det_gradient(share.misfit, x[place], i.own, gram, info, counted, precision, self.probes, i.differenced)
 
 
 def relaxed(misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> NuisanceValues:

@@ -30,6 +30,9 @@ RISEN = 2.0
 STRAYED = 25.0
 """The same from which on it has not converged, whatever the slopes say at the end: below, both places are one minimum, as well as the slope
 of what is not linear is known."""
+ASTRAY = 8
+"""So many steps in a row that end so far above the lowest point are enough: on the AP2's flight seven still led back near it, and a model
+with a kink climbs for ever."""
 FEASIBLE = 1e-9
 """Largest violation of a row of `Limits` that counts as none."""
 
@@ -143,7 +146,7 @@ def step(problem: LeastSquares, limits: Limits, state: State, tolerance: float) 
             return replace(state, kkt=kkt, outcome=e.outcome)
         if damping == 0:
             kkt = float(d @ at.H @ d + 2 * _complementarity(found, limits, x)) + at.inner_gain
-            if kkt < max(tolerance, 1e-6 * at.cost) and violation.max(initial=0.0) < FEASIBLE:
+            if kkt < max(tolerance, 1e-6 * at.cost) and _feasible(limits, x):
                 return replace(state, multipliers=found, kkt=kkt, outcome="converged")
         if len(state.gains) >= STALLED and sum(state.gains[-STALLED:]) < tolerance:
             break
@@ -174,20 +177,25 @@ def minimise(
     """Minimise a sum of squares over x in `limits`, at most so many steps. Where it has wandered off uphill, it ends where it was lowest,
     and without progress where that was far below."""
     state = init(problem, x, inner, limits)
-    lowest = state.at.cost, state.x, state.at.inner
+    lowest, astray = (state.at.cost if _feasible(limits, x) else np.inf, x, state.at.inner), 0
     for iteration in range(iterations):
         on_iteration(iteration, state.at.cost)
         state = step(problem, limits, state, tolerance)
-        if state.at.cost < lowest[0] and limits.violation(state.x).max(initial=0.0) < FEASIBLE:
+        if state.at.cost < lowest[0] and _feasible(limits, state.x):
             lowest = state.at.cost, state.x, state.at.inner
-        if state.outcome:
+        astray = astray + 1 if state.at.cost > lowest[0] + STRAYED else 0
+        if state.outcome or astray == ASTRAY:
             break
-    if state.at.cost > lowest[0] + RISEN and limits.violation(lowest[1]).max(initial=0.0) < FEASIBLE:
+    if state.at.cost > lowest[0] + RISEN:
         cost, x, inner = lowest
         outcome = state.outcome if state.at.cost < cost + STRAYED else "no_progress"
         state = replace(state, x=x, at=problem.linearise(x, inner, None), outcome=outcome)
     s = state
     return Solution(s.x, float(s.at.cost), s.at.H, s.at, s.outcome or "iteration_limit", s.kkt, s.history, 2 * s.multipliers)
+
+
+def _feasible(limits: Limits, x: np.ndarray) -> bool:
+    return bool(limits.violation(x).max(initial=0.0) < FEASIBLE)
 
 
 def _search(problem: LeastSquares, limits: Limits, state: State, d: np.ndarray, violation: np.ndarray) -> tuple[float, float, Any]:

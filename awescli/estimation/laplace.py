@@ -6,6 +6,8 @@ unit variance, the second difference of the gradient J'r along d is on average, 
 determinant, to second order in d (Hutchinson's estimator); a change of the nuisances' own gradient is answered by the nuisances.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from awescli.estimation.information_filter import Information
@@ -22,18 +24,22 @@ ENOUGH = 4
 """Probes from which on that is asked: two hardly say how uncertain they are. With fewer, such a component is left out."""
 APART = 0.3
 """Standard deviations of the global to either side in these differences."""
+MOVED = 1.0
+"""Standard deviations of the global, all others unknown, by which it may move before these differences are taken anew."""
 LARGEST = 0.1
 """Share of the cost by which a step along the slope alone may change it: beyond, the model is far from the flight, and this is no
 correction."""
+Differences = Mapping[int, tuple[float, float]]
+"""Global, by its place -> (its value, -1/2 of the derivative of the log determinant there), for those that were taken from differences."""
 
 
 def log_det_gradient(
     misfit: Misfit, x: np.ndarray, own: NuisanceValues, gram: Gram, info: Information, which: np.ndarray, precision: np.ndarray,
-    probes: int,
-) -> np.ndarray | None:  # fmt: skip
+    probes: int, before: Differences | None = None,
+) -> tuple[np.ndarray, Differences] | None:  # fmt: skip
     """(n,) -1/2 of the gradient of the log determinant with respect to the globals, at parameter values x and nuisances at their best:
-    what is to be added to J'r. None where a probe loses a segment. gram, info: of `misfit` there, info of the segments `which`;
-    precision: (n,) of the prior.
+    what is to be added to J'r; and what of it was differenced. None where a probe loses a segment. gram, info: of `misfit` there, info of
+    the segments `which`; precision: (n,) of the prior; before: what was differenced elsewhere, which holds near there.
 
     The mean of `probes` >= 2 estimates, drawn towards zero by what their scatter says of it (James and Stein): where a model is far from
     linear in nuisances that matter little, one estimate would move parameters by several standard deviations at random. A component of
@@ -43,18 +49,29 @@ def log_det_gradient(
     if found is None:
         return None
     H = info.H + np.diag(precision)
-    nothing = np.zeros(found.shape[1])
+    nothing, before = np.zeros(found.shape[1]), before or {}
     # probes far from the flight may end in numbers that are none
     if not np.isfinite(found).all():
-        return nothing
+        return nothing, before
     # nothing is asked of what H says nothing of, or is no metric of (a fit far from its minimum)
     std = np.array([1 / np.sqrt(h) if h > 0 else 0.0 for h in np.diag(H)])
     unsure = np.flatnonzero(std * found.std(axis=0, ddof=1) > UNSURE * np.sqrt(len(found)))
     found[:, unsure] = 0.0
     mean = shrunk(found, H)
-    for i in unsure if probes >= ENOUGH else ():
-        mean[i] = by_differences(misfit, x, own, info, which, APART * std[i] * np.eye(len(x))[i])
-    return mean if mean @ np.linalg.solve(H, mean) < LARGEST * float(info.cost[which].sum()) else nothing
+    far, differenced = MOVED * np.maximum(alone(H, std), std), dict(before)
+    for i in unsure.tolist() if probes >= ENOUGH else ():
+        if i not in before or abs(x[i] - before[i][0]) > far[i]:
+            differenced[i] = x[i], by_differences(misfit, x, own, info, which, APART * std[i] * np.eye(len(x))[i])
+        mean[i] = differenced[i][1]
+    small = mean @ np.linalg.solve(H, mean) < LARGEST * float(info.cost[which].sum())
+    return mean if small else nothing, differenced
+
+
+def alone(H: np.ndarray, std: np.ndarray) -> np.ndarray:
+    """(n,) standard deviations of globals of information H (n, n), all others unknown; std: (n,) those with all others known. Zero where H
+    is no metric."""
+    spread = np.diag(np.linalg.pinv(H * np.outer(std, std), hermitian=True))
+    return std * np.sqrt(np.maximum(spread, 0.0))
 
 
 def by_differences(misfit: Misfit, x: np.ndarray, own: NuisanceValues, info: Information, which: np.ndarray, step: np.ndarray) -> float:

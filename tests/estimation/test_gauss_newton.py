@@ -9,7 +9,7 @@ from oracles import kkt_violation
 from scipy.optimize import LinearConstraint, lsq_linear, minimize
 
 from awescli.estimation import gauss_newton
-from awescli.estimation.gauss_newton import Linearised, covariance, minimise
+from awescli.estimation.gauss_newton import ASTRAY, Linearised, covariance, minimise
 from awescli.estimation.quadratic_program import Limits, best_step
 from awescli.notation.errors import NumericalFailure
 
@@ -209,6 +209,23 @@ def test_who_wanders_off_uphill_ends_where_it_was_lowest():
     assert Curve((2.0, 2.0, 0.3)).solve(**start).x[1] == pytest.approx(2.0, abs=1e-3)
     found = Hidden((2.0, 2.0, 0.3)).solve(**start)
     assert found.outcome == "no_progress" and found.x[1] < 1 and found.cost == min(found.history) < 1e4 < max(found.history)
+
+
+def test_who_climbs_for_ever_is_stopped():
+    """Guards the time of fits whose every linearisation is far above what the trial said: a backlash in gusts took thirty such steps."""
+
+    class Climbing:
+        def linearise(self, x, inner, before):
+            return Linearised(10.0 + 100.0 * x[0], np.ones(1), np.eye(1), inner, 0.0, None)
+
+        def trial(self, at, x, step, share):
+            return at.cost - 2.0 * share, None
+
+    found = minimise(Climbing(), np.zeros(1), None, Limits.box([-99.0], [99.0]), tolerance=0.1)
+    assert found.outcome == "no_progress" and len(found.history) == 1 + ASTRAY and found.x[0] == 0.0 and found.cost == 10.0
+    # a start that breaks a row is no place to end at, however low
+    row = Limits(np.array([-99.0]), np.array([99.0]), np.ones((1, 1)), np.array([1.0]), np.array([np.inf]))
+    assert minimise(Climbing(), np.zeros(1), None, row, tolerance=0.1).x[0] > 0.9
 
 
 @pytest.mark.parametrize("seed", range(20))

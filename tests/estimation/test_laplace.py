@@ -13,6 +13,7 @@ from awescli.estimation.problem import build, simulator_of
 from awescli.estimation.processes.gusts import Gusts, mean_airspeed
 from awescli.estimation.processes.roll_gusts import RollGusts
 from awescli.flightlog.split import Split
+from awescli.notation.present import present
 from awescli.simulation.gusts import dryden, roll_gust
 
 LEVEL = 0.8
@@ -47,6 +48,11 @@ def test_memories_are_those_of_made_gusts(log):
     ):  # fmt: skip
         lag = int(round(memory[name] / dt))
         assert np.mean(series[lag:] * series[:-lag]) / np.mean(series**2) == pytest.approx(expected, abs=0.06), name
+
+
+def slope_at(*given):
+    """(n,) of `log_det_gradient`."""
+    return present(log_det_gradient(*given), "a slope")[0]
 
 
 def coarse(problem, seconds: float):
@@ -176,7 +182,7 @@ def test_where_probes_scatter_the_log_determinant_is_differenced(problem, log, m
         best = relaxed(misfit, x, relaxed(misfit, x, own))
         return float(misfit.eliminated(misfit.linear(x, best).gram, best, every).log_det.sum())
 
-    found = log_det_gradient(misfit, x, own, gram, info, every, np.zeros(3), 8)
+    found = slope_at(misfit, x, own, gram, info, every, np.zeros(3), 8)
     for i in range(3) if unsure == 0.0 else (2,):
         e = 0.5 * std[i] * np.eye(3)[i]
         slope = -(log_det(x + e) - log_det(x - e)) / (4 * e[i])
@@ -200,6 +206,32 @@ def test_nothing_is_differenced_along_what_has_no_metric(problem, monkeypatch):
     assert [step.nonzero()[0].tolist() for step in asked] == [[0], [1], [1]] and np.isfinite(asked).all()
 
 
+def test_differences_are_kept_until_their_own_global_has_moved(problem, monkeypatch):
+    """Guards the time of a fit in gusts, a third of which were differences taken anew at every look: one is as good as long as its global
+    stays within its own standard deviation, all others unknown."""
+    names, every = ("CLa", "Cmq"), np.arange(2)
+    at = coarse(problem, 0.25)
+    misfit = replace(at.misfit(names=names), observed=at.fitted.pick(every))
+    x, own = problem.kite.parameters.vector(names), misfit.own()
+    gram = misfit.linear(x, own).gram
+    info = replace(misfit.eliminated(gram, own, every), H=np.array([[100.0, 99.0], [99.0, 100.0]]))
+    std = np.sqrt(np.diag(np.linalg.inv(info.H)))
+    asked = []
+    monkeypatch.setattr(laplace, "estimates", lambda *given: np.array([[1e9, 1e9], [-1e9, -1e9]] * 4))
+    monkeypatch.setattr(laplace, "by_differences", lambda *given: asked.append(int(given[-1].argmax())) or 0.5 + len(asked) / 100)
+
+    def look(x, before):
+        asked.clear()
+        return present(log_det_gradient(misfit, x, own, gram, info, every, np.zeros(2), 8, before), "a slope")
+
+    slope, first = look(x, {})
+    assert asked == [0, 1] and slope == pytest.approx([0.51, 0.52])
+    slope, second = look(x + [0.9 * std[0], -1.1 * std[1]], first)
+    assert asked == [1] and slope == pytest.approx([0.51, 0.51]) and second[0] == first[0] and second[1][0] != first[1][0]
+    # what is kept stays where it was taken: many small steps are a large one
+    assert look(x + [1.1 * std[0], -1.1 * std[1]], second)[1][0] != first[0] and asked == [0]
+
+
 def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
     """Guards the fit in gusty air: at the truth gusts at their best alone would pull the parameters by many standard deviations (chi-square
     in the norm of the information; 1 is chance); with the log determinant's slope three quarters of that are gone."""
@@ -218,7 +250,7 @@ def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
         return float((((vectors.T @ (scale * b))[known]) ** 2 / values[known]).sum()) / known.sum()
 
     assert size(info.b) > 8
-    assert size(info.b + log_det_gradient(misfit, x, own, gram, info, every, 1 / scale**2, 2)) < size(info.b) / 4
+    assert size(info.b + slope_at(misfit, x, own, gram, info, every, 1 / scale**2, 2)) < size(info.b) / 4
 
 
 def test_a_probe_that_ends_in_no_number_says_nothing(problem, monkeypatch):
@@ -233,7 +265,7 @@ def test_a_probe_that_ends_in_no_number_says_nothing(problem, monkeypatch):
     info = misfit.eliminated(gram, own, every)
     for broken in (np.inf, np.nan):
         monkeypatch.setattr(laplace, "estimates", lambda *given, broken=broken: np.array([[broken, 1.0], [1.0, 1.0]]))
-        assert np.array_equal(log_det_gradient(misfit, x, own, gram, info, every, np.ones(2), 2), np.zeros(2)), broken
+        assert np.array_equal(slope_at(misfit, x, own, gram, info, every, np.ones(2), 2), np.zeros(2)), broken
 
 
 def test_estimates_that_contradict_each_other_say_nothing():
