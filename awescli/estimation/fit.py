@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from awescli.estimation.gauss_newton import Linearised, Solution, covariance, minimise
+from awescli.estimation.gauss_newton import RISEN, Linearised, Solution, covariance, minimise
 from awescli.estimation.information_filter import Information
 from awescli.estimation.laplace import Differences, log_det_gradient
 from awescli.estimation.limits import limits_of
@@ -20,10 +20,6 @@ from awescli.notation.parameters import ParameterTable
 UPDATES, UPDATE_DISTANCE = 5, 25.0
 """How often the log determinant is differentiated anew after a small step (its square, in standard deviations), at most: in a direction
 that is hardly seen it may change as fast as the cost, and the fit would oscillate for ever."""
-RISEN = 2.0
-"""Cost (chi-square) by which a step may miss what it was to gain: more, and the log determinant was not what its slope promised."""
-MOST_REJECTED = 4
-"""How often that may be before it is left out."""
 UNFINISHED = 1e-3
 """Share of the cost (chi-square) that a fit may leave to another step and yet count as ended: a kink, as a dead band has one, stops it."""
 FAR = 1000.0
@@ -154,14 +150,14 @@ def _lifted(a: np.ndarray, place: np.ndarray, n: int) -> np.ndarray:
 @dataclass(frozen=True)
 class _Inner:
     """Of one flight: its nuisances; what integrating them out adds to J'r (n,), and the unknowns at which that was found; how often;
-    rejected: how often it led uphill; after MOST_REJECTED times it is left out; differenced: what of the slope was."""
+    differenced: what of the slope was; taught: is it what steps have shown, as one ended higher than it had promised?"""
 
     own: NuisanceValues
     slope: np.ndarray
     slope_at: np.ndarray | None
     updates: int = 0
-    rejected: int = 0
     differenced: Differences = field(default_factory=dict)
+    taught: bool = False
 
 
 @dataclass(frozen=True)
@@ -205,27 +201,25 @@ class _Problem:
         any_flies = any(f.any() for f in flies)
         away, slope = self._deviations(x)
         b, H, cost, gain = -slope * away, np.diag(slope**2), float(away @ away), 0.0
-        known, new = [], []
-        each = zip(self.shares, self.places, inner, linear, flies, self.integrates, strict=True)
-        for share, place, i, said, fly, integrates in each:
+        known = []
+        for share, place, i, said, fly, integrates in zip(self.shares, self.places, inner, linear, flies, self.integrates, strict=True):
             misfit, gram = share.misfit, said.gram
             counted = np.flatnonzero(fly) if any_flies else np.arange(len(fly))
             info = misfit.eliminated(gram, i.own, counted)
             squares = float(said.squares[counted].sum()) + misfit.prior_cost(i.own, counted)
-            near = before is not None or share.own is not None
-            i = self._integrated(share, x, place, i, before, gram, info, counted) if integrates and near and len(counted) else i
             # what is not differentiated has no place in the merit either
             log_det = float(info.log_det.sum()) if integrates else 0.0
             known.append(_Known(gram, info, said.alive, fly, counted, log_det))
-            new.append(i)
             cost += squares + log_det + self._lost(share, fly, counted)
-            b[place] += info.b + i.slope
+            b[place] += info.b
             H[np.ix_(place, place)] += info.H
             # what the nuisances alone can still gain counts as progress too
             gain += squares - float(info.cost.sum()) if fly.any() else 0.0
-        if before is not None and cost > before.cost + RISEN:
-            new = [self._slope_rejected(*each, x, b) for each in zip(self.shares, self.places, new, known, strict=True)]
-        return Linearised(cost, b, H, tuple(new), gain, (x, tuple(known)))
+        if before is None or cost <= before.cost + RISEN:
+            inner = tuple(self._integrated(n, x, i, before, k) for n, (i, k) in enumerate(zip(inner, known, strict=True)))
+        for place, i in zip(self.places, inner, strict=True):
+            b[place] += i.slope
+        return Linearised(cost, b, H, inner, gain, (x, tuple(known)))
 
     def trial(self, at: Linearised, x: np.ndarray, step: np.ndarray, share: float) -> tuple[float, tuple[_Inner, ...]]:
         moved = []
@@ -265,44 +259,54 @@ class _Problem:
         """The price of segments that have no say."""
         return DIVERGED_COST * share.misfit.observed.measured[0].size * (len(flies) - len(counted))
 
-    def _slope_rejected(self, share: Share, place: np.ndarray, i: _Inner, known: _Known, x: np.ndarray, b: np.ndarray) -> _Inner:
-        """The slope, found anew where its promise was not kept, and left out (of b too) where it changes too fast to be followed."""
-        b[place] -= i.slope
-        rejected = i.rejected + 1
-        again = rejected < MOST_REJECTED and len(known.counted) and len(place)
-        found = self._slope(share, x, place, i, known.gram, known.information, known.counted) if again else None
-        new, differenced = (0.0 * i.slope, i.differenced) if found is None else found
-        b[place] += new
-        return replace(i, slope=new, slope_at=x, rejected=rejected, differenced=differenced)
+    def corrected(self, at: Linearised, there: Linearised) -> Linearised | None:
+        """The same with slopes that the step has taught: what a trial does not see is how the log determinant changes."""
+        x, b = there.known[0], at.b.copy()
+        inner = tuple(self._taught(n, i, x, at, known) for n, (i, known) in enumerate(zip(at.inner, there.known[1], strict=True)))
+        if all(new is old for new, old in zip(inner, at.inner, strict=True)):
+            return None
+        for place, new, old in zip(self.places, inner, at.inner, strict=True):
+            b[place] += new.slope - old.slope
+        return replace(at, b=b, inner=inner)
 
-    def _integrated(
-        self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, before: Linearised | None, gram: Gram, info: Information,
-        counted: np.ndarray,
-    ) -> _Inner:  # fmt: skip
-        """The slope, found anew where it is due: it never was, or the parameters have moved by a standard deviation since."""
-        updates = i.updates
-        if i.rejected >= MOST_REJECTED or not len(place):
+    def _taught(self, n: int, i: _Inner, x: np.ndarray, before: Linearised, known: _Known) -> _Inner:
+        """Of flight n: the slope with which the log determinant changes along a step to x as it did, nothing else of it changed (Broyden's
+        update, in the norm of the information). The same where x has not moved, or other segments count."""
+        place, was = self.places[n], before.known[1][n]
+        step, H = (x - before.known[0])[place], before.H[np.ix_(place, place)]
+        size = _square(H, step)
+        if not (self.integrates[n] and size > 0 and np.array_equal(known.counted, was.counted)):
             return i
-        if i.slope_at is None and before is not None and float((step := x - before.known[0]) @ before.H @ step) > FAR:
+        missed = -0.5 * (known.log_det - was.log_det) - float(i.slope @ step)
+        return replace(i, slope=i.slope + missed / size * (H @ step), slope_at=x, taught=True)
+
+    def _integrated(self, n: int, x: np.ndarray, i: _Inner, before: Linearised | None, known: _Known) -> _Inner:
+        """Of flight n: the slope, found anew where it is due: it never was, or the parameters have moved by a standard deviation since."""
+        share, place, updates = self.shares[n], self.places[n], i.updates
+        if not (self.integrates[n] and len(known.counted) and len(place)):
             return i
-        if i.slope_at is not None:
-            if before is None:
-                return i
-            step, moved = x - before.known[0], x - i.slope_at
-            distance = float(moved @ before.H @ moved)
-            small = float(step @ before.H @ step) <= FAR
-            updates += small and 1.0 < distance < UPDATE_DISTANCE
-            if not (small and (distance > UPDATE_DISTANCE or (distance > 1.0 and updates < UPDATES))):
-                return replace(i, updates=updates)
-        found = self._slope(share, x, place, i, gram, info, counted)
+        if before is None:
+            due = share.own is not None and i.slope_at is None
+        else:
+            size = _square(before.H, x - before.known[0])
+            if i.taught:
+                return self._taught(n, i, x, before, known) if size > 1.0 else i
+            distance = np.inf if i.slope_at is None else _square(before.H, x - i.slope_at)
+            updates += size <= FAR and 1.0 < distance < UPDATE_DISTANCE
+            due = size <= FAR and (distance > UPDATE_DISTANCE or (distance > 1.0 and updates < UPDATES))
+        if not due:
+            return replace(i, updates=updates)
+        precision = self._deviations(x)[1][place] ** 2
+        found = log_det_gradient(
+            share.misfit, x[place], i.own, known.gram, known.information, known.counted, precision, self.probes, i.differenced
+        )
         slope, differenced = (i.slope, i.differenced) if found is None else found
         return replace(i, slope=slope, slope_at=x, updates=updates, differenced=differenced)
 
-    def _slope(
-        self, share: Share, x: np.ndarray, place: np.ndarray, i: _Inner, gram: Gram, info: Information, counted: np.ndarray
-    ) -> tuple[np.ndarray, Differences] | None:
-        precision = self._deviations(x)[1][place] ** 2
-        return log_det_gradient(share.misfit, x[place], i.own, gram, info, counted, precision, self.probes, i.differenced)
+
+def _square(H: np.ndarray, step: np.ndarray) -> float:
+    """Of a step (n,), in standard deviations where H (n, n) is the information."""
+    return float(step @ H @ step)
 
 
 def relaxed(misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> NuisanceValues:

@@ -26,13 +26,13 @@ DAMPINGS = 5
 STALLED = 3
 """So many steps that together gain less than what a fit need not gain are enough: at a kink, as a dead band has one, they never end."""
 RISEN = 2.0
-"""Cost by which a minimisation may end above the lowest point it has been at: a trial does not see all of a new linearisation."""
+"""Cost by which a new linearisation may be above the point before, and a minimisation end above the lowest point it has been at: a trial
+does not see all of the cost."""
+TAKEN_BACK = 6
+"""So many steps in a row that end higher are taken back before a minimisation ends without progress."""
 STRAYED = 25.0
-"""The same from which on it has not converged, whatever the slopes say at the end: below, both places are one minimum, as well as the slope
-of what is not linear is known."""
-ASTRAY = 8
-"""So many steps in a row that end so far above the lowest point are enough: on the AP2's flight seven still led back near it, and a model
-with a kink climbs for ever."""
+"""Cost above the lowest point from which on a minimisation has not converged, whatever the slopes say at the end: below, both places are
+one minimum, as well as the slope of what is not linear is known."""
 FEASIBLE = 1e-9
 """Largest violation of a row of `Limits` that counts as none."""
 
@@ -61,11 +61,16 @@ class LeastSquares(Protocol):
         """(cost, inner unknowns) after a share of a step that leads to x, the inner unknowns moved along."""
         ...
 
+    def corrected(self, at: Linearised, there: Linearised) -> Linearised | None:
+        """The problem `at` a point once more, after a step from it to `there` has shown what a trial does not see; None where nothing is
+        learnt from it."""
+        ...
+
 
 @dataclass(frozen=True)
 class State:
     """x, at: where it stands; damping, multipliers (n + m,), sigma, tau: what the steps so far have taught; history: cost after every
-    iteration, gains: of every step; kkt, outcome: how it ended, "" while it goes on."""
+    iteration, gains: of every step; taken_back: steps in a row that were; kkt, outcome: how it ended, "" while it goes on."""
 
     # where it stands
     x: np.ndarray
@@ -78,6 +83,7 @@ class State:
     # how it went
     history: tuple[float, ...]
     gains: tuple[float, ...]
+    taken_back: int
     kkt: float
     outcome: str
 
@@ -126,7 +132,7 @@ def covariance(H: np.ndarray, scale: np.ndarray, equalities: np.ndarray | None =
 def init(problem: LeastSquares, x: np.ndarray, inner: Any, limits: Limits) -> State:
     """Where a minimisation begins; x may start outside the rows of `limits`, not outside the bounds."""
     at = problem.linearise(x, inner, None)
-    return State(x, at, 0.0, np.zeros(len(x) + len(limits.low)), 0.0, 0.0, (at.cost,), (), np.inf, "")
+    return State(x, at, 0.0, np.zeros(len(x) + len(limits.low)), 0.0, 0.0, (at.cost,), (), 0, np.inf, "")
 
 
 def step(problem: LeastSquares, limits: Limits, state: State, tolerance: float) -> State:
@@ -155,8 +161,11 @@ def step(problem: LeastSquares, limits: Limits, state: State, tolerance: float) 
         if share:
             new = limits.clip(x + share * d)
             linearised = problem.linearise(new, inner, at)
+            if linearised.cost > at.cost + RISEN and (again := problem.corrected(at, linearised)):
+                back = state.taken_back + 1
+                return replace(state, at=again, taken_back=back, kkt=kkt, outcome="no_progress" if back == TAKEN_BACK else "")
             return replace(
-                state, x=new, at=linearised, damping=0.0 if damping < 1e-3 else damping / 10, kkt=kkt,
+                state, x=new, at=linearised, damping=0.0 if damping < 1e-3 else damping / 10, kkt=kkt, taken_back=0,
                 multipliers=state.multipliers + share * (found - state.multipliers),
                 history=(*state.history, linearised.cost), gains=(*state.gains, gain),
             )  # fmt: skip
@@ -177,14 +186,13 @@ def minimise(
     """Minimise a sum of squares over x in `limits`, at most so many steps. Where it has wandered off uphill, it ends where it was lowest,
     and without progress where that was far below."""
     state = init(problem, x, inner, limits)
-    lowest, astray = (state.at.cost if _feasible(limits, x) else np.inf, x, state.at.inner), 0
+    lowest = state.at.cost if _feasible(limits, x) else np.inf, x, state.at.inner
     for iteration in range(iterations):
         on_iteration(iteration, state.at.cost)
         state = step(problem, limits, state, tolerance)
         if state.at.cost < lowest[0] and _feasible(limits, state.x):
             lowest = state.at.cost, state.x, state.at.inner
-        astray = astray + 1 if state.at.cost > lowest[0] + STRAYED else 0
-        if state.outcome or astray == ASTRAY:
+        if state.outcome:
             break
     if state.at.cost > lowest[0] + RISEN:
         cost, x, inner = lowest

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, flight
 
+from awescli.estimation import fit as fits
 from awescli.estimation import laplace
 from awescli.estimation.fit import fit, relaxed
 from awescli.estimation.laplace import estimates, log_det_gradient, shrunk
@@ -230,6 +231,22 @@ def test_differences_are_kept_until_their_own_global_has_moved(problem, monkeypa
     assert asked == [1] and slope == pytest.approx([0.51, 0.51]) and second[0] == first[0] and second[1][0] != first[1][0]
     # what is kept stays where it was taken: many small steps are a large one
     assert look(x + [1.1 * std[0], -1.1 * std[1]], second)[1][0] != first[0] and asked == [0]
+
+
+def test_a_slope_that_steps_contradict_is_learnt_from_them(problem, monkeypatch):
+    """Guards fits of measured flights in gusts, whose probes contradict each other: with a slope ten standard deviations wrong in every
+    parameter a fit ends next to the minimum, as each step that ends higher is taken back and has shown how the log determinant changes."""
+    names = ("CLa", "Cmq", "CtD")
+    at = coarse(problem, 0.25)
+    misfit, table = replace(at.misfit(names=names), observed=at.fitted.pick(np.arange(3))), problem.kite.parameters
+    own = fit(replace(misfit, names=()), table, prior=False, tolerance=0.1).own
+    right = fit(misfit, table, prior=False, own=own, tolerance=0.01, probes=16)
+    wrong_by = 10 * np.sqrt(np.diag(right.information.H))
+    monkeypatch.setattr(fits, "log_det_gradient", lambda *given: (wrong_by, {}))
+    found = fit(misfit, table, prior=False, own=own, tolerance=0.01)
+    x, expected = (f.parameters.vector(names) for f in (found, right))
+    assert found.solution.outcome == "converged" and found.solution.cost < right.solution.cost + 4.0
+    assert (np.abs(x - expected) < 2.0 * np.sqrt(np.diag(right.covariance))).all()
 
 
 def test_gusts_that_are_integrated_out_pull_no_parameter(problem):
