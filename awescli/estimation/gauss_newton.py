@@ -1,7 +1,7 @@
 """Constrained Gauss-Newton SQP: damped steps from a quadratic program, an exact penalty as merit, Armijo. Knows residuals, not kites.
 
 The merit function is f + sigma |g| + tau max(0, -h) with sigma and tau above the multipliers (Nocedal & Wright, ch. 18), the Hessian J'J.
-A problem is two functions (`LeastSquares`); the state of the optimiser is a value, passed through `init`, `step` and `outcome_of`.
+A problem is three functions (`LeastSquares`); the state of the optimiser is a value, passed through `init` and `step`.
 """
 
 from collections.abc import Callable
