@@ -5,7 +5,8 @@
 
 and where the first components of f are the rates of change of the first ones of x
 
-    rates(x, u, c, y, E)                               `linearised` of the rates alone: `columns` is of the others, whose E is behind theirs
+    rates(x, u, c, y, E)                               `linearised` of the rates alone, with which `linearised` begins: what both need is
+                                                       computed, and printed, once. `columns` is of the others, whose E is behind theirs
     step(E1, E2, E3, E4, S, n_col, parameter_of, h)    S after a classical Runge-Kutta step of dS/dt = df/dx S + df/dc, E at its four stages
 
 with E (components, n_x + n_wrt + 1, lanes), S (n_x, n_col, lanes), dS (components, n_col, lanes). Column j of S differentiates with respect
@@ -27,13 +28,11 @@ def print_linearised(tape: Tape, outputs: Sequence[int], n_x: int, wrt: Sequence
     inputs = [tape.put(("input", "x", i)).index for i in range(n_x)] + [tape.put(("input", "c", j)).index for j in wrt]
     entries = jacobian(tape, [outputs[i] for i in rows], inputs)
     width = n_x + len(wrt) + 1
-    text = _print_entries("linearised", tape, outputs, entries, width, lanes)
-    text += _print_columns([_of_state(entries, i, n_x) for i in range(rates, len(rows))], n_x, width, lanes)
-    if rates:
-        own = {place: node for place, node in entries.items() if place[0] < rates}
-        text += _print_entries("rates", tape, outputs[:rates], own, width, lanes)
-        text += _print_step([_of_state(entries, i, n_x) for i in range(rates)], n_x, width, lanes)
-    return text
+    text = _print_columns([_of_state(entries, i, n_x) for i in range(rates, len(rows))], n_x, width, lanes)
+    if not rates:
+        return text + _printed(_Entries(tape, outputs, entries, width, lanes), "linearised", "xucyE")
+    text += _print_step([_of_state(entries, i, n_x) for i in range(rates)], n_x, width, lanes)
+    return text + _print_in_two(tape, outputs, entries, rates, width, lanes)
 
 
 def _of_state(entries: dict[tuple[int, int], int], row: int, n_x: int) -> list[int]:
@@ -41,15 +40,52 @@ def _of_state(entries: dict[tuple[int, int], int], row: int, n_x: int) -> list[i
     return sorted(j for i, j in entries if i == row and j < n_x)
 
 
-def _print_entries(name: str, tape: Tape, outputs: Sequence[int], entries: dict[tuple[int, int], int], width: int, lanes: int) -> str:
-    body = Printer(tape, lanes)
-    for i, output in enumerate(outputs):
-        body.store(body.node(output), "y", str(i))
-    body.fused = True
-    for (i, j), node in entries.items():
-        body.store(body.node(node), "E", str(i * width + j))
-    lines, blocks = "\n".join(body.lines), ", ".join(f"ptr noalias %{block}" for block in "xucyE")
-    return f"define void @{name}({blocks}) {{\nentry:\n{lines}\n  ret void\n}}\n"
+def _print_in_two(tape: Tape, outputs: Sequence[int], entries: dict[tuple[int, int], int], rates: int, width: int, lanes: int) -> str:
+    """`rates` and `linearised`, of which the first leaves in rows of w what the rest needs of it."""
+    own = {place: node for place, node in entries.items() if place[0] < rates}
+    others = {place: node for place, node in entries.items() if place[0] >= rates}
+    first = _Entries(tape, outputs[:rates], own, width, lanes)
+    rest = _Entries(tape, outputs, others, width, lanes, first)
+    for node, row in rest.taken.items():
+        first.store(first.node(node), "w", str(row))
+    text = _printed(first, "begun", "xucyEw", "internal") + _printed(rest, "went_on", "xucyEw", "internal")
+    for name, parts in (("rates", ("begun",)), ("linearised", ("begun", "went_on"))):
+        body = Body(lanes)
+        body.lines.append(f"  %w = alloca [{len(rest.taken) + 1} x {body.type}], align 64")
+        for part in parts:
+            body.call(f"@{part}", *(f"ptr %{block}" for block in "xucyEw"))
+        text += body.function(name, [f"ptr %{block}" for block in "xucyE"])
+    return text
+
+
+class _Entries(Printer):
+    """Prints y = f(x, u, c), then the entries of E; before: what begins with some of y and has been printed so far. taken: node -> row of w
+    that it is read from, where that had computed it. Of what forms FMA there y takes nothing."""
+
+    def __init__(
+        self, tape: Tape, outputs: Sequence[int], entries: dict[tuple[int, int], int], width: int, lanes: int,
+        before: "_Entries | None" = None,
+    ):  # fmt: skip
+        super().__init__(tape, lanes)
+        self.taken: dict[int, int] = {}
+        self._there = before.plain if before else {}
+        for i, output in enumerate(outputs):
+            if not before or i >= before.count:
+                self.store(self.node(output), "y", str(i))
+        self.count, self.plain, self.fused = len(outputs), set(self._names), True
+        self._there = set(before._names) if before else {}
+        for (i, j), node in entries.items():
+            self.store(self.node(node), "E", str(i * width + j))
+
+    def known(self, index: int) -> str | None:
+        if index not in self._there or self.tape.nodes[index][0] in ("const", "input"):
+            return None
+        return self.load("w", str(self.taken.setdefault(index, len(self.taken))))
+
+
+def _printed(body: Printer, name: str, blocks: str, linkage: str = "") -> str:
+    lines, arguments = "\n".join(body.lines), ", ".join(f"ptr noalias %{block}" for block in blocks)
+    return f"define {linkage} void @{name}({arguments}) noinline {{\nentry:\n{lines}\n  ret void\n}}\n"
 
 
 class _Columns(Body):

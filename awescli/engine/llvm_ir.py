@@ -45,6 +45,9 @@ class Printer:
             if top in self._names:
                 stack.pop()
                 continue
+            if name := self.known(top):
+                self._names[top] = name
+                continue
             node = self.tape.nodes[top]
             waiting = [] if node[0] in ("const", "input") else [a for a in node[1:] if a not in self._names]
             if waiting:
@@ -53,6 +56,10 @@ class Printer:
             self._names[top] = self._print(node)
             stack.pop()
         return self._names[index]
+
+    def known(self, index: int) -> str | None:
+        """The name of a node that need not be computed; None where it must be."""
+        return None
 
     def _print(self, node: tuple) -> str:
         op, *args = node

@@ -93,7 +93,10 @@ def _machine() -> llvm.TargetMachine:
         llvm.initialize_native_asmprinter()
         target = llvm.Target.from_default_triple()
         features = llvm.get_host_cpu_features().flatten()
-        _target_machine = target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2, jit=True)
+        # straight lines of ten thousands of instructions: LLVM's schedulers take a time that grows with their square, and the processor
+        # finds an order of its own; opt=1 has the one that comes after the registers are given out no more
+        llvm.set_option("awes", "--enable-misched=false")
+        _target_machine = target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=1, jit=True)
     return _target_machine
 
 

@@ -87,9 +87,17 @@ def needed_by(declaration: KiteDeclaration) -> tuple[str, ...]:
 
 
 def with_new(known: Sequence[str], new: Sequence[str]) -> tuple[str, ...]:
-    """Keys of effects with new ones added before those whose load answers the sum of all others (the tether, docs/equations.md (12))."""
+    """Keys of effects with new ones added before those whose load answers the sum of all others (the tether, docs/equations.md (12)).
+
+    New ones stand in the order of the table: a kite is the same, also to the compiler, in whatever order its effects were found."""
     at = next((i for i, key in enumerate(known) if EFFECTS[key.partition(":")[0]].last), len(known))
-    return (*known[:at], *new, *known[at:])
+    return (*known[:at], *sorted(new, key=_place), *known[at:])
+
+
+def _place(key: str) -> tuple[int, str]:
+    """Where an effect stands among all."""
+    name, _, target = key.partition(":")
+    return list(EFFECTS).index(name) if name in EFFECTS else len(EFFECTS), target
 
 
 def check_declaration(declaration: KiteDeclaration, where: Callable[..., str]) -> None:

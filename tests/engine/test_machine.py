@@ -170,6 +170,18 @@ def test_only_what_is_asked_for_is_differentiated():
     assert np.array_equal(dS, E[2:, :N_X])
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_what_rates_leave_behind_changes_no_output(seed):
+    """Guards the halves of a linearised program: what its outputs take from the rates is what they would compute, to the last bit, and
+    never what formed FMA in a derivative; entries are those of a program in one piece."""
+    f = random_function(seed, ops=60, allowed=(*ARITHMETIC, "select"))
+    x, u, c = lanes(seed)
+    whole, halves = (compile_program(f, N_X, N_U, N_C, range(N_C), rates=rates) for rates in (0, 2))
+    y, E = linearise(halves, halves.linearised, halves.n_y, x, u, c)
+    assert np.array_equal(y, evaluate(halves, x, u, c))
+    assert E == pytest.approx(linearise(whole, whole.linearised, whole.n_y, x, u, c)[1], rel=1e-12, abs=1e-14)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_reverse_is_the_transposed_tangent(seed):
     """Guards reverse accumulation: w' (J v) = v' (J' w) for the same recorded function."""

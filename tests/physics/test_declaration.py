@@ -39,6 +39,15 @@ def test_the_tether_stands_last_among_the_loads():
     assert [e.key for e in kite.effects][-1] == "tether"
 
 
+def test_a_kite_is_the_same_in_whatever_order_its_effects_were_found():
+    """Guards the order of added effects: one program serves a set of them, and the kite file has the kite that was traced."""
+    found = ("custom_term:f_z*alpha", "actuator_lag:rudder", "wind_shear", "actuator_lag:elevator")
+    one, other = (Kite(DEVELOPMENT, extra=keys) for keys in (found, found[::-1]))
+    assert one.parameter_names == other.parameter_names and one.x_names == other.x_names
+    again = Kite(one.declare(found))
+    assert [e.key for e in again.effects] == [e.key for e in one.effects] == [e.key for e in other.effects]
+
+
 def broken(**update):
     return DEVELOPMENT.model_copy(update=update)
 
