@@ -84,6 +84,7 @@ class _Entries(Printer):
 
 
 def _printed(body: Printer, name: str, blocks: str, linkage: str = "") -> str:
+    """A function of blocks that do not overlap."""
     lines, arguments = "\n".join(body.lines), ", ".join(f"ptr noalias %{block}" for block in blocks)
     return f"define {linkage} void @{name}({arguments}) noinline {{\nentry:\n{lines}\n  ret void\n}}\n"
 

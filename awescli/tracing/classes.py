@@ -84,6 +84,6 @@ def _near(final: FittedModel, key: str, every: Sequence[Variant], columns: Candi
         left = float(x @ A @ x - x @ C @ size)
         if v.secant and size[0] <= 0:
             continue
-        std = np.sqrt(np.diag(np.linalg.inv(B)))
+        std = np.sqrt(np.maximum(np.diag(np.linalg.inv(B)), 0.0))
         found.setdefault(v.key, []).append(Score(v, v.moving[: len(place)], left, size, std, 1.0, 1.0, tuple(place)))
     return sorted((min(group, key=lambda s: s.drop) for group in found.values()), key=lambda s: s.drop)
