@@ -59,8 +59,8 @@ def _print_in_two(tape: Tape, outputs: Sequence[int], entries: dict[tuple[int, i
 
 
 class _Entries(Printer):
-    """Prints y = f(x, u, c), then the entries of E; before: what begins with some of y and has been printed so far. taken: node -> row of w
-    that it is read from, where that had computed it. Of what forms FMA there y takes nothing."""
+    """Prints y = f(x, u, c), then the entries of E, but for what another one, `before`, has printed: its y are not computed again, and what
+    it had to compute is read from w. taken: node -> its row there. What formed FMA there is not taken for y."""
 
     def __init__(
         self, tape: Tape, outputs: Sequence[int], entries: dict[tuple[int, int], int], width: int, lanes: int,
@@ -68,7 +68,7 @@ class _Entries(Printer):
     ):  # fmt: skip
         super().__init__(tape, lanes)
         self.taken: dict[int, int] = {}
-        self._there = before.plain if before else {}
+        self._there: set[int] = before.plain if before else set()
         for i, output in enumerate(outputs):
             if not before or i >= before.count:
                 self.store(self.node(output), "y", str(i))
