@@ -1,7 +1,7 @@
 """What does it cost that awes compiles a kite where it is first met? python benchmarks/first_use.py [--beside CLONE ...]
 
 `awes identify` and `awes trace-residual` on the bundled flight, with nothing kept of earlier runs (an empty $AWES_CACHE), and again with
-what the first run kept; of this checkout and of clones of others, in turns. Results go to benchmarks/results/first_use.md.
+what the first run kept; of this checkout, and then of clones of others. Results go to benchmarks/results/first_use.md.
 """
 
 import argparse
