@@ -73,7 +73,7 @@ class _Entries(Printer):
             if not before or i >= before.count:
                 self.store(self.node(output), "y", str(i))
         self.count, self.plain, self.fused = len(outputs), set(self._names), True
-        self._there = set(before._names) if before else {}
+        self._there = set(before._names) if before else set()
         for (i, j), node in entries.items():
             self.store(self.node(node), "E", str(i * width + j))
 
