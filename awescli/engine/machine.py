@@ -17,8 +17,9 @@ from awescli.engine.linearised import print_linearised
 from awescli.engine.llvm_ir import calls_of, print_functions, print_value
 from awescli.engine.record import record
 
-LANES = 8
-"""Independent evaluations per call: one AVX-512 register, two AVX2 ones."""
+LANES = 8 if llvm.get_host_cpu_features().get("avx512f") else 4
+"""Independent evaluations per call: one register of the widest kind. Sensitivities of more would not stay in the caches next to the core,
+and two threads of one core would drive each other's out."""
 
 _KEPT: list = []  # LLVM frees code with its engine: keep every engine for the life of the process
 _target_machine = None

@@ -27,7 +27,9 @@ FAR = 1000.0
 RELAXATIONS = 4
 """How many Gauss-Newton steps may bring the nuisances to their best at fixed parameters ..."""
 ENOUGH = 0.5
-"""... which they have reached when a step gains less than this per segment."""
+"""... which they have reached when a step gains less than this per segment ..."""
+AS_PROMISED = 0.1
+"""... or ends within this cost of what it promised: what the next one would gain is about what the last one missed."""
 
 
 @dataclass(frozen=True)
@@ -319,7 +321,8 @@ def relaxed(misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> NuisanceValue
         counted = np.flatnonzero(flies)
         if not len(counted):
             return own
-        trial = own.moved(misfit.eliminated(said.gram, own, counted).nuisances(), 1.0, flies)
+        information = misfit.eliminated(said.gram, own, counted)
+        trial = own.moved(information.nuisances(), 1.0, flies)
         trial_cost, trial_whole = misfit.costs(x, trial)
         if (whole & ~trial_whole).any():
             return own
@@ -327,7 +330,8 @@ def relaxed(misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> NuisanceValue
         if not trial_total < total:
             return own
         gain, own, total, whole = total - trial_total, trial, trial_total, trial_whole
-        if gain < ENOUGH * len(whole):
+        missed = trial_total - float(information.cost.sum())
+        if gain < ENOUGH * len(whole) or (flies.all() and abs(missed) < AS_PROMISED):
             break
     return own
 

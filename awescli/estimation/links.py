@@ -7,8 +7,9 @@ globals,
     ds+ = E [ds, dg, dg+],      dy = L [ds, dg, dg+] + S dp   at every sample of the link.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -144,38 +145,43 @@ class Links:
         return samples, np.stack([1 - late, late], axis=1) * counted[:, None]
 
     def _fill(self, T: np.ndarray, R: np.ndarray, G: np.ndarray) -> None:
-        n_out = self.r.shape[2]
-        width, k = self.ends.shape[3], self.n + 1
-        samples, hats = self._hats()
-        counted = hats.sum(axis=1)[..., None]  # 1 or 0
-        found, rows = np.empty((*samples.shape, n_out, width + k - 1)), np.empty((*samples.shape, n_out, width + k))
-        flat = rows.reshape(len(samples), -1, width + k)
+        (N, n_out), width, k = self.r.shape[1:], self.ends.shape[3], self.n + 1
+        x, y = np.empty((N, n_out, width)), np.empty((N, n_out, k))
         for J, r, weight, t, o, g in zip(self.J, self.r, self.weight, T, R, G, strict=True):
-            np.take(J, samples, axis=0, out=found, mode="clip")
-            w = weight[samples] * counted
-            np.multiply(found, w[..., None], out=rows[..., :-1])
-            rows[1::2, ..., :width] = rows[1::2, ..., self.order(1)]
-            rows[..., -1] = r[samples] * counted
-            whole = np.matmul(flat[..., :width].swapaxes(1, 2), flat)
-            t[:, :width, :width], o[:, :width] = whole[..., :width], whole[..., width:]
-            # in one piece: of strided rows numpy makes the product without BLAS
-            B = np.ascontiguousarray(flat[..., width:]).reshape(-1, k)
-            np.matmul(B.T, B, out=g)
-            self._fill_drifts(t, o, rows, w, hats)
+            np.multiply(J[..., :width], weight[..., None], out=x)
+            np.multiply(J[..., width:], weight[..., None], out=y[..., :-1])
+            y[..., -1] = r
+            for links, samples in self._alike():
+                there = [rows[samples].reshape(links.stop - links.start, -1, rows.shape[-1]) for rows in (x, y)]
+                across = there[0].swapaxes(1, 2)
+                t[links, :width, :width], o[links, :width] = np.matmul(across, there[0]), np.matmul(across, there[1])
+            flat = y.reshape(-1, k)
+            np.matmul(flat.T, flat, out=g)
+            self._fill_drifts(t, o, x, y, weight)
+        order = np.r_[self.order(1), width : T.shape[-1]]
+        T[:, 1::2], R[:, 1::2] = T[:, 1::2, order[:, None], order], R[:, 1::2, order]
 
-    def _fill_drifts(self, t: np.ndarray, o: np.ndarray, rows: np.ndarray, w: np.ndarray, hats: np.ndarray) -> None:
+    def _alike(self) -> Iterator[tuple[slice, slice]]:
+        """(links side by side that have as many samples each, their samples)."""
+        bounds = np.append(self.nodes, self.r.shape[1])
+        ends = np.flatnonzero(np.diff(bounds, n=2)) + 1
+        for first, until in pairwise((0, *ends.tolist(), len(self.nodes))):
+            yield slice(first, until), slice(bounds[first], bounds[until])
+
+    def _fill_drifts(self, t: np.ndarray, o: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray) -> None:
         """A drift adds its value to one channel: its column is the hat of a node over that channel's noise."""
         width, D = self.ends.shape[3], len(self.drifts)
         if not D:
             return
+        samples, hats = self._hats()
         t[:, width:, width:] = 0.0
         for d, channel in enumerate(self.drifts):
-            columns = hats * w[:, None, :, channel]
-            with_rows = np.matmul(columns, rows[:, :, channel])
+            columns = hats * weight[samples, channel][:, None]
+            with_x, with_y = (np.matmul(columns, rows[samples, channel]) for rows in (x, y))
             for node in (0, 1):
                 place = width + node * D + d
-                t[:, place, :width] = t[:, :width, place] = with_rows[:, node, :width]
-                o[:, place] = with_rows[:, node, width:]
+                t[:, place, :width] = t[:, :width, place] = with_x[:, node]
+                o[:, place] = with_y[:, node]
                 for other in (0, 1):
                     t[:, place, width + other * D + d] = (columns[:, node] * columns[:, other]).sum(axis=1)
 

@@ -183,7 +183,6 @@ def test_a_state_goes_through_the_steps_unchanged_by_them():
 def test_steps_that_promise_more_than_they_bring_come_to_an_end():
     """Guards a fit at a kink: every step promises as much as the one before and brings an eighth of it."""
 
-
     class Kink:
         """inner: the cost."""
 
@@ -197,6 +196,26 @@ def test_steps_that_promise_more_than_they_bring_come_to_an_end():
     found = minimise(Kink(), tolerance=0.9, **how)
     assert found.outcome == "no_progress" and len(found.history) == 4 and found.kkt == pytest.approx(1.0)
     assert minimise(Kink(), tolerance=0.7, **how).outcome == "iteration_limit"
+
+
+@pytest.mark.parametrize("n, rounds", [(0, 1), (1, 2)])
+def test_a_step_that_damping_hardly_changes_is_not_tried_again(n, rounds):
+    """Guards the time at a kink, where no trial helps: without unknowns one search is all there is; with one, damping halves its step by
+    the last of five times, and is only then tried again."""
+
+    class Stuck:
+        tried = 0
+
+        def linearise(self, x, inner, before):
+            return Linearised(10.0, np.ones(n), np.eye(n), None, 1.0, None)
+
+        def trial(self, at, x, step, share):
+            self.tried += share == 1.0
+            return 11.0, None
+
+    stuck = Stuck()
+    found = minimise(stuck, np.zeros(n), None, Limits.box(np.full(n, -99.0), np.full(n, 99.0)), tolerance=0.1)
+    assert found.outcome == "no_progress" and stuck.tried == rounds
 
 
 def test_who_wanders_off_uphill_ends_where_it_was_lowest():

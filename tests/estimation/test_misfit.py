@@ -143,6 +143,20 @@ def test_nuisances_follow_a_step_of_the_parameters(simulator, observed):
     assert cost(own) - misfit.eliminated(misfit.linear(x, own).gram, own).cost.sum() < 0.5 * 16
 
 
+def test_nuisances_that_end_where_a_step_promised_are_not_looked_at_again(simulator, observed, monkeypatch):
+    """Guards the time of a trial: one step is enough where it ends as promised, and another one would gain next to nothing."""
+    misfit = Misfit(simulator, truly(observed, simulator, noise_seed=4), ("CLa",), (wind(0.5, 3.0, 0.25),))
+    x, linear, looked = np.array([simulator.kite.parameters["CLa"].value]), Misfit.linear, []
+    best = relaxed(misfit, x, relaxed(misfit, x, misfit.own()))
+    near = replace(best, starts=best.starts + 1e-4 * np.random.default_rng(0).standard_normal(best.starts.shape))
+    monkeypatch.setattr(Misfit, "linear", lambda self, *how, **more: looked.append(linear(self, *how, **more)) or looked[-1])
+    own = relaxed(misfit, x, near)
+    assert len(looked) == 1
+    every = np.arange(16)
+    cost = lambda own: misfit.costs(x, own)[0].sum() + misfit.prior_cost(own, every)  # noqa: E731
+    assert cost(near) - cost(own) > 0.5 * 16 and cost(own) - cost(best) < 0.2
+
+
 def test_standard_deviations_are_those_of_the_estimates(simulator, observed):
     """Guards the covariance: over 14 noise realisations the normalised errors of all parameters behave as chi-square.
 
