@@ -13,6 +13,8 @@ from awescli.reporting.words import COLOURS, GROUPS, channel, listed, number, pe
 
 BAND_POINTS = 500
 """Samples of the edge of a band at most: it hardly changes between."""
+LOOP_TICKS = 12
+"""Most ticks of an axis of loops, which are whole numbers."""
 SPATIAL = ("p_n", "p_e", "p_d")
 BEGINS = {
     "measured": "the measured state",
@@ -153,7 +155,7 @@ def over_loops(evidence: Evidence) -> Figure:
         data.append(swatch(part, COLOURS[part]))
         shapes += [strip(r["loop"] - 0.5, r["loop"] + 0.5, 0.965, 1.0, COLOURS[part]) for r in rows if r["part"] == part]
     layout = {
-        "xaxis": axis(f"{evidence.parts.of.removesuffix('s')} of the flight"), "shapes": shapes,
+        "xaxis": axis(f"{evidence.parts.of.removesuffix('s')} of the flight", dtick=max(-(-len(rows) // LOOP_TICKS), 1)), "shapes": shapes,
         "yaxis": log_axis("mean NRMSE [% of range]", *(t["y"] for t in data)),
     }  # fmt: skip
     return Figure(

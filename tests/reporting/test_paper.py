@@ -37,6 +37,12 @@ def texts(svg: bytes) -> str:
     return " ".join("".join(e.itertext()) for e in ET.fromstring(svg).iter(f"{SVG}text"))
 
 
+def test_loops_are_counted_in_whole_numbers():
+    """Guards an axis of loops that was ticked at 2.5 and 7.5."""
+    ticks = texts(usual()["loops.svg"]).partition(" loop of the flight")[0].split()
+    assert ticks == [str(row["loop"]) for row in evidence().scores[evidence().best]["by_loop"]]
+
+
 def test_every_figure_of_the_page_is_there_as_picture_and_table():
     figures = figures_of(evidence()).values()
     names = {f.id.removeprefix("fig-") for f in figures}

@@ -108,7 +108,7 @@ def test_candidates_of_a_long_flight_are_told_apart_on_a_part_of_it(monkeypatch)
 def test_a_missing_effect_is_named_in_gusts():
     """Guards tracing in turbulence, where an abrupt effect leaves a residual that gusts could explain: name, size, and no effect made up
     for the gusts."""
-    keys = ("tether_elasticity", "tether_drag", "wind_offset", "mass_offset")
+    keys = ("tether_elasticity", "tether_drag", "mass_offset")
     truth = {"tether_elasticity": {"EA": 6e5, "zeta": 120.0}, "turbulence": {"sigma": 0.6, "L": 150.0}}
     account, finding = traced(truth, seed=21, candidates=keys, horizon=3.0, curriculum=(1.0,))
     assert named(account) == [("tether_elasticity", "line")]

@@ -27,7 +27,7 @@ def test_a_rudder_that_grows_slow_in_flight_is_dated():
     declared, log, parts = short_flight({}, seed=21, duration=80.0)
     begins, steps = 0.45 * log.time[-1], int(0.2 / log.dt)
     early = np.where(log.time < begins, log["rudder"], np.roll(log["rudder"], -steps))
-    candidates = ("actuator_delay:rudder", "sideslip_drag", "tether_attachment", "airspeed_scale")
+    candidates = ("actuator_delay:rudder", "sideslip_drag")
     account, _ = traced_flight(declared, replace(log, inputs={**log.inputs, "rudder": early}), parts, 3.0, candidates=candidates,
                                curriculum=(1.0,))  # fmt: skip
     (flight,) = account["flights"] or [None]
