@@ -52,6 +52,9 @@ class Tried:
         return present(self.model, f"the fit of {self.key}")
 
 
+HELPED = 0.5
+"""Share of the best gain from which a candidate that model error helps is fitted to the end: a quick fit may end before its level has come
+down. A delay that lacked a third of the gain of a lag then led it in the end."""
 CROWD = 2
 """So many candidates beside the best may gain half as much as it: rivals do."""
 
@@ -258,7 +261,8 @@ def _best(
     lead = sound[0].gain if sound else 0.0
     # what stands at the end of a range may only do so because a shape of it is held
     finalists = [t for t in leaders if not t.plausible and t.gain > lead and make_effect(t.key, frame.declared).shapes]
-    finalists += [t for t in sound if t.gain > lead - criteria.in_reach(criteria.finalists, lead)]
+    reach = lead - criteria.in_reach(criteria.finalists, lead)
+    finalists += [t for t in sound if t.gain > reach or (t.gain > HELPED * lead and t.fitted.rest)]
     finished: dict[str, FittedModel] = {}
 
     def finish(t: Tried) -> None:

@@ -154,6 +154,27 @@ def test_a_fit_to_the_end_that_goes_astray_does_not_hide_the_next(monkeypatch, e
     assert best is whole[named] and [t.gain for t in tried] == [end, 200.0]
 
 
+@pytest.mark.parametrize(
+    "quick, rest, named", [(742.0, {"moment_z": 0.001}, "delay"), (742.0, {}, "lag"), (500.0, {"moment_z": 0.001}, "lag")]
+)
+def test_what_model_error_helps_yet_is_fitted_to_the_end(monkeypatch, quick, rest, named):
+    """Guards a wrong name (blind flight): a delay of 70 ms whose quick fit ended with next to no model error left, and so 445 behind a lag,
+    was not asked again; to the end it led the lag by 42."""
+    whole = {"lag": fitted(1212.0), "delay": fitted(1254.0)}
+    for key, model in whole.items():
+        model.keys, model.rest = (key,), rest if key == "delay" else {}
+    monkeypatch.setattr(searching, "fit_on", lambda frame, model: whole[model.keys[-1]])
+    monkeypatch.setattr(searching, "refined", lambda frame, model, criteria: model)
+    monkeypatch.setattr(searching, "admissible", lambda *given: True)
+    monkeypatch.setattr(searching, "plausible", lambda model, key: True)
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(shapes=()))
+    tried = tuple(
+        searching.Tried(SimpleNamespace(key=key), True, "converged", whole[key], gain) for key, gain in (("lag", 1187.0), ("delay", quick))
+    )
+    best, tried = searching._best(SimpleNamespace(declared=None), BASE, tried, CRITERIA, lambda text: None)
+    assert best is whole[named] and [t.gain for t in tried] == [1212.0, 1254.0 if named == "delay" else quick]
+
+
 @pytest.mark.parametrize("key, gain, most, doubted", [
     ("lift_stall", 24.5, 799.0, True), ("lift_stall", 24.5, 200.0, False), ("airspeed_scale", 402.0, 2117.0, False),
     ("custom_term:m_y*alpha", 24.5, 799.0, False), ("lift_stall", 24.5, 0.0, False),
