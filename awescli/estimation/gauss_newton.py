@@ -24,7 +24,8 @@ SHORTEST = 0.1
 DAMPINGS = 5
 """So often is a step that does not help tried again, ten times more damped each time ..."""
 SAME = 0.01
-"""... but not one that damping has changed by less than this share (its square, in standard deviations): at a kink it fails again."""
+"""... but not one that damping has changed by less than this share (its square, each unknown in its standard deviation with the others
+held, as it is damped: what is hardly seen together may change alone): at a kink it fails again."""
 STALLED = 3
 """So many steps that together gain less than what a fit need not gain are enough: at a kink, as a dead band has one, they never end."""
 RISEN = 2.0
@@ -146,10 +147,10 @@ def step(problem: LeastSquares, limits: Limits, state: State, tolerance: float) 
     step helps, or the last STALLED ones together helped by less than `tolerance`.
     """
     x, at, damping, kkt = state.x, state.at, state.damping, state.kkt
-    violation, tried = limits.violation(x), None
+    violation, tried, known = limits.violation(x), None, np.diag(at.H)
     for _ in range(DAMPINGS):
         try:
-            d, found = best_step(at.H + damping * np.diag(np.diag(at.H)), at.b, limits, x)
+            d, found = best_step(at.H + damping * np.diag(known), at.b, limits, x)
         except NumericalFailure as e:
             return replace(state, kkt=kkt, outcome=e.outcome)
         if damping == 0:
@@ -159,8 +160,8 @@ def step(problem: LeastSquares, limits: Limits, state: State, tolerance: float) 
         if len(state.gains) >= STALLED and sum(state.gains[-STALLED:]) < tolerance:
             break
         state = _above_multipliers(state, limits, found[len(x) :])
-        again = tried is not None and (d - tried) @ at.H @ (d - tried) <= SAME * (tried @ at.H @ tried)
-        share, gain, inner = (0.0, 0.0, None) if again else _search(problem, limits, state, d, violation)
+        same = tried is not None and known @ (d - tried) ** 2 <= SAME * (known @ tried**2)
+        share, gain, inner = (0.0, 0.0, None) if same else _search(problem, limits, state, d, violation)
         if share:
             new = limits.clip(x + share * d)
             linearised = problem.linearise(new, inner, at)
@@ -172,7 +173,7 @@ def step(problem: LeastSquares, limits: Limits, state: State, tolerance: float) 
                 multipliers=state.multipliers + share * (found - state.multipliers),
                 history=(*state.history, linearised.cost), gains=(*state.gains, gain),
             )  # fmt: skip
-        tried, damping = tried if again else d, max(10 * damping, 1e-3)
+        tried, damping = tried if same else d, max(10 * damping, 1e-3)
     return replace(state, damping=damping, kkt=kkt, outcome="no_progress")
 
 

@@ -7,7 +7,7 @@ globals,
     ds+ = E [ds, dg, dg+],      dy = L [ds, dg, dg+] + S dp   at every sample of the link.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -147,33 +147,35 @@ class Links:
     def _fill(self, T: np.ndarray, R: np.ndarray, G: np.ndarray) -> None:
         (N, n_out), width, k = self.r.shape[1:], self.ends.shape[3], self.n + 1
         x, y = np.empty((N, n_out, width)), np.empty((N, n_out, k))
+        alike, where = self._alike(), self._hats()
         for J, r, weight, t, o, g in zip(self.J, self.r, self.weight, T, R, G, strict=True):
             np.multiply(J[..., :width], weight[..., None], out=x)
             np.multiply(J[..., width:], weight[..., None], out=y[..., :-1])
             y[..., -1] = r
-            for links, samples in self._alike():
+            for links, samples in alike:
                 there = [rows[samples].reshape(links.stop - links.start, -1, rows.shape[-1]) for rows in (x, y)]
                 across = there[0].swapaxes(1, 2)
                 t[links, :width, :width], o[links, :width] = np.matmul(across, there[0]), np.matmul(across, there[1])
             flat = y.reshape(-1, k)
             np.matmul(flat.T, flat, out=g)
-            self._fill_drifts(t, o, x, y, weight)
+            self._fill_drifts(t, o, x, y, weight, *where)
         order = np.r_[self.order(1), width : T.shape[-1]]
         T[:, 1::2], R[:, 1::2] = T[:, 1::2, order[:, None], order], R[:, 1::2, order]
 
-    def _alike(self) -> Iterator[tuple[slice, slice]]:
+    def _alike(self) -> list[tuple[slice, slice]]:
         """(links side by side that have as many samples each, their samples)."""
         bounds = np.append(self.nodes, self.r.shape[1])
         ends = np.flatnonzero(np.diff(bounds, n=2)) + 1
-        for first, until in pairwise((0, *ends.tolist(), len(self.nodes))):
-            yield slice(first, until), slice(bounds[first], bounds[until])
+        runs = pairwise((0, *ends.tolist(), len(self.nodes)))
+        return [(slice(first, until), slice(bounds[first], bounds[until])) for first, until in runs]
 
-    def _fill_drifts(self, t: np.ndarray, o: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray) -> None:
+    def _fill_drifts(
+        self, t: np.ndarray, o: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray, samples: np.ndarray, hats: np.ndarray
+    ) -> None:  # fmt: skip
         """A drift adds its value to one channel: its column is the hat of a node over that channel's noise."""
         width, D = self.ends.shape[3], len(self.drifts)
         if not D:
             return
-        samples, hats = self._hats()
         t[:, width:, width:] = 0.0
         for d, channel in enumerate(self.drifts):
             columns = hats * weight[samples, channel][:, None]

@@ -58,9 +58,6 @@ class Criteria:
     the declared value where nothing else is said, and that is what the prior alone pays for the way back."""
     collinear: float = 0.95
     """Cosine between a candidate and a parameter beyond which one hides in the other."""
-    beyond_score: float = 10.0
-    """Times its score that an empirical term may gain by its fit. What was missing gained up to 5.6 times its score, where model error had
-    stood for it (development flights)."""
     empirical: float = 10.0
     """Deviance by which as few or fewer empirical terms must lead an answer of the library to take its place: `decisive`."""
 

@@ -172,7 +172,7 @@ def _investigated(
         evidence = replace(evidence, bounds_left=bounds_left(frame, null, evidence.model))
     windy = max(evidence.gusts.values(), default=0.0) > criteria.gusty
     terms = term_keys(frame.declared, moving(frame.flights[0].log))
-    if lacks_terms(frame, null, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:
+    if lacks_terms(frame, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:
         progress("weighing empirical terms")
         most = len(evidence.model.keys) if sufficient else EMPIRICAL_ROUNDS
         few = replace(criteria, competitors=EMPIRICAL_FINALISTS)
@@ -206,14 +206,10 @@ def _since(frame: Frame, evidence: Evidence, answer: str, criteria: Criteria) ->
     return next((flights for flights in found if any(f.onset for f in flights)), ())
 
 
-def lacks_terms(frame: Frame, null: FittedModel, model: FittedModel, terms: Sequence[str], criteria: Criteria = CRITERIA) -> bool:
+def lacks_terms(frame: Frame, model: FittedModel, terms: Sequence[str], criteria: Criteria = CRITERIA) -> bool:
     """May empirical terms lead a model with effects? Not where none adds anything to it, to first order: a term that says the truth better
-    than the model adds to it what it lacks. Of a model that needs model error to fly that cannot be said. Nor where as many of them as it
-    has effects gain far less than it has gained."""
-    if not model.keys or not (model.rest or any(s.drop >= criteria.empirical for s in screen(frame, model, terms).scores)):
-        return False
-    most = max((s.drop for s in screen(frame, null, terms).scores), default=0.0)
-    return criteria.beyond_score * most * len(model.keys) >= null.deviance - model.deviance
+    than the model adds to it what it lacks. Of a model that needs model error to fly that cannot be said."""
+    return bool(model.keys) and (bool(model.rest) or any(s.drop >= criteria.empirical for s in screen(frame, model, terms).scores))
 
 
 def _implausible(frame: Frame, evidence: Evidence, criteria: Criteria) -> tuple[tuple[Tried, FittedModel], ...]:

@@ -218,6 +218,26 @@ def test_a_step_that_damping_hardly_changes_is_not_tried_again(n, rounds):
     assert found.outcome == "no_progress" and stuck.tried == rounds
 
 
+def test_a_step_that_only_what_is_hardly_seen_keeps_from_helping_is_tried_damped():
+    """Guards a fit of two unknowns that a flight hardly tells apart: a full step takes their difference where the model does not fly.
+    Little damping takes that away, and hardly anything of what the step promises."""
+    H = np.array([[1.0, 1 - 1e-6], [1 - 1e-6, 1.0]])
+    truth = np.array([1.0 + 60.0, 1.0 - 60.0])
+
+    class Alike:
+        def linearise(self, x, inner, before):
+            d = truth - x
+            return Linearised(float(d @ H @ d), H @ d, H, None, 0.0, None)
+
+        def trial(self, at, x, step, share):
+            d = truth - x
+            return (np.inf if abs(x[0] - x[1]) > 5.0 else float(d @ H @ d)), None
+
+    limits = Limits.box([-99.0, -99.0], [99.0, 99.0])
+    one = gauss_newton.step(Alike(), limits, gauss_newton.init(Alike(), np.zeros(2), None, limits), 1e-9)
+    assert one.x.sum() == pytest.approx(2.0, rel=0.01) and abs(one.x[0] - one.x[1]) < 5.0
+
+
 def test_who_wanders_off_uphill_ends_where_it_was_lowest():
     """Guards a fit against what a trial does not see: beyond b = 1 every new linearisation shows a cost that no trial had, and the fit of a
     curve with b = 2 ends below that, at the lowest point it was at."""
