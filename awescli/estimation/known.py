@@ -17,7 +17,7 @@ class Known:
     """What is known of a model beside its values. names: of parameters and of errors of the wind record; covariance (n, n); record (n,)
     bool, which of them are the record's; found (n,): by how much they are believed to differ from what is predicted with (the fitted
     error of the record; kite files leave it out). processes: what is random in time, with its levels; factors: channel -> factor on the
-    declared noise."""
+    declared noise. accuracy (n,): of the record as it was declared, one standard deviation; zero for parameters."""
 
     names: tuple[str, ...]
     covariance: np.ndarray
@@ -25,13 +25,14 @@ class Known:
     found: np.ndarray
     processes: tuple[Process, ...] = ()
     factors: Mapping[str, float] = field(default_factory=dict)
+    accuracy: np.ndarray = field(default_factory=lambda: np.zeros(1))
 
     @classmethod
     def declared(cls, kite: FlightModel) -> "Known":
         """Of a kite that nothing was fitted to: the stated prior deviations."""
         names = (*kite.parameters.free, *kite.record)
-        std = np.array([kite.parameters[n].prior_std for n in names])
-        return cls(names, np.diag(std**2), np.isin(names, kite.record), np.zeros(len(names)))
+        std, record = np.array([kite.parameters[n].prior_std for n in names]), np.isin(names, kite.record)
+        return cls(names, np.diag(std**2), record, np.zeros(len(names)), accuracy=np.where(record, std, 0.0))
 
     @classmethod
     def fitted(cls, params: Mapping, kite: FlightModel) -> "Known":
@@ -45,7 +46,8 @@ class Known:
         record = np.isin(names, kite.record)
         believed = [n in kite.record and abs(rows[n]["value"]) < AT_END * kite.parameters[n].upper for n in names]
         found = np.array([rows[n]["value"] if b else 0.0 for n, b in zip(names, believed, strict=True)])
-        return cls(names, np.array(correlation["matrix"])[np.ix_(kept, kept)] * np.outer(std, std), record, found)
+        covariance = np.array(correlation["matrix"])[np.ix_(kept, kept)] * np.outer(std, std)
+        return cls(names, covariance, record, found, accuracy=np.array([kite.parameters[n].prior_std for n in names]) * record)
 
     def draws(self, kite: FlightModel, count: int, seed: int, of: np.ndarray | None = None) -> list[dict[str, float]]:
         """`count` kites that might be this one: parameter -> value, from a normal distribution about the kite's own and what was found,
@@ -65,3 +67,7 @@ class Known:
         """Of a quantity with sensitivities J (n,): all together, of the parameters and of the record alone."""
         parts = {"together": np.ones(len(J), bool), "parameters": ~self.record, "wind": self.record}
         return {part: max(float((J * of) @ self.covariance @ (J * of)), 0.0) for part, of in parts.items()}
+
+    def room(self, J: np.ndarray) -> float:
+        """Variance of such a quantity by parameters as they are known and the record as it was declared."""
+        return self.variances(J)["parameters"] + float(((J * self.accuracy) ** 2).sum())

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from awescli.estimation.known import Known
-from awescli.estimation.power_interval import Seen, power_interval
+from awescli.estimation.power_interval import Pieces, Seen, power_interval
 from awescli.estimation.prediction import Prediction
 from awescli.flightlog.cycles import cycles
 from awescli.flightlog.log import runs_of
@@ -49,7 +49,9 @@ def phase_power(
         }  # fmt: skip
         if sensitivities is not None and known is not None:
             J = sensitivities[inside].sum(axis=0) / seconds
-            row |= power_interval(row["mean_W"], seconds, float(moved[inside].sum()), J, known, seen)
+            lasting, some = dt * inside.sum(axis=1), inside.any(axis=1)
+            pieces = Pieces(dt * at.mean(axis=1)[some], lasting[some], (moved * inside).sum(axis=1)[some])
+            row |= power_interval(row["mean_W"], pieces, J, known, seen)
         return [row]
 
     by_cycle = []

@@ -8,7 +8,7 @@ import numpy as np
 from awescli.estimation.known import Known
 from awescli.estimation.mechanical_power import mechanical_power
 from awescli.estimation.phase_power import flown_ranges, phase_power
-from awescli.estimation.power_interval import Seen, energy_believed, energy_sensitivities, power_interval
+from awescli.estimation.power_interval import Pieces, Seen, energy_sensitivities, power_interval
 from awescli.estimation.prediction import Prediction, predict, prediction_starts
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.phases import phases
@@ -44,12 +44,12 @@ def scored(
         physical, known = told_by or (simulator, Known.declared(simulator.kite))
         # a filter has found the record's error, as far as a second shows it, for itself
         known = replace(known, found=0.0 * known.found) if filtered else known
-        seen = Seen.of([
-            power_of(simulator.kite, predictions[part], log, loops, energy_believed(physical, log, predictions[part], known))
-            for part in PARTS[:2]
-        ])  # fmt: skip
-        test = predictions["test"]
-        block["power"] = power | _power_known(forecast, log, parts, loops, test, power, horizon, seen, physical, known)
+        fitted = [predictions[part] for part in PARTS[:2]]
+        slopes = [energy_sensitivities(physical, log, p, known.names) for p in fitted]
+        told = [power_of(simulator.kite, p, log, loops, J @ known.found) for p, J in zip(fitted, slopes, strict=True)]
+        slope = np.sum([J[_inside(p, loops)].sum(axis=0) for p, J in zip(fitted, slopes, strict=True)], axis=0)
+        seen = Seen.of(told, loops, log.dt, slope)
+        block["power"] = power | _power_known(forecast, log, parts, loops, predictions["test"], power, horizon, seen, physical, known)
     return block, predictions
 
 
@@ -78,11 +78,8 @@ def _power_known(
     seen: Seen | None, physical: Simulator, known: Known,
 ) -> dict:  # fmt: skip
     """The interval of the test loops' mean power, and power per phase and cycle with theirs."""
-    rows = test.first[:, None] + np.arange(len(test.time) - 1)[None]
-    inside = np.any([(rows >= first) & (rows < last) for first, last in loops], axis=0)
-    J = energy_sensitivities(physical, log, test, known.names)[inside].sum(axis=0) / power["seconds"]
-    reeled = sum(row["reeled_m"] for row in power["by_loop"])
-    summed = power_interval(power["mean_W"], power["seconds"], reeled, J, known, seen)
+    J = energy_sensitivities(physical, log, test, known.names)[_inside(test, loops)].sum(axis=0) / power["seconds"]
+    summed = power_interval(power["mean_W"], Pieces.of(power["by_loop"], loops, log.dt), J, known, seen, alike=True)
     labels = phases(log)
     ranges = flown_ranges(labels, log.valid)
     if not len(prediction_starts(log, ranges, horizon)):
@@ -90,6 +87,12 @@ def _power_known(
     flown = forecast(ranges, horizon)
     fitted, sensitivities = (*parts.train, *parts.validation), energy_sensitivities(physical, log, flown, known.names)
     return summed | phase_power(flown, log["reel_out_speed"], labels, fitted, sensitivities, known, seen)
+
+
+def _inside(prediction: Prediction, loops: np.ndarray) -> np.ndarray:
+    """(K, N) which steps lie in a loop."""
+    rows = prediction.first[:, None] + np.arange(len(prediction.time) - 1)[None]
+    return np.any([(rows >= first) & (rows < last) for first, last in loops], axis=0)
 
 
 def power_of(

@@ -27,7 +27,7 @@ def phase_table(evidence: Evidence) -> Body:
     ]
     note = (
         "Tension times reel-out speed; phases of what no stage was fitted to, and whole cycles. The 90 % intervals come from the "
-        "covariance of parameters, the error of the wind record, and how far single loops lie apart; "
+        "covariance of parameters, the error of the wind record, and how the model errs on the loops it was fitted to; "
         f"{ABOUT[evidence.scores.get('initial_states', 'free')]}."
     )
     return Group(TABLE, "Power per phase and cycle", (Paragraph(note, "soft"), table(HEAD, rows)))

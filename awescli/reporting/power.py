@@ -20,13 +20,14 @@ def power_claim(evidence: Evidence) -> Words:
     if not found:
         return ""
     block = found[list(found)[-1]]
-    by_model = [f"{evidence.label(m)} {signed(b['error_share'])}" for m, b in found.items()]
-    interval = block["interval_share"]
+    diverged = {m for m in found if sum(evidence.scores[m]["diverged_predictions"].values())}
+    by_model = [f"{evidence.label(m)} {'(diverged)' if m in diverged else signed(b['error_share'])}" for m, b in found.items()]
+    label, astray = evidence.label(list(found)[-1]), list(found)[-1] in diverged
+    interval, known = (None, None) if astray else (block["interval_share"], block.get("interval_W"))
     between = f" ({signed(interval[0])} to {signed(interval[1])} over loops, 95 %)" if interval else ""
-    known = block.get("interval_W")
     held = known and known[0] <= block["measured_mean_W"] <= known[1]
     says = (
-        f" From what it knows of parameters, wind and loops, {evidence.label(list(found)[-1])} says {number(known[0] * KILO)} to "
+        f" With what other loops show of it, and from what is known of parameters and wind, {label} says {number(known[0] * KILO)} to "
         f"{number(known[1] * KILO)} kW (90 %), which {'holds' if held else 'does not hold'} the measured value."
         if known
         else ""

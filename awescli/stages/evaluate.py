@@ -110,7 +110,9 @@ class Evaluate(Stage):
         summary = {"errors": errors, **published, "noise floor": metrics["noise_floor"]["mean"]}
         if (ended := metrics["outcomes"].get("identify", "converged")) != "converged":
             answer.append(f"identify has not converged ({ended}): its parameters are no estimates")
-        powers = {model: metrics[model]["power"] for model in models if "power" in metrics[model]}
+        powers = {
+            model: block["power"] | {"diverged": block["diverged_predictions"]} for model in models if "power" in (block := metrics[model])
+        }
         if power := power_line(powers):
             summary["power"] = power
         if held := {model: b["inside"]["all"] for model in models if "inside" in (b := metrics[model]["bands"])}:
@@ -138,16 +140,21 @@ def left_by(context: Context, stage: str) -> dict | None:
 def power_line(powers: dict[str, dict]) -> str:
     """Measured mean power of the test loops, and every model's error of it, the last one's with the interval of what is known of the model
     (90 %), where that is not known over loops; empty where there is none. The interval is about what the model says in the wind as its fit
-    found it, which is said where it is not what it says in the recorded one."""
+    found it and with what the other loops take off, which is said where it is not what it says by itself."""
     if not powers:
         return ""
-    said = [f"{model} {100 * p['error_share']:+z.1f} %" for model, p in powers.items() if p["error_share"] is not None]
+    errors = [
+        (model, _diverged(p) or (p["error_share"] is not None and f"{100 * p['error_share']:+z.1f} %")) for model, p in powers.items()
+    ]
+    said = [f"{model} {error}" for model, error in errors if error]
     *_, last = powers.values()
+    if _diverged(last):
+        return f"{last['measured_mean_W'] / 1000:.3g} kW measured; {', '.join(said)}"
     known = [w / last["measured_mean_W"] - 1 for w in last["interval_W"]] if last.get("interval_W") else None
     interval = known or last["interval_share"]
     between = " ({:+z.1f} to {:+z.1f})".format(*sorted(100 * share for share in interval)) if interval else ""
     if known and said and abs((middle := sum(known) / 2) - last["error_share"]) > DIGIT:
-        between = f", {100 * middle:+z.1f} % in the wind that its fit found{between}"
+        between = f", {100 * middle:+z.1f} % as other loops correct it{between}"
     return "; ".join([f"{last['measured_mean_W'] / 1000:.3g} kW measured", *([f"{', '.join(said)}{between}"] if said else [])])
 
 
@@ -164,5 +171,13 @@ def cycle_line(powers: dict[str, dict]) -> str:
         return ""
     measured = sum(next(iter(of.values())))
     predicted = {model: sum(row["predicted_J"] for row in powers[model]["by_cycle"]) for model in of}
-    said = ", ".join(f"{model} {100 * (E / measured - 1):+z.1f} %" for model, E in predicted.items()) if measured else ""
+    errors = {
+        model: _diverged(powers[model]) or (f"{100 * (E / measured - 1):+z.1f} %" if measured else "") for model, E in predicted.items()
+    }
+    said = ", ".join(f"{model} {error}" for model, error in errors.items() if error)
     return "; ".join([f"{measured / 1000:.3g} kJ measured in {len(next(iter(of.values())))}", *([said] if said else [])])
+
+
+def _diverged(power: dict) -> str:
+    """Said in place of an error of power where predictions diverged, which has no meaning then."""
+    return "diverged" if sum(power.get("diverged", {}).values()) else ""

@@ -8,7 +8,7 @@ from awescli.artifacts import read_arrays, read_json
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.read import read_flight
 from awescli.stages import STAGES
-from awescli.stages.evaluate import power_line
+from awescli.stages.evaluate import cycle_line, power_line
 from awescli.stages.plan import read_plan
 from awescli.stages.runner import run_plan
 
@@ -22,10 +22,13 @@ def test_the_last_line_names_measured_power_and_every_models_error():
     line = power_line({"initial": block(-0.287), "with_effects": block(-0.0097, [-0.012, 0.003])})
     assert line == "2.5 kW measured; initial -28.7 %, with_effects -1.0 % (-1.2 to +0.3)" and len(line) <= 80
     known = {**block(-0.009), "interval_W": [2495.0, 2510.0]}
-    assert power_line({"hybrid": known}) == "2.5 kW measured; hybrid -0.9 %, +0.1 % in the wind that its fit found (-0.2 to +0.4)"
+    assert power_line({"hybrid": known}) == "2.5 kW measured; hybrid -0.9 %, +0.1 % as other loops correct it (-0.2 to +0.4)"
     assert power_line({"hybrid": {**known, "error_share": 0.001}}) == "2.5 kW measured; hybrid +0.1 % (-0.2 to +0.4)"
     assert power_line({"initial": block(None)}) == "2.5 kW measured"
     assert power_line({}) == ""
+    astray = {**known, "diverged": {"train": 0, "test": 5}, "by_cycle": [{"measured_J": 1e5, "predicted_J": 1e9}]}
+    assert power_line({"initial": block(-0.2), "identified": astray}) == "2.5 kW measured; initial -20.0 %, identified diverged"
+    assert cycle_line({"identified": astray}) == "100 kJ measured in 1; identified diverged"
     assert power_line({"initial": block(-0.0001)}) == "2.5 kW measured; initial +0.0 %"
 
 

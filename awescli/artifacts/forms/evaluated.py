@@ -85,7 +85,8 @@ class Power(Checked):
     error_share: Number | None = Field(description="mean_W / measured_mean_W - 1 [-]; nothing where nothing was earned")
     interval_share: Interval = Field(description="95 % interval of error_share over loops [-]; nothing of fewer than two loops")
     interval_W: Interval = Field(
-        default=None, description="interval of mean_W at `interval_level` [W]; nothing where the model was not fitted"
+        default=None,
+        description="interval at `interval_level`, with what other loops take off [W]; nothing where the model was not fitted",
     )
     interval_level: Number = Field(default=0.9, description="probability of that interval [-]")
     energy_per_loop_J: EnergyError | None = Field(default=None, description="how well the energy of a loop is predicted")
@@ -194,7 +195,8 @@ class Scores(Checked):
         default="recorded", description="recorded: set-points replayed; controller: the loop closed"
     )
     initial_states: Literal["free", "measured", "filtered"] = Field(
-        default="free", description="where predictions begin; free: in a state fitted to the second before; measured: as measured; "
+        default="free",
+        description="where predictions begin; free: in a state fitted to the second before; measured: as measured; "
         "filtered: in the state, gusts, line and model error that a filter over that second sees",
     )
     split: Loops | None = Field(default=None, description="where train, validation and test lie")
