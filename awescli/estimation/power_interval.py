@@ -91,7 +91,8 @@ class Seen:
         share = pieces.reeled / pieces.reeled.sum()
         K = (1 - loose) * _alike(time[:, None] - time, memory) + loose * np.diag(usual / self.pieces.seconds)
         across = (1 - loose) * _alike(time[:, None] - pieces.time, memory) @ share
-        own = (1 - loose) * share @ _alike(pieces.time[:, None] - pieces.time, memory) @ share + loose * share**2 @ (usual / pieces.seconds)
+        own = (1 - loose) * share @ _alike(pieces.time[:, None] - pieces.time, memory) @ share
+        own += loose * share**2 @ (usual / pieces.seconds)
         factor = cho_factor(K, lower=True)
         of_one, of_across = cho_solve(factor, np.stack([np.ones(len(time)), across], axis=1)).T
         constant = of_one @ self.error / of_one.sum()
@@ -103,9 +104,8 @@ class Seen:
 
 
 def _alike(apart: np.ndarray, memory: float) -> np.ndarray:
-    """Correlation of a process that is differentiable once, so many seconds apart (Matern, 3/2)."""
-    a = np.sqrt(3.0) * np.abs(apart) / memory
-    return (1 + a) * np.exp(-a)
+    """Correlation of a smooth process, so many seconds apart: a wind's record runs in lines from entry to entry."""
+    return np.exp(-0.5 * (apart / memory) ** 2)
 
 
 def energy_sensitivities(simulator: Simulator, log: FlightLog, prediction: Prediction, names: Sequence[str]) -> np.ndarray:

@@ -85,7 +85,7 @@ def test_the_interval_holds_the_truth_as_often_as_it_says(alike):
 
 def test_what_lasts_for_minutes_is_told_by_the_loops_around():
     """Guards kriging: errors on a line from knot to knot every six loops, as those of a wind's record are, and a tenth as much from loop to
-    loop. 90 % intervals of 4 loops hold their mean 87 to 98 times of 100, are a third as wide as the errors are, and wider
+    loop. 90 % intervals of 4 loops hold their mean 84 to 96 times of 100, are a third as wide as the errors are, and wider
     where loops are further off."""
     random = np.random.default_rng(5)
     nothing = Known(("record.speed_0",), np.zeros((1, 1)), np.array([True]), np.zeros(1), accuracy=np.ones(1))
@@ -98,7 +98,7 @@ def test_what_lasts_for_minutes_is_told_by_the_loops_around():
         held += low <= 2000.0 * (1 - error[test].mean()) <= high
         within.append(high - low)
         beyond.append(np.ptp(power_interval(2000.0, loops_at(np.array([300.0])), J, nothing, seen, alike=True)["interval_W"]))
-    assert 0.87 < held / 300 < 0.98
+    assert 0.84 < held / 300 < 0.96
     assert np.median(within) < 2000 * 0.01 and np.median(beyond) > 3 * np.median(within)
 
 
@@ -112,8 +112,7 @@ def test_a_kriged_error_is_that_of_the_textbook():
     usual, share = seen.pieces.seconds.mean(), np.array([2.0, 1.0]) / 3
 
     def covariance(a, b):
-        d = np.sqrt(3) * np.abs(a[:, None] - b) / 30.0
-        return 0.8 * (1 + d) * np.exp(-d)
+        return 0.8 * np.exp(-((a[:, None] - b) ** 2) / (2 * 30.0**2))
 
     K = covariance(time, time) + np.diag(0.2 * usual / seen.pieces.seconds)
     k = covariance(time, asked.time) @ share
