@@ -57,12 +57,14 @@ class Pieces:
 @dataclass(frozen=True)
 class Seen:
     """How a model errs on the loops it was fitted and chosen on. pieces: these loops; tension: their mean [N]; error: (L,) of their
-    energies, as a share of what that tension gives; slope: (n,) what changes it, of all together [1 per unit of a parameter]."""
+    energies, as a share of what that tension gives; slope: (n,) what changes it, of all together [1 per unit of a parameter]; earns:
+    the line pays out in them, and power is earned."""
 
     pieces: Pieces
     tension: float
     error: np.ndarray
     slope: np.ndarray
+    earns: bool = True
 
     @classmethod
     def of(cls, blocks: Sequence[Mapping | None], loops: np.ndarray, dt: float, slope: np.ndarray) -> "Seen | None":
@@ -73,7 +75,8 @@ class Seen:
             return None
         pieces = Pieces.of(rows, loops, dt)
         tension = float(np.abs(E).sum() / pieces.reeled.sum())
-        return cls(pieces, tension, (predicted - E) / (tension * pieces.reeled), slope / (tension * pieces.reeled.sum()))
+        usual = tension * pieces.reeled
+        return cls(pieces, tension, (predicted - E) / usual, slope / usual.sum(), bool(E.sum() > 0))
 
     def expected(self, pieces: Pieces) -> tuple[float, float]:
         """(mean, variance) of the error of other seconds, as the same share."""
@@ -88,7 +91,7 @@ class Seen:
     def _kriged(self, pieces: Pieces, memory: float, loose: float) -> tuple[float, float, float]:
         """(mean, variance, restricted log likelihood) with a process of that memory [s], of whose variance a share is loose."""
         time, usual = self.pieces.time, float(self.pieces.seconds.mean())
-        share = pieces.reeled / pieces.reeled.sum()
+        share = pieces.reeled / max(pieces.reeled.sum(), EXACT)
         K = (1 - loose) * _alike(time[:, None] - time, memory) + loose * np.diag(usual / self.pieces.seconds)
         across = (1 - loose) * _alike(time[:, None] - pieces.time, memory) @ share
         own = (1 - loose) * share @ _alike(pieces.time[:, None] - pieces.time, memory) @ share
@@ -132,10 +135,12 @@ def energy_sensitivities(simulator: Simulator, log: FlightLog, prediction: Predi
 def power_interval(mean: float, pieces: Pieces, J: np.ndarray, known: Known, seen: Seen | None, alike: bool = False) -> dict:
     """interval_W (LEVEL), and std_W of its parts, of a mean power [W] over `pieces`, with sensitivities J (n,) [W per unit].
 
-    alike: they are of loops as the seen ones are. None in place of an interval where the model has no loops that it was fitted to.
+    alike: they are of loops as the seen ones are, if they earn power as those do. None in place of an interval where the model has no loops
+    that it was fitted to.
     """
     if seen is None:
         return {"interval_W": None, "interval_level": LEVEL, "std_W": {}}
+    alike = alike and (mean > 0) == seen.earns
     usual = seen.tension * float(pieces.reeled.sum() / pieces.seconds.sum())
     error, variance = (usual * e for e in seen.expected(pieces))
     variance *= usual

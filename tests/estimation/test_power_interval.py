@@ -160,6 +160,16 @@ def test_no_tension_is_not_known_exactly():
     assert told["std_W"]["loops"] == pytest.approx(0.02 * 3000 * 4)
 
 
+def test_loops_that_earn_do_not_correct_a_line_that_is_reeled_in():
+    """Guards the sign: tension that is 10 % too large earns too much, and costs too much; what seen loops are off by is left in the
+    variance of such a part, on both sides of what the model says."""
+    E, known = np.full(8, 15e3), Known(("record.speed_0",), np.zeros((1, 1)), np.array([True]), np.zeros(1), accuracy=np.ones(1))
+    seen, J = seen_loops(10.0 * np.arange(8), E, 1.1 * E), np.array([500.0])
+    (low, high), paid = (power_interval(mean, loops_at(np.array([80.0])), J, known, seen, True)["interval_W"] for mean in (1650.0, -1650.0))
+    assert 1499 < low < 1500 < high < 1501
+    assert sum(paid) / 2 == pytest.approx(-1650.0) and paid[0] < -1800.0 and paid[1] > -1500.0
+
+
 def test_the_declared_kite_and_a_fit_are_read_alike(noisy):
     """Guards params.json -> covariance: order, correlation, units; the fitted error of the record moves the centre, unless it
     stands at the end of its range."""
