@@ -17,6 +17,9 @@ from awescli.notation.present import present
 from awescli.notation.quantities import STATES
 from awescli.simulation.groups import each_part
 
+RUNAWAY = np.errstate(over="ignore", invalid="ignore")
+"""Where segments may have left the numbers: that is counted, by `alive`, and no warning to a user."""
+
 
 @dataclass(frozen=True)
 class Links:
@@ -144,6 +147,7 @@ class Links:
         late = (samples - first[:, None]) / np.maximum(np.diff(self.bounds), 1)[:, None]
         return samples, np.stack([1 - late, late], axis=1) * counted[:, None]
 
+    @RUNAWAY
     def _fill(self, T: np.ndarray, R: np.ndarray, G: np.ndarray) -> None:
         (N, n_out), width, k = self.r.shape[1:], self.ends.shape[3], self.n + 1
         x, y = np.empty((N, n_out, width)), np.empty((N, n_out, k))

@@ -10,7 +10,7 @@ import numpy as np
 from awescli.engine.machine import LANES
 from awescli.estimation.axes import Axes, gap_between
 from awescli.estimation.information_filter import Information, eliminate, eliminate_parts
-from awescli.estimation.links import Gram, Links, joined
+from awescli.estimation.links import RUNAWAY, Gram, Links, joined
 from awescli.estimation.processes.base import Process, active, axes_of, disturbances_of, drifts_of, labels_of, spacing
 from awescli.estimation.smoother import Nuisances
 from awescli.notation.quantities import STATES
@@ -176,6 +176,7 @@ class Misfit:
                 some = replace(self, observed=self.observed.pick(which))
                 yield which, *some.links(x, NuisanceValues(own.starts[which], own.path[which]), names, extra, room.array)
 
+    @RUNAWAY
     def linear(self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str] | None = None) -> Linear:
         """What the segments say, part by part."""
         grams, squares, alive = [], [], []
@@ -185,6 +186,7 @@ class Misfit:
             alive.append(trajectories.alive)
         return Linear(joined(grams), np.concatenate(squares), np.concatenate(alive))
 
+    @RUNAWAY
     def information(self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str], extra: Further, columns: int) -> Information:
         """What the segments that fly say of `parameters` and of further columns, without the way back to nuisances: of many columns not
         even the Gram matrices of a flight are kept."""
@@ -243,6 +245,7 @@ class Misfit:
         of_globals = np.zeros((links.n, change.path.shape[-1])) if of_globals is None else of_globals
         return links.changed(change.states, acting, drifting, of_globals)
 
+    @RUNAWAY
     def costs(self, x: np.ndarray, own: NuisanceValues) -> tuple[np.ndarray, np.ndarray]:
         """(cost, whole), each (K,): squared residual of every segment; whole: it did not diverge. One that did is charged DIVERGED_COST per
         sample that it missed, and at most that for the others."""
@@ -251,7 +254,7 @@ class Misfit:
         reached = self.reached(trajectories)
         whole = np.asarray(reached.all(axis=1))
         squares, limit = (r * r).sum(axis=2), DIVERGED_COST * len(self.observed.outputs)
-        squares[~whole] = np.where(reached[~whole], np.minimum(squares[~whole], limit), limit)
+        squares[~whole] = np.where(reached[~whole], np.fmin(squares[~whole], limit), limit)
         return squares.sum(axis=1), whole
 
     def prior_cost(self, own: NuisanceValues, which: np.ndarray) -> float:

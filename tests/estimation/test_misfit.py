@@ -244,6 +244,17 @@ def test_a_diverging_segment_does_not_end_the_fit(simulator, observed):
     assert found.chi2 < 0.01 and np.flatnonzero(found.alive < 126).tolist() == [5]
 
 
+def test_what_leaves_the_numbers_is_counted_and_warns_nobody(simulator, observed, recwarn):
+    """Guards a user's terminal: one start whose squares overflow. numpy's warnings are errors nowhere, and said nowhere."""
+    misfit = Misfit(simulator, observed, ("CL0",))
+    own, x = misfit.own(), np.array([DEVELOPMENT.parameters["CL0"].value])
+    own.starts[0] = 1e200
+    cost, whole = misfit.costs(x, own)
+    found = misfit.linear(x, own)
+    assert not whole[0] and whole[1:].all() and np.isfinite(cost).all()
+    assert found.alive[0] <= observed.segments.steps and not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]
+
+
 def test_nuisances_are_carried_to_other_segments_of_a_flight(simulator, observed):
     """Guards a model that goes on from a part of a flight: segments that both have keep their starts, others begin as a fit does."""
     whole = Misfit(simulator, observed, FREE)
