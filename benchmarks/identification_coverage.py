@@ -60,16 +60,13 @@ def guessed(declared: KiteDeclaration, true: ParameterTable, seed: int) -> KiteD
     interval is worth where the flight says little is a matter of the guesses."""
     random, rows = np.random.default_rng([seed, 9]), []
     for p in declared.table().rows:
-        truth = true[p.name].value
-        while p.free:
-            if p.lower < 0 < p.upper:
-                new = replace(p, value=truth + p.prior_std * random.standard_normal())
-            else:
-                guess = truth * np.exp((np.log(p.upper / p.lower) / 4) * random.standard_normal())
-                new = replace(p, value=guess, lower=p.lower * guess / p.value, upper=p.upper * guess / p.value)
-            if new.lower <= truth <= new.upper and new.lower < new.value < new.upper:
-                p = new
-                break
+        truth, offset, found = true[p.name].value, p.lower < 0 < p.upper, not p.free
+        while not found:
+            away = random.standard_normal()
+            value = truth + p.prior_std * away if offset else truth * np.exp(np.log(p.upper / p.lower) / 4 * away)
+            lower, upper = (p.lower, p.upper) if offset else (end * value / p.value for end in (p.lower, p.upper))
+            if found := min(truth, value) >= lower and max(truth, value) <= upper:
+                p = replace(p, value=value, lower=lower, upper=upper)
         rows.append(p)
     return declared.with_parameters(ParameterTable(rows))
 
