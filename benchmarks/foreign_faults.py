@@ -1,6 +1,6 @@
 """What recorders lose and sensors make up: rows that are missing, sensors that are silent for a while, single values that are far off.
 
-columns = with_faults(columns, sensors, rate, seed)      # column -> values, NaN where a cell is empty, fewer rows
+    columns = with_faults(columns, sensors, rate, seed)      # column -> values, NaN where a cell is empty, fewer rows
 """
 
 from collections.abc import Mapping, Sequence

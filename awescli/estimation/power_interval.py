@@ -10,7 +10,7 @@ wind's record is off for minutes), and what differs from loop to loop (noise, gu
 
 What was seen is taken off as far as parameters or the record may be to blame for it: w = min(1, V / (e F)^2), V = J C J' of the parameters
 and of what was declared of the record. D is then what J has beyond that of the seen loops, which have shown the rest. What the model lacks
-stays in the variance. In other phases than those loops nothing is taken off: w = 0, D = J.
+stays in the variance. In other phases, and where loops reel out and in, nothing is taken off: w = 0, D = J.
 
 J is the exact sensitivity of tension times reel-out speed, integrated; C the covariance of parameters and of the record's errors, as a
 fit left them. The interval is Student's, with the effective degrees of freedom of such a sum (Welch, Biometrika 34, 1947).
@@ -58,7 +58,7 @@ class Pieces:
 class Seen:
     """How a model errs on the loops it was fitted and chosen on. pieces: these loops; tension: their mean [N]; error: (L,) of their
     energies, as a share of what that tension gives; slope: (n,) what changes it, of all together [1 per unit of a parameter]; earns:
-    the line pays out in them, and power is earned."""
+    power is earned in each of them."""
 
     pieces: Pieces
     tension: float
@@ -76,7 +76,12 @@ class Seen:
         pieces = Pieces.of(rows, loops, dt)
         tension = float(np.abs(E).sum() / pieces.reeled.sum())
         usual = tension * pieces.reeled
-        return cls(pieces, tension, (predicted - E) / usual, slope / usual.sum(), bool(E.sum() > 0))
+        return cls(pieces, tension, (predicted - E) / usual, slope / usual.sum(), bool((E > 0).all()))
+
+    def like(self, rows: Sequence[Mapping]) -> bool:
+        """Does each of other loops, rows of `mechanical_power`, earn power as each of these does? Tension that is too large earns too much
+        in one that reels out, and costs too much in one that reels in."""
+        return self.earns and all(row["predicted_J"] > 0 for row in rows)
 
     def expected(self, pieces: Pieces) -> tuple[float, float]:
         """(mean, variance) of the error of other seconds, as the same share."""
@@ -135,12 +140,11 @@ def energy_sensitivities(simulator: Simulator, log: FlightLog, prediction: Predi
 def power_interval(mean: float, pieces: Pieces, J: np.ndarray, known: Known, seen: Seen | None, alike: bool = False) -> dict:
     """interval_W (LEVEL), and std_W of its parts, of a mean power [W] over `pieces`, with sensitivities J (n,) [W per unit].
 
-    alike: they are of loops as the seen ones are, if they earn power as those do. None in place of an interval where the model has no loops
-    that it was fitted to.
+    alike: they are of loops as the seen ones are (`Seen.like`). None in place of an interval where the model has no loops that it was
+    fitted to.
     """
     if seen is None:
         return {"interval_W": None, "interval_level": LEVEL, "std_W": {}}
-    alike = alike and (mean > 0) == seen.earns
     usual = seen.tension * float(pieces.reeled.sum() / pieces.seconds.sum())
     error, variance = (usual * e for e in seen.expected(pieces))
     variance *= usual

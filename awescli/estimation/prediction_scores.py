@@ -79,7 +79,8 @@ def _power_known(
 ) -> dict:  # fmt: skip
     """The interval of the test loops' mean power, and power per phase and cycle with theirs."""
     J = energy_sensitivities(physical, log, test, known.names)[_inside(test, loops)].sum(axis=0) / power["seconds"]
-    summed = power_interval(power["mean_W"], Pieces.of(power["by_loop"], loops, log.dt), J, known, seen, alike=True)
+    tested, alike = Pieces.of(power["by_loop"], loops, log.dt), seen is not None and seen.like(power["by_loop"])
+    summed = power_interval(power["mean_W"], tested, J, known, seen, alike)
     labels = phases(log)
     ranges = flown_ranges(labels, log.valid)
     if not len(prediction_starts(log, ranges, horizon)):

@@ -160,14 +160,21 @@ def test_no_tension_is_not_known_exactly():
     assert told["std_W"]["loops"] == pytest.approx(0.02 * 3000 * 4)
 
 
-def test_loops_that_earn_do_not_correct_a_line_that_is_reeled_in():
-    """Guards the sign: tension that is 10 % too large earns too much, and costs too much; what seen loops are off by is left in the
-    variance of such a part, on both sides of what the model says."""
-    E, known = np.full(8, 15e3), Known(("record.speed_0",), np.zeros((1, 1)), np.array([True]), np.zeros(1), accuracy=np.ones(1))
-    seen, J = seen_loops(10.0 * np.arange(8), E, 1.1 * E), np.array([500.0])
-    (low, high), paid = (power_interval(mean, loops_at(np.array([80.0])), J, known, seen, True)["interval_W"] for mean in (1650.0, -1650.0))
+def test_loops_that_reel_out_do_not_correct_a_line_that_is_reeled_in():
+    """Guards the sign: tension that is 10 % too large earns too much, and costs too much. Seen loops correct those that all earn power as
+    they do; elsewhere what they are off by is left in the variance, on both sides of what the model says."""
+    time, E = 10.0 * np.arange(8), np.full(8, 15e3)
+    seen, mixed = seen_loops(time, E, 1.1 * E), seen_loops(time, np.r_[E[:-1], -3e3], 1.1 * E)
+    out, back = {"predicted_J": 16e3}, {"predicted_J": -3e3}
+    assert [seen.like([out, out]), seen.like([out, back]), mixed.like([out, out])] == [True, False, False]
+    J, known = np.array([500.0]), Known(("record.speed_0",), np.zeros((1, 1)), np.array([True]), np.zeros(1), accuracy=np.ones(1))
+    asked = loops_at(np.array([80.0]))
+    low, high = power_interval(1650.0, asked, J, known, seen, seen.like([out]))["interval_W"]
     assert 1499 < low < 1500 < high < 1501
-    assert sum(paid) / 2 == pytest.approx(-1650.0) and paid[0] < -1800.0 and paid[1] > -1500.0
+    low, high = power_interval(-1650.0, asked, J, known, seen, seen.like([back]))["interval_W"]
+    assert (low + high) / 2 == pytest.approx(-1650.0) and low < -1800.0 and high > -1500.0
+    still = Pieces(np.array([85.0]), np.array([10.0]), np.array([0.0]))
+    assert power_interval(0.0, still, J, known, seen)["interval_W"] == [0.0, 0.0]  # a drum that stands earns nothing
 
 
 def test_the_declared_kite_and_a_fit_are_read_alike(noisy):

@@ -195,8 +195,7 @@ class Scores(Checked):
         default="recorded", description="recorded: set-points replayed; controller: the loop closed"
     )
     initial_states: Literal["free", "measured", "filtered"] = Field(
-        default="free",
-        description="where predictions begin; free: in a state fitted to the second before; measured: as measured; "
+        default="free", description="where predictions begin; free: in a state fitted to the second before; measured: as measured; "
         "filtered: in the state, gusts, line and model error that a filter over that second sees",
     )
     split: Loops | None = Field(default=None, description="where train, validation and test lie")
