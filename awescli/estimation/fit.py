@@ -22,6 +22,8 @@ UPDATES, UPDATE_DISTANCE = 5, 25.0
 that is hardly seen it may change as fast as the cost, and the fit would oscillate for ever."""
 UNFINISHED = 1e-3
 """Share of the cost (chi-square) that a fit may leave to another step and yet count as ended: a kink, as a dead band has one, stops it."""
+PROMISED = 2.0
+"""Times what one step promises that all further ones together may gain: 0.3 to 1.4 times on development flights."""
 FAR = 1000.0
 """After a step as large as this (its square, as above) the fit is far away, and the log determinant is small beside the cost."""
 RELAXATIONS = 4
@@ -98,8 +100,7 @@ class Fit:
     def deviance(self) -> float:
         """-2 log likelihood of the segments that counted, parameters held, nuisances integrated out; that of a segment that diverged is its
         price."""
-        lost = DIVERGED_COST * self.misfit.observed.measured[0].size * np.count_nonzero(~self.flies)
-        return float(self.information.deviance[self.counted].sum() + self.misfit.log_noise[self.counted].sum()) + lost
+        return _deviance(self.misfit, self.information, self.counted, self.flies)
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,11 @@ class JointFit:
         return self.still_to_gain <= UNFINISHED
 
     @property
+    def deviance(self) -> float:
+        """Of all flights, see `Fit.deviance`."""
+        return sum(f.deviance for f in self.flights)
+
+    @property
     def known(self) -> np.ndarray:
         """(n, n) information of all segments on the unknowns, without the prior."""
         lifted = [_lifted(f.information.H, place, len(self.names)) for f, place in zip(self.flights, self.places, strict=True)]
@@ -140,6 +146,12 @@ class JointFit:
         """The same fit with another covariance (n, n), the flights' own included."""
         flights = tuple(replace(f, covariance=covariance[np.ix_(place, place)]) for f, place in zip(self.flights, self.places, strict=True))
         return replace(self, covariance=covariance, flights=flights)
+
+
+def _deviance(misfit: Misfit, information: Information, counted: np.ndarray, flies: np.ndarray) -> float:
+    """As of `Fit`."""
+    lost = DIVERGED_COST * misfit.observed.measured[0].size * np.count_nonzero(~flies)
+    return float(information.deviance[counted].sum() + misfit.log_noise[counted].sum()) + lost
 
 
 def _lifted(a: np.ndarray, place: np.ndarray, n: int) -> np.ndarray:
@@ -178,7 +190,8 @@ class _Known:
 class _Problem:
     """All flights of a fit as `gauss_newton` sees them; inner unknowns: a tuple of `_Inner`.
 
-    A segment that diverged keeps its nuisances and has no say in the step, unless all did.
+    A segment that diverged keeps its nuisances and has no say in the step, unless all did. reach: deviance (`JointFit.deviance`) above
+    which the fit is of no use.
     """
 
     shares: tuple[Share, ...]
@@ -187,6 +200,7 @@ class _Problem:
     prior: ParameterTable | None
     integrates: tuple[bool, ...]
     probes: int
+    reach: float
 
     def begin(self, x: np.ndarray) -> tuple[_Inner, ...]:
         inner = []
@@ -271,6 +285,11 @@ class _Problem:
             b[place] += new.slope - old.slope
         return replace(at, b=b, inner=inner)
 
+    def gives_up(self, at: Linearised, promised: float) -> bool:
+        """Would the fit stay above its reach though it gained several times what a step promises?"""
+        each = zip(self.shares, at.known[1], strict=True)
+        return sum(_deviance(s.misfit, k.information, k.counted, k.flies) for s, k in each) - PROMISED * promised > self.reach
+
     def _taught(self, n: int, i: _Inner, x: np.ndarray, before: Linearised, known: _Known) -> _Inner:
         """Of flight n: the slope with which the log determinant changes along a step to x as it did, nothing else of it changed (Broyden's
         update, in the norm of the information). The same where x has not moved, or other segments count."""
@@ -338,10 +357,10 @@ def relaxed(misfit: Misfit, x: np.ndarray, own: NuisanceValues) -> NuisanceValue
 
 def fit_together(
     shares: Sequence[Share], *, prior: bool = True, iterations: int = 30, tolerance: float = 1e-2, probes: int = 2,
-    on_iteration: Callable[[int, float], None] = lambda i, c: None,
+    reach: float = np.inf, on_iteration: Callable[[int, float], None] = lambda i, c: None,
 ) -> JointFit:  # fmt: skip
     """Fit the unknowns of all flights under the parameters' bounds and the kites' constraints, the nuisances integrated out. Raises
-    BadInput where no values satisfy these.
+    BadInput where no values satisfy these, OutOfReach where the fit comes nowhere near a deviance of `reach`.
 
     prior: weigh deviations from the shares' `prior` (`ParameterTable.deviations`, maximum a posteriori); probes: of each look at the log
     determinant of the nuisances (`laplace.log_det_gradient`).
@@ -357,7 +376,7 @@ def fit_together(
     stds = np.array([parameters[n].prior_std for n in names])
     places = tuple(np.array([names.index(u) for u in share.unknowns], dtype=int) for share in shares)
     integrates = tuple(any(p.random for p in s.misfit.processes if any(g.level > 0 for g in p.groups)) for s in shares)
-    problem = _Problem(tuple(shares), places, names, weighed if prior else None, integrates, probes)
+    problem = _Problem(tuple(shares), places, names, weighed if prior else None, integrates, probes, reach)
     x = parameters.vector(names)
     solution = minimise(problem, x, problem.begin(x), limits, tolerance=tolerance, iterations=iterations, on_iteration=on_iteration)
     found = parameters.with_values(dict(zip(names, solution.x, strict=True)))

@@ -69,6 +69,14 @@ class LeastSquares(Protocol):
         learnt from it."""
         ...
 
+    def gives_up(self, at: Linearised, promised: float) -> bool:
+        """Is what may be reached from a point, where a step promises to lower the cost so much, of no use?"""
+        ...
+
+
+class OutOfReach(Exception):
+    """A minimisation was given up: it comes nowhere near what it was asked for."""
+
 
 @dataclass(frozen=True)
 class State:
@@ -144,7 +152,7 @@ def step(problem: LeastSquares, limits: Limits, state: State, tolerance: float) 
     It has converged when the KKT residual at the multipliers of the quadratic program falls below `tolerance`, or below a millionth of the
     cost. It is counted in units of the cost (chi-square for whitened residuals): the gradient of the Lagrangian in the norm of H^-1, plus
     the complementarity products, plus what the inner unknowns would gain; and no row may be violated. It ends without progress where no
-    step helps, or the last STALLED ones together helped by less than `tolerance`.
+    step helps, or the last STALLED ones together helped by less than `tolerance`. Raises OutOfReach where the problem gives up.
     """
     x, at, damping, kkt = state.x, state.at, state.damping, state.kkt
     violation, tried, known = limits.violation(x), None, np.diag(at.H)
@@ -155,6 +163,8 @@ def step(problem: LeastSquares, limits: Limits, state: State, tolerance: float) 
             return replace(state, kkt=kkt, outcome=e.outcome)
         if damping == 0:
             kkt = float(d @ at.H @ d + 2 * _complementarity(found, limits, x)) + at.inner_gain
+            if problem.gives_up(at, kkt):
+                raise OutOfReach
             if kkt < max(tolerance, 1e-6 * at.cost) and _feasible(limits, x):
                 return replace(state, multipliers=found, kkt=kkt, outcome="converged")
         if len(state.gains) >= STALLED and sum(state.gains[-STALLED:]) < tolerance:
@@ -188,7 +198,7 @@ def minimise(
     on_iteration: Callable[[int, float], None] = lambda i, c: None,
 ) -> Solution:
     """Minimise a sum of squares over x in `limits`, at most so many steps. Where it has wandered off uphill, it ends where it was lowest,
-    and without progress where that was far below."""
+    and without progress where that was far below. Raises OutOfReach where the problem gives up."""
     state = init(problem, x, inner, limits)
     lowest = state.at.cost if _feasible(limits, x) else np.inf, x, state.at.inner
     for iteration in range(iterations):

@@ -264,10 +264,11 @@ def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> t
 def fit_levels(
     problems: Sequence[EstimationProblem], labels: Sequence[str], tables: Sequence[ParameterTable], per_flight: Sequence[str], prior: bool,
     rounds: int, tolerance: float, on_iteration: OnIteration = lambda h, i, c: None, owns: Sequence[NuisanceValues | None] | None = None,
-    noise: bool = True, slopes: Sequence[np.ndarray | None] | None = None,
+    noise: bool = True, slopes: Sequence[np.ndarray | None] | None = None, reach: float = np.inf,
 ) -> tuple[JointFit, list[EstimationProblem]]:  # fmt: skip
     """Fit parameters and levels in turn until neither moves, at most `rounds` times; the last fit has the levels that are returned. Ends
-    where fits do not come to their minimum (`JointFit.ended`).
+    where fits do not come to their minimum (`JointFit.ended`). Raises OutOfReach where that comes nowhere near a deviance of `reach`
+    with levels that were estimated.
 
     tables: parameters to start from; owns: nuisances to begin from; noise: estimate the white noise too; slopes: as of `Share`; others as
     `fit_flights`.
@@ -275,8 +276,8 @@ def fit_levels(
     known: Sequence[NuisanceValues | None] = owns or [None] * len(problems)
     slopes = slopes or [None] * len(problems)
 
-    def fitted(tolerance: float) -> JointFit:
-        return _fitted(problems, labels, tables, known, per_flight, prior, tolerance, on_iteration, slopes=slopes)
+    def fitted(tolerance: float, reach: float = np.inf) -> JointFit:
+        return _fitted(problems, labels, tables, known, per_flight, prior, tolerance, on_iteration, slopes=slopes, reach=reach)
 
     result, lost = fitted(max(tolerance, LOOSE)), 0
     risen: list[set[str]] = [set() for _ in problems]
@@ -289,23 +290,23 @@ def fit_levels(
             break
         problems, known = [problem for problem, _, _ in moved], [own for _, own, _ in moved]
         tables = [f.parameters for f in result.flights]
-        result = fitted(max(tolerance, LOOSE))
+        result = fitted(max(tolerance, LOOSE), reach)
     if tolerance < LOOSE:
         tables, known = [f.parameters for f in result.flights], [f.own for f in result.flights]
-        result = fitted(tolerance)
+        result = fitted(tolerance, reach)
     return result, list(problems)
 
 
 def _fitted(
     problems: Sequence[EstimationProblem], labels: Sequence[str], tables: Sequence[ParameterTable], owns: Sequence[NuisanceValues | None],
     per_flight: Sequence[str], prior: bool, tolerance: float, on_iteration: OnIteration, iterations: int = 30,
-    slopes: Sequence[np.ndarray | None] | None = None,
+    slopes: Sequence[np.ndarray | None] | None = None, reach: float = np.inf,
 ) -> JointFit:  # fmt: skip
     slopes = slopes or [None] * len(problems)
     each = zip(problems, labels, tables, owns, slopes, strict=True)
     shares = [replace(_share(problem, label, table, own, per_flight), slope=t) for problem, label, table, own, t in each]
     length = max(p.horizon for p in problems)
-    how = {"prior": prior, "tolerance": tolerance, "iterations": iterations, "probes": FEW if tolerance >= LOOSE else MANY}
+    how = {"prior": prior, "tolerance": tolerance, "iterations": iterations, "probes": FEW if tolerance >= LOOSE else MANY, "reach": reach}
     return fit_together(shares, **how, on_iteration=lambda i, c: on_iteration(length, i, c))
 
 

@@ -26,11 +26,11 @@ class AbsorbedEffect:
 @dataclass(frozen=True)
 class BoundsLeft:
     """The answer without one of its effects, its parameters at their bounds free to leave them. gone: the effect; parameters: what was at
-    a bound."""
+    a bound; deviance: of that model, to first order where that leaves it far behind the answer."""
 
     gone: str
     parameters: tuple[str, ...]
-    model: FittedModel
+    deviance: float
 
 
 @dataclass(frozen=True)

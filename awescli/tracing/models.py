@@ -221,22 +221,31 @@ def fit_null(
 
 
 def fit_added(
-    frame: Frame, base: FittedModel, key: str, strengths: Mapping[str, float], shapes: Mapping[str, float], alone: bool = True
-) -> FittedModel:
+    frame: Frame, base: FittedModel, key: str, strengths: Mapping[str, float], shapes: Mapping[str, float], alone: bool = True,
+    reach: float = np.inf,
+) -> FittedModel:  # fmt: skip
     """The base model with one effect added. strengths: full name -> value to start from, fitted; shapes: full name -> value, held; alone:
-    the fit begins with next to no model error, so that the effect must follow the flight by itself."""
+    the fit begins with next to no model error, so that the effect must follow the flight by itself. Raises OutOfReach where it comes
+    nowhere near a deviance of `reach` on train."""
     free = tuple(dict.fromkeys((*base.strengths, *strengths)))
-    return _fitted(frame, base, (*base.keys, key), free, {**strengths, **shapes}, QUICK, alone)
+    return _fitted(frame, base, (*base.keys, key), free, {**strengths, **shapes}, QUICK, alone, reach=reach)
 
 
-def fit_on(frame: Frame, model: FittedModel, values: Mapping[str, float] | None = None, free: Sequence[str] = ()) -> FittedModel:
-    """The same model fitted to the end, from other `values`, with further strengths free."""
-    return _fitted(frame, model, model.keys, tuple(dict.fromkeys((*model.strengths, *free))), dict(values or {}), WHOLE)
+def fit_on(
+    frame: Frame, model: FittedModel, values: Mapping[str, float] | None = None, free: Sequence[str] = (), reach: float = np.inf
+) -> FittedModel:
+    """The same model fitted to the end, from other `values`, with further strengths free; reach: as in `fit_added`."""
+    return _fitted(frame, model, model.keys, tuple(dict.fromkeys((*model.strengths, *free))), dict(values or {}), WHOLE, reach=reach)
+
+
+def part_of(frame: Frame) -> Frame:
+    """The frame with no more than what tells candidates apart: of long flights a part, of gusts every tenth of a second."""
+    return replace(frame, seconds=SETTLED_ON, spacing=COARSE)
 
 
 def fit_on_part(frame: Frame, model: FittedModel) -> tuple[Frame, FittedModel]:
-    """(The frame, the model) with no more than what tells candidates apart: of long flights a part, of gusts every tenth of a second."""
-    part = replace(frame, seconds=SETTLED_ON, spacing=COARSE)
+    """(The frame, the model) with no more than what tells candidates apart, where that is less."""
+    part = part_of(frame)
     there = [p.with_processes([q for q in p.processes if any(g.level > 0 for g in q.groups)]) for p in model.problems]
     less = any(p.spread_out(part.seconds).spaced(part.spacing) is not p for p in there)
     return (part, _fitted(part, model, model.keys, model.strengths, {}, WHOLE)) if less else (frame, model)
@@ -296,6 +305,14 @@ def fit_beyond(frame: Frame, model: FittedModel, names: Sequence[str]) -> Fitted
     return _fitted(frame, model, model.keys, model.strengths, {}, WHOLE, beyond=names)
 
 
+def promised_beyond(model: FittedModel, names: Sequence[str]) -> float:
+    """Deviance that `fit_beyond` would gain, to first order."""
+    s, held = model.fit.solution, set(bounded(model.fit)) - set(names)
+    free = [i for i, name in enumerate(model.fit.names) if name not in held]
+    b = s.at.b[free]
+    return float(b @ np.linalg.solve(s.H[np.ix_(free, free)], b))
+
+
 def fit_without_process(frame: Frame, model: FittedModel, kind: str) -> FittedModel:
     """The model without processes of `kind`, the noise as it is."""
     return _fitted_as_known(frame, model, [_gone(p.processes, kind) for p in model.problems])
@@ -303,7 +320,7 @@ def fit_without_process(frame: Frame, model: FittedModel, kind: str) -> FittedMo
 
 def _fitted(
     frame: Frame, base: FittedModel, keys: Sequence[str], strengths: Sequence[str], values: Mapping[str, float], how: tuple[int, float],
-    alone: bool = False, beyond: Sequence[str] = (),
+    alone: bool = False, beyond: Sequence[str] = (), reach: float = np.inf,
 ) -> FittedModel:  # fmt: skip
     rounds, tolerance = how
     problems, tables, owns, slopes = [], [], [], []
@@ -324,7 +341,7 @@ def _fitted(
         was = dict(zip(fitted.names, fitted.slope, strict=True))
         share = len(problem.fitted.segments) / len(fitted.misfit.observed.segments)
         slopes.append(share * np.array([was.get(n, 0.0) for n in names]) if how is QUICK else None)
-    found = fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, owns=owns, slopes=slopes)
+    found = fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, owns=owns, slopes=slopes, reach=reach)
     return FittedModel.of(keys, strengths, *found)
 
 

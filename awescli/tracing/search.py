@@ -6,18 +6,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from awescli.estimation.gauss_newton import OutOfReach
 from awescli.notation.present import present
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, Say, fit_added, fit_held, fit_on, fit_on_part, fit_swapped, fit_without
+from awescli.tracing.models import FittedModel, Say, fit_added, fit_held, fit_on, fit_on_part, fit_swapped, fit_without, part_of
 from awescli.tracing.screen import Score, Screening, holm, screen
 
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
 """Shares of its one-step estimate from which a candidate is fitted, and whether without the help of model error; the next one where the fit
 before failed."""
-HOPELESS = 3.0
-"""Times its score that a candidate which is not abrupt may gain by its fit: where the best has gained more already, no second try."""
+HELPED = 0.5
+"""Share of the best gain from which a candidate that model error helps is fitted to the end, for a quick fit may end before its level has
+come down (a delay that lacked a third of the gain of a lag then led it in the end); and below which no candidate is fitted any further."""
 AT_END = 1e-3
 """Share of its range, of a lower end above zero itself, within which a strength sits at that end."""
 WORSE = 5.0
@@ -29,9 +31,9 @@ UNSEEN = 0.05
 @dataclass(frozen=True)
 class Tried:
     """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
-    the fit, "not fitted" or "failed"; gain: deviance by which the model leads the one before, unseen: the same on validation alone, both
-    of all segments where it was fitted to a share of them; plausible: no strength at the end of its range; partly: fitted to no more than
-    what tells candidates apart (`fit_on_part`)."""
+    the fit, "not fitted", "given up" or "failed"; gain: deviance by which the model leads the one before, unseen: the same on validation
+    alone, both of all segments where it was fitted to a share of them; plausible: no strength at the end of its range; partly: fitted to
+    no more than what tells candidates apart (`fit_on_part`)."""
 
     score: Score
     significant: bool
@@ -52,9 +54,6 @@ class Tried:
         return present(self.model, f"the fit of {self.key}")
 
 
-HELPED = 0.5
-"""Share of the best gain from which a candidate that model error helps is fitted to the end: a quick fit may end before its level has come
-down. A delay that lacked a third of the gain of a lag then led it in the end."""
 CROWD = 2
 """So many candidates beside the best may gain half as much as it: rivals do."""
 
@@ -102,17 +101,19 @@ class Search:
 
 
 def search(
-    frame: Frame, null: FittedModel, keys: Sequence[str], *, rounds: int, criteria: Criteria = CRITERIA,
+    frame: Frame, null: FittedModel, keys: Sequence[str], *, rounds: int, beside: FittedModel | None = None, criteria: Criteria = CRITERIA,
     progress: Say = lambda text: None,
 ) -> Search:  # fmt: skip
-    """Search the effects `keys` for what the fitted model `null` lacks."""
+    """Search the effects `keys` for what the fitted model `null` lacks. beside: an answer that is there already: effects that come to much
+    less in the rounds that are left are given up."""
     model, record, detectable = null, [], {}
     remaining = [k for k in keys if k not in null.keys]
     for number in range(rounds):
         progress(f"round {number + 1}: screening {len(remaining)} candidates")
         screening = screen(frame, model, remaining)
         detectable = detectable or _detectable(screening)
-        tried = _race(frame, model, screening, criteria, progress)
+        lead = (model.fit.deviance - beside.fit.deviance) / (rounds - number) if beside else 0.0
+        tried = _race(frame, model, screening, lead, criteria, progress)
         best, tried = _best(frame, model, tried, criteria, progress)
         if best is not None and crowded(tried):
             model, best, tried = _base_revisited(frame, model, best, tried, criteria, progress)
@@ -172,8 +173,10 @@ def _detectable(screening: Screening) -> dict[str, tuple[str, float]]:
     return found
 
 
-def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Criteria, progress: Say) -> tuple[Tried, ...]:
-    """Fit those that the screening puts first, to a part of long flights."""
+def _race(
+    frame: Frame, here: FittedModel, screening: Screening, lead: float, criteria: Criteria, progress: Say
+) -> tuple[Tried, ...]:  # fmt: skip
+    """Fit those that the screening puts first, to a part of long flights. lead: deviance on train that is gained elsewhere."""
     scores = screening.scores
     if not scores:
         return ()
@@ -191,34 +194,50 @@ def _race(frame: Frame, here: FittedModel, screening: Screening, criteria: Crite
         # an abrupt effect changes a flight at its start already: only a fit from its probe can judge it
         chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).abrupt]
     part, few = fit_on_part(frame, here) if chosen else (frame, here)
-    times, best, found = here.segments / few.segments, 0.0, []
+    times, found = here.segments / few.segments, []
+    best = few.fit.deviance - lead / times
     for s, sure in zip(scores, significant, strict=True):
         if s not in chosen:
             found.append(Tried(s, bool(sure)))
             continue
         progress(f"fitting with {s.key}")
-        again = make_effect(s.key, frame.declared).abrupt or HOPELESS * s.drop > best
-        entered = _entered(part, few, screening, s, bool(sure), again)
+        entered = _entered(part, few, screening, s, bool(sure), _reach(few, best, criteria))
         found.append(replace(entered, gain=times * entered.gain, unseen=times * entered.unseen, partly=few is not here))
-        best = max(best, found[-1].gain if found[-1].plausible else 0.0)
+        best = min(best, entered.fitted.fit.deviance if entered.model and entered.plausible else best)
     return tuple(found)
 
 
-def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score, significant: bool, again: bool = True) -> Tried:
+def _reach(here: FittedModel, best: float, criteria: Criteria) -> float:
+    """Deviance on train above which a candidate is of no use in a race in which one has come to `best`: it gains less than half as much,
+    and so much less that it is no finalist."""
+    lead = here.fit.deviance - best
+    return best + max((1 - HELPED) * lead, criteria.in_reach(criteria.finalists, lead)) if lead > 0 else np.inf
+
+
+def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score, significant: bool, reach: float = np.inf) -> Tried:
     """The model with a candidate added, from the first start from which the fit succeeds; one that is not significant is begun once, for
-    its failure would say nothing. again: may a fit that fails be gone on with, or begun elsewhere?"""
-    starts = STARTS if here.rest else STARTS[1:]
-    for share, alone in starts if significant and again else starts[:1]:
+    its failure would say nothing. A fit that comes nowhere near a deviance of `reach` is given up: not one that may do so because a shape
+    is held where it was probed; an abrupt effect is begun elsewhere then, too."""
+    effect = make_effect(score.key, frame.declared)
+    starts, ended = STARTS if here.rest else STARTS[1:], "given up"
+    first = np.inf if any(len(effect.probes.get(shape, ())) > 1 for shape in effect.shapes) else reach
+    for share, alone in starts if significant else starts[:1]:
         strengths, shapes = score.start(screening.rows, share)
-        model = fit_added(frame, here, score.key, strengths, shapes, alone)
-        if again and _failed(here, model) and model.flies >= here.flies:
-            # a quick fit keeps the slope of the log determinant as it was before: in gusts that may lead it astray
-            model = fit_on(frame, model)
+        try:
+            model = fit_added(frame, here, score.key, strengths, shapes, alone, first)
+            if _failed(here, model) and model.flies >= here.flies:
+                # a quick fit keeps the slope of the log determinant as it was before: in gusts that may lead it astray
+                model = fit_on(frame, model, reach=reach)
+        except OutOfReach:
+            if effect.abrupt:
+                continue
+            break
         if not _failed(here, model):
             if not plausible(model, score.key) or model.unseen > here.unseen:
-                model = _reshaped(frame, here, model, strengths, shapes, alone)
+                model = _reshaped(frame, here, model, strengths, shapes, alone, reach)
             return _of(Tried(score, significant), here, model)
-    return Tried(score, significant, "failed" if again else "not fitted")
+        ended = "failed"
+    return Tried(score, significant, ended)
 
 
 def _of(tried: Tried, here: FittedModel, model: FittedModel) -> Tried:
@@ -229,8 +248,9 @@ def _of(tried: Tried, here: FittedModel, model: FittedModel) -> Tried:
 
 
 def _reshaped(
-    frame: Frame, here: FittedModel, model: FittedModel, strengths: Mapping[str, float], shapes: Mapping[str, float], alone: bool
-) -> FittedModel:
+    frame: Frame, here: FittedModel, model: FittedModel, strengths: Mapping[str, float], shapes: Mapping[str, float], alone: bool,
+    reach: float,
+) -> FittedModel:  # fmt: skip
     """The likeliest of a model whose last effect has come to the end of a range, or does worse on unseen loops, and those with the other
     shapes that it is probed with: a rate limit was taken for the longest lag there is, because the one that was tried first was no limit.
     """
@@ -238,7 +258,10 @@ def _reshaped(
     for shape in (s for s in effect.shapes if s in effect.probes):
         name = f"{effect.key}.{shape}"
         for value in (v for v in effect.probes[shape] if v != shapes.get(name)):
-            other = fit_added(frame, here, effect.key, strengths, {**shapes, name: value}, alone)
+            try:
+                other = fit_added(frame, here, effect.key, strengths, {**shapes, name: value}, alone, reach)
+            except OutOfReach:
+                continue
             if not _failed(here, other) and other.deviance < best.deviance:
                 best = other
     return best
@@ -267,7 +290,7 @@ def _best(
 
     def finish(t: Tried) -> None:
         progress(f"fitting with {t.key} to the end")
-        finished[t.key] = refined(frame, fit_on(frame, t.fitted), criteria)
+        finished[t.key] = refined(frame, fit_on(frame, t.fitted), criteria, t.fitted if t.partly else None)
 
     def standing() -> list[FittedModel]:
         return [m for m in finished.values() if admissible(here, m, criteria) and plausible(m, m.keys[-1])]
@@ -285,11 +308,12 @@ def _best(
     return min(standing(), key=lambda m: m.deviance, default=None), tried
 
 
-def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> FittedModel:
+def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA, partly: FittedModel | None = None) -> FittedModel:
     """The model with the shapes of its last effect fitted too. One that stands where it was probed is as uncertain as the strength, and
-    stays free unless that does worse; one at null is freed only where the model is decisively likelier for it."""
+    stays free unless that does worse; one at null is freed only where the model is decisively likelier for it. partly: the model as fitted
+    to a part of the flight, which says first whether that may be so."""
     effect = make_effect(model.keys[-1], frame.declared)
-    null = {p.name: p.value for p in effect.parameters}
+    null, held = {p.name: p.value for p in effect.parameters}, None
     for shape in effect.shapes:
         name, probes = f"{effect.key}.{shape}", effect.probes.get(shape, ())
         if model.table[name].value != null[shape]:
@@ -297,10 +321,19 @@ def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA) -> 
             model = _held_where_null(frame, model, name, null[shape], criteria)
             continue
         for start in (s for s in (*probes, *effect.refinements.get(shape, ())) if s != null[shape]):
+            held = held or (fit_on(part_of(frame), partly) if partly else None)
+            if held and not _promising(part_of(frame), held, name, start, model.segments / held.segments, criteria):
+                continue
             trial = fit_on(frame, model, {name: start}, free=(name,))
             if trial.deviance < model.deviance - criteria.decisive and trial.unseen < model.unseen:
                 model = trial
     return model
+
+
+def _promising(part: Frame, model: FittedModel, name: str, start: float, times: float, criteria: Criteria) -> bool:
+    """May a shape that leaves its null, from `start`, gain half of what is decisive on the whole of a flight that is `times` its part?"""
+    freed = fit_on(part, model, {name: start}, free=(name,))
+    return times * (model.deviance - freed.deviance) > criteria.decisive / 2
 
 
 def _freed(frame: Frame, model: FittedModel, name: str, probes: Sequence[float], criteria: Criteria) -> FittedModel:

@@ -247,7 +247,7 @@ def _of_sensors(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
 def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     rivals = sorted({r.key for found in e.rivals.values() for r in found})
     failed, gusts = e.search.failed, max(e.gusts.values(), default=0.0)
-    left, lead = e.bounds_left, e.bounds_left.model.deviance - e.model.deviance if e.bounds_left else None
+    left, lead = e.bounds_left, e.bounds_left.deviance - e.model.deviance if e.bounds_left else None
     gone, at_bound = (left.gone, ", ".join(left.parameters)) if left else ("one effect", "parameters")
     return (
         Criterion(

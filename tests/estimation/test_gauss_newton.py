@@ -9,7 +9,7 @@ from oracles import kkt_violation
 from scipy.optimize import LinearConstraint, lsq_linear, minimize
 
 from awescli.estimation import gauss_newton
-from awescli.estimation.gauss_newton import TAKEN_BACK, Linearised, covariance, minimise
+from awescli.estimation.gauss_newton import TAKEN_BACK, Linearised, OutOfReach, covariance, minimise
 from awescli.estimation.quadratic_program import Limits, best_step
 from awescli.notation.errors import NumericalFailure
 
@@ -102,7 +102,14 @@ def test_a_singular_information_matrix_gives_large_and_finite_variances():
     assert covariance(regular, 1 / np.sqrt(np.diag(regular))) == pytest.approx(np.linalg.inv(regular), rel=1e-6)
 
 
-class Curve:
+class Patient:
+    """A problem that never gives up."""
+
+    def gives_up(self, at, promised):
+        return False
+
+
+class Curve(Patient):
     """Residuals of y = a exp(-b t) + c: what `minimise` sees of a fit without inner unknowns."""
 
     def __init__(self, truth=(2.0, 0.7, 0.3), noise=0.0):
@@ -158,6 +165,29 @@ def test_outcomes_have_names():
     assert found.outcome == "no_progress" and found.inner == 0
 
 
+def test_a_problem_may_give_up_where_a_step_promises_too_little():
+    """Guards the time that hopeless candidates take: what is promised is what the step would gain were the curve as straight as it looks,
+    and it is asked for once a point, where the fit ends too."""
+    asked = []
+
+    class Impatient(Curve):
+        def gives_up(self, at, promised):
+            straight = np.linalg.solve(at.H, at.b)
+            assert promised == pytest.approx(straight @ at.b)
+            asked.append(at.cost)
+            return at.cost - 2 * promised > self.reach
+
+    hopeful, start = Impatient(noise=0.1), {"start": (1.5, 1.0, 0.2), "lower": np.full(3, -999.0), "upper": np.full(3, 999.0)}
+    hopeful.reach = np.inf
+    found = hopeful.solve(**start)
+    assert found.outcome == "converged" and asked == list(found.history)
+    hopeful.reach = found.cost
+    assert hopeful.solve(**start).x == pytest.approx(found.x)
+    hopeful.reach = 0.9 * found.cost
+    with pytest.raises(OutOfReach):
+        hopeful.solve(**start)
+
+
 def test_a_quadratic_program_that_fails_is_an_outcome(monkeypatch):
     """Guards a fit against an abort: what the solver of a step cannot do is named, and the fit ends where it stands."""
 
@@ -183,7 +213,7 @@ def test_a_state_goes_through_the_steps_unchanged_by_them():
 def test_steps_that_promise_more_than_they_bring_come_to_an_end():
     """Guards a fit at a kink: every step promises as much as the one before and brings an eighth of it."""
 
-    class Kink:
+    class Kink(Patient):
         """inner: the cost."""
 
         def linearise(self, x, inner, before):
@@ -203,7 +233,7 @@ def test_a_step_that_damping_hardly_changes_is_not_tried_again(n, rounds):
     """Guards the time at a kink, where no trial helps: without unknowns one search is all there is; with one, damping halves its step by
     the last of five times, and is only then tried again."""
 
-    class Stuck:
+    class Stuck(Patient):
         tried = 0
 
         def linearise(self, x, inner, before):
@@ -224,7 +254,7 @@ def test_a_step_that_only_what_is_hardly_seen_keeps_from_helping_is_tried_damped
     H = np.array([[1.0, 1 - 1e-6], [1 - 1e-6, 1.0]])
     truth = np.array([1.0 + 60.0, 1.0 - 60.0])
 
-    class Alike:
+    class Alike(Patient):
         def linearise(self, x, inner, before):
             d = truth - x
             return Linearised(float(d @ H @ d), H @ d, H, None, 0.0, None)
@@ -253,7 +283,7 @@ def test_who_wanders_off_uphill_ends_where_it_was_lowest():
     assert found.outcome == "no_progress" and found.x[1] < 1 and found.cost == min(found.history) < 1e4 < max(found.history)
 
 
-class Unseen:
+class Unseen(Patient):
     """(x - 2)^2 plus 2 s x, of which a trial sees `slope` instead of s; what a step has shown is believed if it `learns`."""
 
     def __init__(self, s, slope=0.0, learns=True):

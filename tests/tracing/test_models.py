@@ -8,13 +8,14 @@ import pytest
 from tracing.traced import null_model, short_flight, thinned
 
 from awescli.estimation import staged_fit
+from awescli.estimation.gauss_newton import OutOfReach
 from awescli.estimation.prediction import predict
 from awescli.estimation.staged_fit import Flight, fit_flights
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.tracing.frame import Frame, TracedFlight
-from awescli.tracing.models import FittedModel, _asked_of, bounded, fit_null
+from awescli.tracing.models import FittedModel, _asked_of, bounded, fit_added, fit_null, fit_on, promised_beyond
 
 N, FIT, SEEN = 4, 30, 20
 
@@ -63,6 +64,44 @@ def test_unseen_loops_are_predicted_with_what_is_not_known_of_the_parameters(bou
     together = np.zeros(N)
     together[free] = np.linalg.solve((H + B.T @ B)[np.ix_(free, free)], (B.T @ r)[free])
     assert shift == pytest.approx(together) and np.abs(shift[free]).max() > 0.01
+
+
+@pytest.mark.parametrize("free", [(1,), (1, 3)])
+def test_what_parameters_would_gain_beyond_their_bounds(free):
+    """Guards `promised_beyond`: for a linear model it is what the least squares without these bounds gain, the others held."""
+    random, held = np.random.default_rng(5), [1, 3]
+    A, y, x = random.standard_normal((FIT, N)), random.standard_normal(FIT), np.full(N, 0.3)
+
+    def best(moving):
+        x[moving] += np.linalg.lstsq(A[:, moving], y - A @ x, rcond=None)[0]
+        return float(((y - A @ x) ** 2).sum())
+
+    before = best([0, 2])
+    at = SimpleNamespace(b=A.T @ (y - A @ x))
+    rows = [Parameter(f"p{i}", v, "-", v if i in held else v - 5, v + 5, free=True) for i, v in enumerate(x)]
+    names = tuple(row.name for row in rows)
+    fitted = SimpleNamespace(names=names, parameters=ParameterTable(rows), solution=SimpleNamespace(H=A.T @ A, at=at))
+    promised = promised_beyond(SimpleNamespace(fit=fitted), [names[i] for i in free])
+    assert promised == pytest.approx(before - best([0, 2, *free])) and promised > 0.1
+
+
+@pytest.mark.parametrize("key, strength, ends", [("actuator_lag:rudder", "tau", True), ("sideslip_drag", "k", False)])
+def test_a_fit_that_stays_above_its_reach_is_given_up(key, strength, ends):
+    """Guards `reach`: a rudder's lag that is there comes to the same end with its own deviance as reach as with none, though it begins far
+    above, and drag with sideslip is given up where half of what the lag gains is asked."""
+    frame, null = null_model((("actuator_lag:rudder", (("tau", 0.1),)),))
+    lag = fit_added(frame, null, "actuator_lag:rudder", {"actuator_lag:rudder.tau": 0.08}, {})
+    reach = lag.fit.deviance if ends else (lag.fit.deviance + null.fit.deviance) / 2
+    assert null.fit.deviance - lag.fit.deviance > 100
+    if not ends:
+        assert fit_added(frame, null, key, {f"{key}.{strength}": 0.5}, {}).fit.deviance > reach
+        with pytest.raises(OutOfReach):
+            fit_added(frame, null, key, {f"{key}.{strength}": 0.5}, {}, reach=reach)
+        return
+    again = fit_added(frame, null, key, {f"{key}.{strength}": 0.08}, {}, reach=reach)
+    assert again.deviance == lag.deviance and again.fit.deviance == sum(f.deviance for f in again.fit.flights)
+    with pytest.raises(OutOfReach):
+        fit_on(frame, lag, reach=lag.fit.deviance - 100)
 
 
 @pytest.mark.parametrize("seen", [False, True])

@@ -1,6 +1,7 @@
 """Tracing whole flights: nothing where nothing is missing, the right name where something is, and no wrong name for the unknown."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from kites import DEVELOPMENT
@@ -11,7 +12,7 @@ from awescli.estimation import staged_fit
 from awescli.estimation.processes.base import spacing
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
-from awescli.tracing import models, search
+from awescli.tracing import investigate, models, search
 
 RIVALS = ("actuator_lag:rudder", "actuator_delay:rudder", "sideslip_drag", "airspeed_scale", "position_latency", "surface_bias:yaw",
           "tether_attachment", "pitch_curvature")  # fmt: skip
@@ -165,6 +166,19 @@ def test_a_model_that_does_not_fly_is_not_asked():
     assert account["verdict"] == "not_testable" and account["effects"] == [] and "before" not in account["error"]
     assert finding.reason and finding.reason in account["sentence"] and account["ranking"] == []
     assert account["probability"]["something_else"] > 0.9
+
+
+@pytest.mark.parametrize("promised, fitted", [(49.0, False), (51.0, True)])
+def test_bounds_that_promise_little_are_not_left(monkeypatch, promised, fitted):
+    """Guards the time of a trace: where an answer leads by 1000 and the bounds of the model without it promise a twentieth of that, nobody
+    fits that model without them; what is told is what they promise."""
+    null = SimpleNamespace(deviance=2000.0, at_bound=["CD0", "sideslip_drag.k"])
+    answer = SimpleNamespace(deviance=1000.0, keys=("sideslip_drag",))
+    monkeypatch.setattr(investigate, "promised_beyond", lambda model, names: promised)
+    monkeypatch.setattr(investigate, "fit_beyond", lambda frame, model, names: SimpleNamespace(deviance=1800.0))
+    found = investigate.bounds_left(SimpleNamespace(declared=DEVELOPMENT), null, answer)
+    assert (found.gone, found.parameters) == ("sideslip_drag", ("CD0",))
+    assert found.deviance == (1800.0 if fitted else 2000.0 - promised)
 
 
 def with_a_wrong_bound(effects):

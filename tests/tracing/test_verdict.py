@@ -223,8 +223,8 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("effect_steady", {"answer": GOOD, "steadiness": 2e-4}, {"answer": GOOD, "steadiness": 5e-5}),
         ("effect_constant", {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 99.0}}, {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 101.0}}),
         ("signs_plausible", {"answer": GOOD}, {"answer": GOOD, "doubted": ("Cma",)}),
-        ("bounds_hold", {"answer": GOOD, "bounds_left": BoundsLeft("sideslip_drag", ("CD0",), model(910.5))},
-         {"answer": GOOD, "bounds_left": BoundsLeft("sideslip_drag", ("CD0",), model(909.5))}),
+        ("bounds_hold", {"answer": GOOD, "bounds_left": BoundsLeft("sideslip_drag", ("CD0",), 910.5)},
+         {"answer": GOOD, "bounds_left": BoundsLeft("sideslip_drag", ("CD0",), 909.5)}),
         ("calm_air", {"gusts": {"vertical gusts": 0.19}}, {"gusts": {"vertical gusts": 0.21}}),
         (
             "gusts_do_not_repeat", {"gusts": GUSTY, "gusts_repeat": Repetition({"gust_d": 0.19}, {"gust_d": 0.001}, 8)},

@@ -63,7 +63,7 @@ class Candidate(Named):
     explained_share: Number = Field(description="share of what the answer explains that it explains alone, on train [-]")
     plausible_size: bool = Field(description="whether its fitted size lies inside its plausible range")
     test_gain: Number | None = Field(description="share of the cost of validation loops that it takes away [-]")
-    outcome: Text = Field(default="", description="outcome of its fit: converged, failed, not fitted, ...")
+    outcome: Text = Field(default="", description="outcome of its fit: converged, failed, given up, not fitted, ...")
     significant: bool = Field(default=False, description="whether the score is larger than chance gives among so many candidates")
     deviance_gain: Number | None = Field(default=None, description="fall of the deviance by its fit [-]")
 
