@@ -21,6 +21,7 @@ import numpy as np
 from awescli.engine.lanes import lane_rows
 from awescli.engine.machine import LANES, Program, evaluate
 from awescli.simulation import kernels
+from awescli.simulation.groups import each_part
 from awescli.simulation.sensitivities import differentiated_loop
 from awescli.simulation.stepping import Stepping
 from awescli.simulation.stretches import BetweenSamples, Leg, Side, Sizes, Stretch, beside_lanes
@@ -56,6 +57,11 @@ class Columns:
     def __len__(self) -> int:
         return len(self.state)
 
+    def part(self, which: slice) -> "Columns":
+        """Some of them."""
+        limit = {guard: j - which.start for guard, j in self.limit.items() if which.start <= j < which.stop}
+        return Columns(self.state[which], self.parameter[:, which], limit)
+
 
 @dataclass(frozen=True)
 class Sensitivities:
@@ -70,10 +76,27 @@ def sensitivities_through(
     flown: Switched, phases: Sequence[Phase], programs: Programs, n_s: int, x0: np.ndarray, setpoints: np.ndarray, inputs: np.ndarray,
     h: float, stepping: Stepping, n_y: int, read: Read, columns: Columns,
 ) -> Sensitivities:  # fmt: skip
-    """Of a flight that `fly_switched` has flown at guards, with the same arguments."""
-    sizes = (n_s, setpoints.shape[1], inputs.shape[1], n_y)
-    n_x, n = n_s + setpoints.shape[1], len(columns)
-    S, J, times = np.empty((flown.alive, n_x, n)), np.empty((flown.alive, len(programs.rows), n)), np.zeros((len(flown.switches), n))
+    """Of a flight that `fly_switched` has flown at guards, with the same arguments; columns on all cores."""
+    sizes, n = (n_s, setpoints.shape[1], inputs.shape[1], n_y), len(columns)
+    found = Sensitivities(
+        np.empty((flown.alive, len(programs.rows), n)), np.empty((flown.alive, n_s + setpoints.shape[1], n)),
+        np.zeros((len(flown.switches), n)),
+    )  # fmt: skip
+
+    def fill(which: slice) -> None:
+        J, S, times = found.outputs[..., which], found.states[..., which], found.times[:, which]
+        _through(flown, phases, programs, sizes, x0, setpoints, inputs, h, stepping, read, columns.part(which), (J, S, times))
+
+    each_part(fill, n)
+    return found
+
+
+def _through(
+    flown: Switched, phases: Sequence[Phase], programs: Programs, sizes: Sizes, x0: np.ndarray, setpoints: np.ndarray, inputs: np.ndarray,
+    h: float, stepping: Stepping, read: Read, columns: Columns, into: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> None:  # fmt: skip
+    """Some columns of `sensitivities_through`, into its (outputs, states, times)."""
+    (J, S, times), n_s, n = into, sizes[0], len(columns)
     across = _Across(programs, sizes, h, stepping, read, phases, columns)
     begun_at, begun = 0.0, np.zeros(n)
     edges = [0, *(s.sample for s in flown.switches), flown.alive]
@@ -92,7 +115,6 @@ def sensitivities_through(
             before = np.concatenate([S[end - 1, :n_s], run.S[n_s:]])
             S_here, times[i] = across.switch(switch, leg, before, run.S, end - 1 - begun_at, begun, flown.states[end])
             begun_at, begun = switch.time / h if switch.share is not None else float(end), times[i]
-    return Sensitivities(J, S, times)
 
 
 class _Run(Stretch):

@@ -8,7 +8,7 @@ from kites import flight
 from awescli.engine.machine import compile_program
 from awescli.notation.quantities import OUTPUTS
 from awescli.physics.kite import Kite
-from awescli.simulation import rollout
+from awescli.simulation import groups, rollout
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import observe
 from awescli.simulation.stepping import Stepping
@@ -162,6 +162,23 @@ def test_phases_that_are_alike_have_the_sensitivities_of_one_to_the_last_bit():
     assert np.array_equal(through.outputs, J[0])
     # but the times of the switches do move
     assert np.abs(through.times).min(axis=1).max() > 0
+
+
+def test_columns_do_not_depend_on_the_cores_that_they_are_shared_out_to(monkeypatch):
+    """Guards the limit of a guard, which is one column of all: a ball's sensitivities on one to five cores, to the last bit."""
+
+    def turned(x):
+        return np.array([x[0], -0.8 * x[1], *x[2:]])
+
+    columns = Columns(np.array([0, 1, -1, -1]), np.array([[1, 1, 0, 1]]), {(0, 0): 3})
+    found = []
+    for count in (1, 2, 3, 5):
+        monkeypatch.setattr(groups, "cores", lambda count=count: count)
+        found.append(toy(lambda x, v, c: (v, -c[0] + 0.0 * v), np.array([[9.81]]), (2.0, 0.0), [[Guard("height", 0.1, False)]], 2.0,
+                         [turned], columns)[1])  # fmt: skip
+    assert np.abs(found[0].times[:, 3]).min() > 0 and len(found[0].times) > 1
+    for J in found[1:]:
+        assert all(np.array_equal(getattr(J, what), getattr(found[0], what)) for what in ("outputs", "states", "times"))
 
 
 def test_set_points_that_move_within_a_sample_end_no_phase_there():
