@@ -183,15 +183,16 @@ def _asked_of(fitted: JointFit, judged: Sequence[Fit], moved: np.ndarray) -> tup
 
 
 def _validation(fitted: JointFit, judged: Sequence[Fit]) -> tuple[np.ndarray, np.ndarray]:
-    """(H (n, n), b (n,)): what the validation loops of all flights say of the parameters. Nothing those on which a model runs away, whose
-    information is a difference of numbers that are too large to have one."""
+    """(H (n, n), b (n,)): what the validation loops of all flights say of the parameters, what integrating the nuisances out adds to it as
+    large for a segment as on train. Nothing those on which a model runs away, whose information is a difference of numbers that are too
+    large to have one."""
     n = len(fitted.names)
     H, b = np.zeros((n, n)), np.zeros(n)
-    for f, place in zip(judged, fitted.places, strict=True):
+    for f, train, place in zip(judged, fitted.flights, fitted.places, strict=True):
         if not (np.diag(f.information.H) >= 0).all():
             continue
         H[np.ix_(place, place)] += f.information.H
-        b[place] += f.information.b
+        b[place] += f.information.b + len(f.counted) / max(len(train.counted), 1) * train.slope
     return H, b
 
 

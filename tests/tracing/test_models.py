@@ -32,8 +32,11 @@ def linear(seed: int, bounded: tuple[int, ...] = ()):
     names = tuple(f"p{i}" for i in range(N))
     lower = [v if i in bounded else v - 5 for i, v in enumerate(x)]
     rows = [Parameter(n, v, "-", low, v + 5, free=True) for n, v, low in zip(names, x, lower, strict=True)]
-    fitted = SimpleNamespace(names=names, parameters=ParameterTable(rows), solution=SimpleNamespace(H=H, x=x), places=(np.arange(N),))
-    judged = SimpleNamespace(information=SimpleNamespace(H=B.T @ B, b=B.T @ r))
+    fitted = SimpleNamespace(
+        names=names, parameters=ParameterTable(rows), solution=SimpleNamespace(H=H, x=x), places=(np.arange(N),),
+        flights=(SimpleNamespace(counted=range(6), slope=np.zeros(N)),),
+    )  # fmt: skip
+    judged = SimpleNamespace(information=SimpleNamespace(H=B.T @ B, b=B.T @ r), counted=range(3))
     return fitted, judged, r, B, H
 
 
@@ -104,6 +107,16 @@ def test_a_fit_that_stays_above_its_reach_is_given_up(key, strength, ends):
         fit_on(frame, lag, reach=lag.fit.deviance - 100)
 
 
+def test_what_integrating_out_adds_has_its_say_on_unseen_loops():
+    """Guards evidence in gusts: without the slope of the log determinant, as large for a segment as on train, unseen loops asked for
+    another kite (CLa 1.4 instead of 5.6), and what was promised there was off by hundreds from model to model."""
+    fitted, judged, _, B, H = linear(3)
+    before = _asked_of(fitted, (judged,), np.zeros(N))[0]
+    fitted.flights[0].slope = np.arange(1.0, N + 1)
+    after = _asked_of(fitted, (judged,), np.zeros(N))[0]
+    assert (H + B.T @ B) @ (after - before) == pytest.approx(0.5 * np.arange(1.0, N + 1))
+
+
 @pytest.mark.parametrize("seen", [False, True])
 def test_a_parameter_of_which_train_says_nothing_stays_where_it_is(seen):
     """Guards a trace that ended in a traceback (a pitch moment that the library lacks: `LinAlgError: Singular matrix`): a candidate's own
@@ -123,7 +136,7 @@ def test_a_parameter_of_which_train_says_nothing_stays_where_it_is(seen):
 def test_loops_on_which_a_model_runs_away_say_nothing():
     """Guards a traceback on the AP2's flight: its model without bounds is unstable on validation loops, with an information of -1e171."""
     fitted, judged, *_ = linear(3)
-    runs_away = SimpleNamespace(information=SimpleNamespace(H=-1e171 * np.ones((N, N)), b=1e150 * np.ones(N)))
+    runs_away = SimpleNamespace(information=SimpleNamespace(H=-1e171 * np.ones((N, N)), b=1e150 * np.ones(N)), counted=range(3))
     step, gained, wider = _asked_of(fitted, [runs_away], np.zeros(N))
     assert not step.any() and gained == 0.0 and wider == 0.0
     assert _asked_of(fitted, [judged], np.zeros(N))[0].any()
