@@ -287,6 +287,8 @@ class _Problem:
 
     def gives_up(self, at: Linearised, promised: float) -> bool:
         """Would the fit stay above its reach though it gained several times what a step promises?"""
+        if self.reach == np.inf:
+            return False
         each = zip(self.shares, at.known[1], strict=True)
         return sum(_deviance(s.misfit, k.information, k.counted, k.flies) for s, k in each) - PROMISED * promised > self.reach
 

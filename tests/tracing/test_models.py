@@ -5,15 +5,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from kites import DEVELOPMENT, flight
 from tracing.traced import null_model, short_flight, thinned
 
 from awescli.estimation import staged_fit
+from awescli.estimation.fit import Share, fit_together
 from awescli.estimation.gauss_newton import OutOfReach
 from awescli.estimation.prediction import predict
+from awescli.estimation.problem import build, simulator_of
+from awescli.estimation.processes.gusts import Gusts
 from awescli.estimation.staged_fit import Flight, fit_flights
 from awescli.flightlog.loops import find_loops
-from awescli.flightlog.split import split
+from awescli.flightlog.split import Split, split
 from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.tracing import models
 from awescli.tracing.frame import Frame, TracedFlight
 from awescli.tracing.models import FittedModel, _asked_of, bounded, fit_added, fit_null, fit_on, promised_beyond
 
@@ -115,6 +120,29 @@ def test_what_integrating_out_adds_has_its_say_on_unseen_loops():
     fitted.flights[0].slope = np.arange(1.0, N + 1)
     after = _asked_of(fitted, (judged,), np.zeros(N))[0]
     assert (H + B.T @ B) @ (after - before) == pytest.approx(0.5 * np.arange(1.0, N + 1))
+
+
+def test_what_unseen_loops_ask_is_the_slope_of_their_deviance():
+    """Guards the same on a flight in gusts, against differences of the deviance of validation, nuisances fitted anew everywhere: right to
+    a hundredth of what a standard deviation asks, and not without that slope."""
+    log = flight(seed=5, duration=62.0, noise=True, effects=(("turbulence", (("sigma", 0.8), ("L", 150.0))),)).log
+    n, names = len(log), ("CLa", "CL0", "Cmq")
+    parts = Split(((0, int(0.6 * n)),), ((int(0.6 * n), n),), (), (1, 1, 0), "time")
+    gusts = Gusts.of(DEVELOPMENT, log).at(dict.fromkeys(("horizontal gusts", "vertical gusts"), 0.8))
+    problem = build(simulator_of(DEVELOPMENT, log), log, parts, 5.0, tuple(log.measured)).with_processes([gusts]).spaced(0.1)
+    problem, table = replace(problem, names=names), problem.kite.parameters
+    fitted = fit_together([Share(problem.misfit(), table, table, names)], tolerance=0.1, probes=16)
+    found = fitted.flights[0].parameters
+    judged = models.judge(problem, found)
+    std = 1 / np.sqrt(np.diag(fitted.solution.H))
+
+    def deviance(name, moved):
+        at = found.with_values({name: found[name].value + moved})
+        return models.by_segment(models.judge(problem, at, judged)).sum()
+
+    asked = np.array([(deviance(name, -s) - deviance(name, s)) / 4 for name, s in zip(names, std, strict=True)])
+    with_slope, without = std * models._validation(fitted, (judged,))[1], std * judged.information.b
+    assert np.abs(with_slope - asked).max() < 0.01 and np.abs(without - asked).max() > 0.05
 
 
 @pytest.mark.parametrize("seen", [False, True])
