@@ -35,7 +35,7 @@ without a usable answer; in both cases, and when it is interrupted, the artifact
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
@@ -157,6 +157,12 @@ class Inputs:
     kite: Path
     split: Split
     upstreams: Mapping[str, Path] = field(default_factory=dict)
+
+    def after(self, upstreams: Mapping[str, Path]) -> "Inputs":
+        """The same behind other stages, with all that was read of it so far."""
+        same = replace(self, upstreams=upstreams)
+        vars(same).update({name: read for name, read in vars(self).items() if name not in vars(same)})
+        return same
 
     @cached_property
     def log(self) -> Any:

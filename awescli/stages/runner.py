@@ -100,7 +100,7 @@ def _chosen(plan: Plan, stages: Sequence[Stage], only: Iterable[str] | None, beg
 
 @dataclass
 class _Run:
-    """One call of `run_plan`: the plan, and which stages have run in it so far."""
+    """One call of `run_plan`: the plan, which stages have run in it so far, and hashes of the input files with what was read of them."""
 
     plan: Plan
     stages: Mapping[str, Stage]
@@ -110,6 +110,7 @@ class _Run:
     force: bool
     ran: list[str] = field(default_factory=list)
     forced: Forced | None = None
+    read: tuple[tuple[str, str], Inputs] | None = None
 
     def dry(self, name: str) -> Result:
         """What would become of a stage."""
@@ -171,7 +172,7 @@ class _Run:
         if self.forced is not None and not self.forced.starts(name):
             remove(checkpoints)  # asked for anew: only checkpoints of this very run are trusted
         refuse_foreign(folder, stage.makes)
-        inputs = Inputs(plan.flight, plan.kite, plan.split, upstreams)
+        inputs = self._inputs(upstreams)
         with one_blas_thread():  # the log is read here
             raise_all(refused(stage, inputs, plan))
         started, began = datetime.now(UTC), time.monotonic()
@@ -289,6 +290,14 @@ class _Run:
         }
 
     # --- upstream --------------------------------------------------------------------------------------------------------
+
+    def _inputs(self, upstreams: Mapping[str, Path]) -> Inputs:
+        """Flight and kite, read once by all stages of a call as long as their files stay as they are."""
+        plan = self.plan
+        files = input_hash("flight", plan.flight), input_hash("kite", plan.kite)
+        before = self.read[1] if self.read and self.read[0] == files else Inputs(plan.flight, plan.kite, plan.split)
+        self.read = files, before.after(upstreams)
+        return self.read[1]
 
     def _upstreams(self, name: str, dry: bool = False) -> dict[str, Path]:
         """Folders of the upstream stages to take from, in the order of the stages table."""

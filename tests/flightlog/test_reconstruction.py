@@ -35,7 +35,8 @@ def short_series(random, n=60, restart_at=35):
 
 
 def dense(series, white, laws):
-    """(beta, covariance, restricted deviance) from the covariance of all samples at once, as textbooks write generalised least squares."""
+    """(beta, covariance, restricted deviance, white noise of what is seen) from the covariance of all samples at once, as textbooks write
+    generalised least squares."""
     n, m, s = series.H.shape
     stretch = np.cumsum(series.restart)
     apart = np.abs(series.time[:, None] - series.time)
@@ -57,20 +58,24 @@ def dense(series, white, laws):
     beta = np.linalg.solve(A, X.T @ inverse @ y)
     left = y - X @ beta
     quadratic = left @ inverse @ left + (beta**2 / series.prior**2).sum()
-    return beta, np.linalg.inv(A), quadratic + np.linalg.slogdet(V)[1] + np.linalg.slogdet(A)[1]
+    white_noise = np.tile(np.array(white) ** 2, n)[keep] * (inverse @ left)
+    return beta, np.linalg.inv(A), quadratic + np.linalg.slogdet(V)[1] + np.linalg.slogdet(A)[1], white_noise
 
 
-def test_the_banded_likelihood_is_generalised_least_squares():
-    """Values, covariance, and differences of the deviance between two sets of levels, against dense algebra."""
+@pytest.mark.parametrize("shared", [True, False], ids=["a state that both see", "a state of each"])
+def test_the_banded_likelihood_is_generalised_least_squares(shared):
+    """Values, covariance, differences of the deviance between two sets of levels, and what smoothing leaves, against dense algebra."""
     random = np.random.default_rng(1)
     series = short_series(random)
+    series.H[:, 0, 1] *= shared
     banded = BandedLikelihood(series)
     sets = []
     for white, drift, memory, walk in (((0.5, 0.8), 0.7, 2.0, 0.3), ((1.1, 0.4), 0.2, 5.0, 0.9)):
         laws = (Law("drift", (0,), drift, memory), Law("walk", (1,), walk))
-        found, (beta, covariance, deviance) = banded.at(np.array(white), laws), dense(series, white, laws)
+        found, (beta, covariance, deviance, left) = banded.at(np.array(white), laws, smooth=True), dense(series, white, laws)
         np.testing.assert_allclose(found.beta, beta, rtol=1e-5, atol=1e-7)
         np.testing.assert_allclose(found.covariance, covariance, rtol=1e-5, atol=1e-8)
+        np.testing.assert_allclose(found.left[series.seen], left, rtol=1e-4, atol=1e-6)
         sets.append((found.deviance, deviance))
     # FAR loses six digits of the dense inverse, not of the banded one
     assert sets[0][0] - sets[1][0] == pytest.approx(sets[0][1] - sets[1][1], abs=1e-3)

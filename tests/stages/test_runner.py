@@ -218,6 +218,25 @@ def test_a_file_named_in_the_settings_is_an_input(file):
     assert go(file, overrides=overrides)[0]["identify"].startswith("setting weights changed")
 
 
+def test_stages_of_one_call_read_a_flight_once_unless_it_changes(file, monkeypatch):
+    """Guards both: seconds for every stage of a long log, and a stage that would go on with what is no longer there."""
+    logs = []
+
+    def read(stage, inputs, plan):
+        logs.append(vars(inputs).setdefault("log", object()))
+        vars(inputs)["quality"] = None
+        return []
+
+    def touch(stage, event):
+        if stage == "trace-residual" and not isinstance(event, str):
+            next((file.parent / "flight").iterdir()).write_text("another\n")
+
+    monkeypatch.setattr(runner, "refused", read)
+    go(file, report=touch)
+    identify, trace, evaluate = logs
+    assert identify is trace and evaluate is not trace
+
+
 def test_a_plan_without_stages(file):
     file.write_text("flight: flight\nkite: kite.yaml\n")
     with pytest.raises(BadInput, match="names no stages"):

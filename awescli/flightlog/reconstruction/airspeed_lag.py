@@ -46,7 +46,7 @@ def airspeed_lag(motion: Motion, wind: np.ndarray | None) -> Lag:
 def _deviance(motion: Motion, wind: np.ndarray | None, lag: float) -> float:
     identity = _without_rate(airspeed_of_motion(motion, wind, lag, smooth=True))
     series = thinned(without_outliers(identity, thinned(identity.series, MOST)), ENOUGH)
-    return estimate_levels(BandedLikelihood(series), identity.white, identity.laws, identity.known).deviance
+    return estimate_levels(BandedLikelihood(series), identity.white, identity.laws, identity.known, how_well=False).deviance
 
 
 def _without_rate(identity: Identity) -> Identity:

@@ -8,11 +8,13 @@ Fields, ch. 2). The likelihood is the restricted one (Harville 1977): beta is in
 beta has fitted. It is what a Rauch-Tung-Striebel smoother with beta among its states gives, to rounding.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, get_lapack_funcs
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from awescli.notation.errors import NumericalFailure
 
@@ -71,56 +73,35 @@ class BandedLikelihood:
 
     def __init__(self, series: Series):
         self.series = series
-        n, m, s = series.H.shape
-        self.shape = n, m, s
         D = np.concatenate([series.y[:, :, None], series.X], axis=2) * series.seen[:, :, None]
         H = series.H * series.seen[:, :, None]
-        self._data = D
-        # per series: D'D, H'D and the band of H'H
+        # D'D of each series
         self._gram = np.einsum("nia,nib->iab", D, D)
-        self._cross = [np.asfortranarray(np.einsum("ns,na->nsa", H[:, i], D[:, i]).reshape(n * s, -1)) for i in range(m)]
-        self._bands = []
-        for i in range(m):
-            band = np.zeros((s + 1, n, s))
-            for a in range(s):
-                for b in range(a, s):
-                    band[b - a, :, a] = H[:, i, a] * H[:, i, b]
-            self._bands.append(np.asfortranarray(band.reshape(s + 1, n * s)))
+        self._blocks = [_Block.of(H, D, *together) for together in _apart(series.H)]
         self._count = series.seen.sum(0)
         self._elapsed = np.where(series.restart, 1.0, np.diff(series.time, prepend=series.time[0] - 1.0))
 
-    def _prior(self, laws: Sequence[Law]) -> tuple[np.ndarray, float]:
-        """Band of the states' precision, and its log determinant."""
-        n, _, s = self.shape
+    def _prior(self, laws: Sequence[Law]) -> tuple[dict[int, tuple[np.ndarray, np.ndarray]], float]:
+        """State -> its own precision (n,) and that between it and the next sample's (n,), and the log determinant of all."""
+        found, log_determinant = {}, 0.0
         restart, elapsed = self.series.restart, self._elapsed
-        band, log_determinant = np.zeros((s + 1, n, s)), 0.0
         for law in laws:
             begin = FAR**2 if law.walks else law.level**2
-            phi = np.ones(n) if law.walks else np.exp(-elapsed / law.memory)
+            phi = np.ones(len(elapsed)) if law.walks else np.exp(-elapsed / law.memory)
             variance = law.level**2 * (elapsed if law.walks else -np.expm1(-2 * elapsed / law.memory))
             variance[restart], phi[restart] = begin, 0.0
             # a step is seen by both of its ends
             ahead, share = np.append(phi[1:], 0.0), np.append(1 / variance[1:], 0.0)
-            diagonal, beside = 1 / variance + ahead**2 * share, -ahead * share
-            for i in law.states:
-                band[0, :, i] = diagonal
-                band[s, :, i] = beside
+            found |= dict.fromkeys(law.states, (1 / variance + ahead**2 * share, -ahead * share))
             log_determinant -= len(law.states) * np.log(variance).sum()
-        return np.asfortranarray(band.reshape(s + 1, n * s)), log_determinant
+        return found, log_determinant
 
     def at(self, white: np.ndarray, laws: Sequence[Law], smooth: bool = False) -> Estimate:
         """The estimate where the white noise of the series is `white` (m,) and states follow `laws`. Raises NumericalFailure."""
-        n, m, s = self.shape
         weights = 1.0 / np.asarray(white) ** 2
-        band, log_determinant = self._prior(laws)
-        for w, own in zip(weights, self._bands, strict=True):
-            band += w * own
-        cross = np.asfortranarray(sum(w * c for w, c in zip(weights, self._cross, strict=True)))
-        factor, info = dpbtrf(band, lower=1, overwrite_ab=1)
-        if info:
-            raise NumericalFailure("singular", "noise levels of the flight path cannot be distinguished", do="Look at the log's channels.")
-        half, _ = dtbtrs(factor, cross, uplo="L")
-        G = np.einsum("i,iab->ab", weights, self._gram) - half.T @ half
+        prior, log_determinant = self._prior(laws)
+        factors = [block.factor(weights, prior) for block in self._blocks]
+        G = np.einsum("i,iab->ab", weights, self._gram) - sum(half.T @ half for _, _, half in factors)
         A = G[1:, 1:] + np.diag(1.0 / self.series.prior**2)
         try:
             lower = cho_factor(A, lower=True)
@@ -129,12 +110,64 @@ class BandedLikelihood:
             raise NumericalFailure("singular", what, do="Look at the log's channels.") from None
         beta = cho_solve(lower, G[1:, 0])
         deviance = (
-            G[0, 0] - G[1:, 0] @ beta
-            + 2 * np.log(factor[0]).sum() - log_determinant - self._count @ np.log(weights) + 2 * np.log(np.diag(lower[0])).sum()
+            G[0, 0] - G[1:, 0] @ beta + 2 * sum(np.log(factor[0]).sum() for factor, _, _ in factors)
+            - log_determinant - self._count @ np.log(weights) + 2 * np.log(np.diag(lower[0])).sum()
         )  # fmt: skip
         left = None
         if smooth:
-            solved, _ = dpbtrs(factor, cross, lower=1)
-            states = (solved[:, 0] - solved[:, 1:] @ beta).reshape(n, s)
+            states = np.zeros((len(self._elapsed), self.series.H.shape[2]))
+            for block, (factor, cross, _) in zip(self._blocks, factors, strict=True):
+                solved, _ = dpbtrs(factor, cross, lower=1)
+                states[:, block.states] = (solved[:, 0] - solved[:, 1:] @ beta).reshape(len(states), -1)
             left = self.series.y - self.series.X @ beta - np.einsum("nms,ns->nm", self.series.H, states)
         return Estimate(beta, cho_solve(lower, np.eye(len(beta))), float(deviance), left)
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Series and the states that only these see. bands, cross: of each series, the band of H'H and H'D."""
+
+    series: tuple[int, ...]
+    states: tuple[int, ...]
+    bands: tuple[np.ndarray, ...]
+    cross: tuple[np.ndarray, ...]
+
+    @classmethod
+    def of(cls, H: np.ndarray, D: np.ndarray, series: tuple[int, ...], states: tuple[int, ...]) -> "_Block":
+        n, s = len(H), len(states)
+        bands, cross = [], []
+        for i in series:
+            own, band = H[:, i, states], np.zeros((s + 1, n, s))
+            for a in range(s):
+                for b in range(a, s):
+                    band[b - a, :, a] = own[:, a] * own[:, b]
+            bands.append(np.asfortranarray(band.reshape(s + 1, n * s)))
+            cross.append(np.asfortranarray(np.einsum("ns,na->nsa", own, D[:, i]).reshape(n * s, -1)))
+        return cls(series, states, tuple(bands), tuple(cross))
+
+    def factor(
+        self, weights: np.ndarray, prior: Mapping[int, tuple[np.ndarray, np.ndarray]]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+        """(Cholesky factor L of the band of the states' precision P, C = H'D with its weights, L^-1 C)."""
+        s = len(self.states)
+        own = np.zeros((s + 1, len(next(iter(prior.values()))[0]), s))
+        for j, state in enumerate(self.states):
+            own[0, :, j], own[s, :, j] = prior[state]
+        band = np.asfortranarray(own.reshape(s + 1, -1))
+        for i, seen in zip(self.series, self.bands, strict=True):
+            band += weights[i] * seen
+        cross = np.asfortranarray(sum(weights[i] * c for i, c in zip(self.series, self.cross, strict=True)))
+        factor, info = dpbtrf(band, lower=1, overwrite_ab=1)
+        if info:
+            raise NumericalFailure("singular", "noise levels of the flight path cannot be distinguished", do="Look at the log's channels.")
+        return factor, cross, dtbtrs(factor, cross, uplo="L")[0]
+
+
+def _apart(H: np.ndarray) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """(series, states) of H (n, m, s) that have nothing to do with the others: position along north says nothing of drifts along east."""
+    sees = (H != 0).any(0)
+    m, s = sees.shape
+    links = np.block([[np.zeros((m, m)), sees], [np.zeros((s, m + s))]])
+    count, of = connected_components(csr_array(links), directed=False)
+    found = [(np.flatnonzero(of[:m] == k), np.flatnonzero(of[m:] == k)) for k in range(count)]
+    return [(tuple(series.tolist()), tuple(states.tolist())) for series, states in found if len(series) and len(states)]

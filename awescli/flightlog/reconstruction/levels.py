@@ -9,8 +9,8 @@ from scipy.optimize import minimize
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood, Law
 from awescli.notation.errors import NumericalFailure
 
-STEP = 1e-3
-"""Of differences in log levels."""
+STEP = 1e-5
+"""Of differences in log levels: their error, half the curvature times it, is to be nothing beside the slope, or the search ends early."""
 WIDEST = 4.0
 """Log levels are searched so far about their start (a factor of 50)."""
 HOPELESS = 1e12
@@ -36,9 +36,11 @@ class Levels:
 
 
 def estimate_levels(
-    likelihood: BandedLikelihood, white: Sequence[float], laws: Sequence[Law], known: Sequence[Known], *, most: int = 30
-) -> Levels:
-    """Levels that are likeliest, from a start. known: of white levels, levels of laws and memories where they have one, in this order."""
+    likelihood: BandedLikelihood, white: Sequence[float], laws: Sequence[Law], known: Sequence[Known], *, most: int = 30,
+    how_well: bool = True,
+) -> Levels:  # fmt: skip
+    """Levels that are likeliest, from a start. known: of white levels, levels of laws and memories where they have one, in this order;
+    how_well: their spread is asked for, too."""
     laws = tuple(laws)
     start = _packed(white, laws)
     median, spread = np.log([k.median for k in known]), np.array([k.spread for k in known])
@@ -64,7 +66,7 @@ def estimate_levels(
     found = minimize(slope, np.zeros(len(start)), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": most, "ftol": 1e-8})
     best = start + found.x / size
     white_found, laws_found = _unpacked(best, m, laws)
-    return Levels(white_found, laws_found, _spread(cost, best), 2 * float(found.fun))
+    return Levels(white_found, laws_found, _spread(cost, best) if how_well else np.full(len(best), np.inf), 2 * float(found.fun))
 
 
 def _spread(cost: Callable[[np.ndarray], float], x: np.ndarray, step: float = 0.02) -> np.ndarray:
