@@ -47,3 +47,19 @@ def identifies(name: str, case: dict) -> dict:
     problem = build(simulator_of(flight.declared, flight.log), flight.log, parts, 2.0, tuple(flight.log.measured))
     fit, _ = fit_in_stages(problem, (1.0,))
     return {"case": name, "values": fit.solution.x.tolist(), "covariance": fit.covariance.tolist(), "chi2": fit.chi2}
+
+
+def fills_memory_again(name: str, case: dict) -> dict:
+    """How many pages are filled with zeros while 4 MB are taken and given back fifty times."""
+    import resource
+
+    import numpy as np
+
+    def pages() -> int:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+
+    np.ones(2**19)
+    before = pages()
+    for _ in range(50):
+        np.ones(2**19)
+    return {"pages": pages() - before}

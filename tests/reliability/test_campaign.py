@@ -1,9 +1,11 @@
 """Campaigns: the same files from Dask as from one case after the other; a killed worker or an interruption loses nothing."""
 
 import json
+import sys
 
+import pytest
 from campaign import kept, result_file, run_campaign
-from reliability.campaign_work import computes, fails, identifies, kills_every_worker, kills_its_worker_once
+from reliability.campaign_work import computes, fails, fills_memory_again, identifies, kills_every_worker, kills_its_worker_once
 
 
 def files(folder):
@@ -30,6 +32,13 @@ def test_a_killed_worker_loses_nothing(tmp_path):
 def test_a_case_that_kills_every_worker_fails_by_name(tmp_path):
     failed = run_campaign(kills_every_worker, {"bad": {}}, tmp_path, jobs=1)
     assert list(failed) == ["bad"] and "KilledWorker" in failed["bad"] and not result_file(tmp_path, "bad").exists()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="how memory is given back is a matter of the C library")
+def test_workers_keep_the_memory_that_they_need_again(tmp_path):
+    """Guards a third of the time of fits in gusts: Dask has free memory given back at once, and 1024 pages of each 4 MB are filled anew."""
+    assert run_campaign(fills_memory_again, {"one": {}}, tmp_path, jobs=1) == {}
+    assert kept(tmp_path, {"one": {}})["one"]["pages"] < 50 * 1024 / 10
 
 
 def test_resumes_where_it_stopped_and_tries_failed_cases_again(tmp_path, capsys):
