@@ -96,20 +96,36 @@ PIPES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", PIPES)
+CHECK_EACH = """
+import os, sys
+from awescli.cli import main
+for folder in sys.argv[1:]:
+    os.chdir(folder)
+    print("in", folder, file=sys.stderr, flush=True)
+    sys.argv = ["awes", "check"]
+    try:
+        main()
+    except SystemExit as e:
+        print("exit code", e.code, file=sys.stderr, flush=True)
+"""
+
+
 @pytest.mark.parametrize("kind", ["pipe", "device"])
-def test_what_is_no_regular_file_is_not_waited_for(tmp_path, name, kind):
+def test_what_is_no_regular_file_is_not_waited_for(tmp_path, kind):
     """A named pipe in the place of a file used to hang `check` for ever, a device to fill the memory."""
-    make_small_run(tmp_path)
-    if name == "a.mat":
-        (tmp_path / "flight" / "kite.csv").unlink()
-    place = PIPES[name](tmp_path)
-    place.unlink(missing_ok=True)
-    os.mkfifo(place) if kind == "pipe" else place.symlink_to("/dev/zero")
-    done = subprocess.run([sys.executable, "-c", "from awescli.cli import main; main()", "check"], cwd=tmp_path, capture_output=True,
-                          text=True, timeout=60)  # fmt: skip
-    assert done.returncode == 2 and f"this is a {'named pipe' if kind == 'pipe' else 'device'}" in done.stderr
-    assert name in done.stderr
+    for name, file in PIPES.items():
+        make_small_run(folder := tmp_path / name)
+        if name == "a.mat":
+            (folder / "flight" / "kite.csv").unlink()
+        place = file(folder)
+        place.unlink(missing_ok=True)
+        os.mkfifo(place) if kind == "pipe" else place.symlink_to("/dev/zero")
+    done = subprocess.run([sys.executable, "-c", CHECK_EACH, *(str(tmp_path / name) for name in PIPES)], capture_output=True, text=True,
+                          timeout=120)  # fmt: skip
+    told = dict(zip(PIPES, done.stderr.split("in /")[1:], strict=True))
+    for name, said in told.items():
+        assert f"this is a {'named pipe' if kind == 'pipe' else 'device'}" in said and "exit code 2" in said, name
+        assert name in said.split("\n", 1)[1], name
 
 
 @pytest.mark.parametrize("what", ["wide", "heights", "gap", "long line", "one column"])
