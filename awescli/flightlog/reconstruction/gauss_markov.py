@@ -150,7 +150,7 @@ class _Block:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
         """(Cholesky factor L of the band of the states' precision P, C = H'D with its weights, L^-1 C)."""
         s = len(self.states)
-        own = np.zeros((s + 1, len(next(iter(prior.values()))[0]), s))
+        own = np.zeros((s + 1, self.bands[0].shape[1] // s, s))
         for j, state in enumerate(self.states):
             own[0, :, j], own[s, :, j] = prior[state]
         band = np.asfortranarray(own.reshape(s + 1, -1))
