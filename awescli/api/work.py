@@ -73,7 +73,7 @@ class Origin:
         """What a stage would see of it: to read only."""
         upstreams = {name: made.intact().folder for name, made in self.made.items()}
         split = Split(**self.split)
-        inputs = Inputs(self.flight.path, self.kite.path, split, upstreams)
+        inputs = Inputs(self.flight.path, self.kite.path, split)
         nowhere = Path()
         return Context(self.flight.path, self.kite.path, nowhere, nowhere, nowhere, self.seed, split, upstreams, Silent(), inputs)
 

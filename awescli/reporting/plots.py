@@ -80,7 +80,7 @@ def _plain(obj: Any, digits: int) -> Any:
     if isinstance(obj, str):
         return escape(obj)
     if isinstance(obj, np.ndarray):
-        return _rounded(obj, digits) if obj.dtype.kind == "f" else [_plain(v, digits) for v in obj.tolist()]
+        return [_plain(v, digits) for v in obj.tolist()]
     if isinstance(obj, Mapping):
         return {str(k): v if k in AS_THEY_ARE else _plain(v, digits) for k, v in obj.items()}
     if isinstance(obj, (list, tuple)):
@@ -90,17 +90,6 @@ def _plain(obj: Any, digits: int) -> Any:
     if isinstance(obj, float):
         return float(f"{obj:.{digits}g}") if math.isfinite(obj) else None
     return obj
-
-
-def _rounded(values: np.ndarray, digits: int) -> list:
-    """Floats to so many digits, what is not finite as None: an integer over a power of ten is the float next to that decimal."""
-    finite = np.isfinite(values) & (values != 0)
-    size = np.floor(np.log10(np.abs(values), out=np.zeros(values.shape), where=finite))
-    powers = np.clip(digits - 1 - size, -300, 300)
-    up, down = 10.0 ** np.maximum(powers, 0), 10.0 ** np.maximum(-powers, 0)
-    rounded = (np.rint(np.where(finite, values, 0.0) * up / down) / up * down).astype(object)
-    rounded[~np.isfinite(values)] = None
-    return rounded.tolist()
 
 
 def stride(count: int, most: int = MOST_POINTS) -> int:

@@ -35,7 +35,7 @@ without a usable answer; in both cases, and when it is interrupted, the artifact
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
@@ -148,7 +148,7 @@ class Silent:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What the stages of a plan are made from, read once: flight, kite: the plan's; split: its shares; upstreams: as in `Context`.
+    """What the stages of a plan are made from, read once: flight, kite: the plan's; split: its shares.
 
     log, parts, declared raise BadInput where the flight or the kite file cannot be used.
     """
@@ -156,13 +156,6 @@ class Inputs:
     flight: Path
     kite: Path
     split: Split
-    upstreams: Mapping[str, Path] = field(default_factory=dict)
-
-    def after(self, upstreams: Mapping[str, Path]) -> "Inputs":
-        """The same behind other stages, with all that was read of it so far."""
-        same = replace(self, upstreams=upstreams)
-        vars(same).update({name: read for name, read in vars(self).items() if name not in vars(same)})
-        return same
 
     @cached_property
     def log(self) -> Any:

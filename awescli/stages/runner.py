@@ -172,7 +172,7 @@ class _Run:
         if self.forced is not None and not self.forced.starts(name):
             remove(checkpoints)  # asked for anew: only checkpoints of this very run are trusted
         refuse_foreign(folder, stage.makes)
-        inputs = self._inputs(upstreams)
+        inputs = self._inputs()
         with one_blas_thread():  # the log is read here
             raise_all(refused(stage, inputs, plan))
         started, began = datetime.now(UTC), time.monotonic()
@@ -222,7 +222,7 @@ class _Run:
         kept = self._provenance(name) or {}
         context = Context(
             plan.flight, plan.kite, plan.out, self._folder(name), scratch_path(plan.out, name), plan.seed, plan.split, upstreams,
-            self.progress, Inputs(plan.flight, plan.kite, plan.split, upstreams), kept.get("stamp", {}),
+            self.progress, Inputs(plan.flight, plan.kite, plan.split), kept.get("stamp", {}),
         )  # fmt: skip
         return stage.figures(context, plan.settings[name])
 
@@ -291,12 +291,12 @@ class _Run:
 
     # --- upstream --------------------------------------------------------------------------------------------------------
 
-    def _inputs(self, upstreams: Mapping[str, Path]) -> Inputs:
+    def _inputs(self) -> Inputs:
         """Flight and kite, read once by all stages of a call as long as their files stay as they are."""
         plan = self.plan
         files = input_hash("flight", plan.flight), input_hash("kite", plan.kite)
-        before = self.read[1] if self.read and self.read[0] == files else Inputs(plan.flight, plan.kite, plan.split)
-        self.read = files, before.after(upstreams)
+        if self.read is None or self.read[0] != files:
+            self.read = files, Inputs(plan.flight, plan.kite, plan.split)
         return self.read[1]
 
     def _upstreams(self, name: str, dry: bool = False) -> dict[str, Path]:

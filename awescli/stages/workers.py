@@ -18,9 +18,6 @@ DEATHS = 3
 """Workers that one piece of work may take with it before it is called failed: a killed worker is bad luck, three are the work itself."""
 PATIENCE = 15
 """Seconds in which a scheduler must answer."""
-KEPT = str(2**25)
-"""Bytes from which C gives free memory back. Dask sets 2**16, and the arrays of a fit in gusts are larger: a third of its time went into
-pages that the system took back and filled with zeros again."""
 
 Work = Callable[[str, Any], Any]
 
@@ -51,10 +48,10 @@ def connected(workers: int, scheduler: str | None = None) -> Iterator[Any]:
         "distributed.scheduler.allowed-failures": DEATHS,
         # one piece of work per core: threads inside it would only wait for each other. A user's own choice stands.
         "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "1"),
+        # Dask has the C library give free memory back at once, and a fit in gusts needs it again: a third of its time went into clean pages
+        "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
         "distributed.worker.preload": [__name__],
     }
-    for name in ("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_"):
-        settings[f"distributed.nanny.pre-spawn-environ.{name}"] = os.environ.get(name, KEPT)
     with (
         config.set(settings),
         # a flight takes the memory that it takes: a share of the machine's each is no limit of ours

@@ -130,12 +130,12 @@ def needs(form: str) -> None:
 
 
 MODELS = ("initial", "identified", "with_effects", "hybrid")
-"""Of an FMU, which holds the C of its model, those that have all there is: states of effects, and a network."""
 FLY = {"c": in_c, "fmu": lambda folder, *ride: in_fmu(unpacked(folder), *ride), "casadi": in_casadi, "jsbsim": in_jsbsim}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("by", ["recorded", "controller"])
+# an FMU holds the C of its model: the two models that have states of effects, and a network, are enough of it
 @pytest.mark.parametrize("form, model", [*itertools.product(("c", "casadi"), MODELS), *itertools.product(("fmu",), MODELS[2:])])
 def test_the_exported_files_fly_what_awes_simulate_flies(run, tmp_path, form, model, by):
     """Ten seconds, or as long as the simulated kite stays up, to 1e-9 of what each channel reaches."""

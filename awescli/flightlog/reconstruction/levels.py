@@ -27,7 +27,7 @@ class Known:
 @dataclass(frozen=True)
 class Levels:
     """white (m,), laws: as estimated; spread: standard deviation of the logarithm of each white level, each law's level and each memory, in
-    this order."""
+    this order; infinite where it was not asked for."""
 
     white: np.ndarray
     laws: tuple[Law, ...]
