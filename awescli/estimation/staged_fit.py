@@ -93,7 +93,7 @@ def fit_flights(
         if not in_gusts:
             return _settled(problems, labels, declared, horizons, per_flight, prior, on_iteration)
         open_ = [p.with_processes(wide_open(p.processes)) for p in problems]
-        return fit_levels(open_, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
+        return fit_coarsely_first(open_, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
 
     result, found = settled(few)
     if any(some is not p for some, p in zip(few, problems, strict=True)):
@@ -114,7 +114,7 @@ def _settled(
 ) -> tuple[JointFit, list[EstimationProblem]]:  # fmt: skip
     """Parameters and levels from short horizons to the whole one."""
     tables = declared
-    owns: list[NuisanceValues | None] = [None] * len(problems)
+    owns: Sequence[NuisanceValues | None] = [None] * len(problems)
     for horizon in horizons:
         short = [
             p.shorter(horizon, p.simulator.holding(t)).spread_out(SETTLED_ON).with_processes(opened(p.processes, (MODEL_ERROR,), WIDE))
@@ -133,18 +133,18 @@ def _settled(
         owns = [*first]
     problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
     owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
-    result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, LOOSE, on_iteration, owns)
     if horizons and not any(levels_of(p.processes) for p in problems):
         # without processes, which take up what a poor guess misses, a short horizon may lead astray from what counts in a long one
-        straight, _ = fit_levels(problems, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
+        straight, _ = fit_levels(problems, labels, declared, per_flight, prior, ROUNDS, LOOSE, on_iteration)
         result = min(result, straight, key=lambda r: r.solution.cost)
     looked = [_looked_for(p, f, OPEN) for p, f in zip(problems, result.flights, strict=True)] if result.ended else []
-    if any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=False)):
-        tables = [f.parameters for f in result.flights]
-        problems = [p.with_processes(_closed(p.processes, (MODEL_ERROR,), SLIGHT)) if gusty(p) else p for p, _ in looked]
-        owns = [new.misfit().carried(own, old.misfit()) for new, (old, own) in zip(problems, looked, strict=True)]
-        result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
-    return result, problems
+    tables, owns = [f.parameters for f in result.flights], [f.own for f in result.flights]
+    if not any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=False)):
+        return _fitted(problems, labels, tables, owns, per_flight, prior, TIGHT, on_iteration), problems
+    problems = [p.with_processes(_closed(p.processes, (MODEL_ERROR,), SLIGHT)) if gusty(p) else p for p, _ in looked]
+    owns = [new.misfit().carried(own, old.misfit()) for new, (old, own) in zip(problems, looked, strict=True)]
+    return fit_coarsely_first(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
 
 
 def fit_output_error(
@@ -257,7 +257,7 @@ def _looked_for(problem: EstimationProblem, fit: Fit, kinds: Sequence[str]) -> t
     processes, _ = relevelled(wide, gram, own, fit.counted)
     if not gusty(wide.with_processes(processes)):
         processes = _closed(processes, TURNING, 0.0)
-    new = problem.with_processes(tuple(replace(p, spacing=old.spacing) for p, old in zip(processes, problem.processes, strict=True)))
+    new = problem.with_processes(_spaced_as(problem, processes))
     return new, new.misfit(fit.misfit.simulator).carried(own, wide)
 
 
@@ -295,6 +295,31 @@ def fit_levels(
         tables, known = [f.parameters for f in result.flights], [f.own for f in result.flights]
         result = fitted(tolerance, reach)
     return result, list(problems)
+
+
+def fit_coarsely_first(
+    problems: Sequence[EstimationProblem], labels: Sequence[str], tables: Sequence[ParameterTable], per_flight: Sequence[str], prior: bool,
+    rounds: int, tolerance: float, on_iteration: OnIteration = lambda h, i, c: None, owns: Sequence[NuisanceValues | None] | None = None,
+    noise: bool = True,
+) -> tuple[JointFit, list[EstimationProblem]]:  # fmt: skip
+    """`fit_levels`, from where parameters and levels settle at nodes of processes that are far apart: between nodes as close as those of
+    gusts are, each step takes several times as long."""
+    how = {"per_flight": per_flight, "prior": prior, "rounds": rounds, "on_iteration": on_iteration, "noise": noise}
+    begun = owns or [None] * len(problems)
+    if any(g.level > 0 and p.spacing < COARSE for problem in problems for p in problem.processes for g in p.groups):
+        coarse = [p.spaced(COARSE) for p in problems]
+        at = [own and new.misfit().carried(own, p.misfit()) for new, p, own in zip(coarse, problems, begun, strict=True)]
+        rough, found = fit_levels(coarse, labels, tables, tolerance=LOOSE, owns=at, **how)
+        if rough.ended:
+            problems = [p.at_noise(c.factors).with_processes(_spaced_as(p, c.processes)) for p, c in zip(problems, found, strict=True)]
+            tables = [f.parameters for f in rough.flights]
+            begun = [p.misfit().carried(f.own, c.misfit()) for p, f, c in zip(problems, rough.flights, found, strict=True)]
+    return fit_levels(problems, labels, tables, tolerance=tolerance, owns=begun, **how)
+
+
+def _spaced_as(problem: EstimationProblem, processes: Sequence[Process]) -> list[Process]:
+    """The processes with nodes as far apart as those of a problem are."""
+    return [replace(p, spacing=own.spacing) for p, own in zip(processes, problem.processes, strict=True)]
 
 
 def _fitted(

@@ -10,7 +10,17 @@ from awescli.estimation.levels import prior_deviance
 from awescli.estimation.misfit import DIVERGED_COST, Misfit
 from awescli.estimation.problem import EstimationProblem, without_record
 from awescli.estimation.processes.base import Process
-from awescli.estimation.staged_fit import COARSE, MODEL_ERROR, SETTLED_ON, SLIGHT, Flight, fit_flights, fit_levels, widened
+from awescli.estimation.staged_fit import (
+    COARSE,
+    MODEL_ERROR,
+    SETTLED_ON,
+    SLIGHT,
+    Flight,
+    fit_coarsely_first,
+    fit_flights,
+    fit_levels,
+    widened,
+)
 from awescli.notation.parameters import ParameterTable
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import make_effect
@@ -26,6 +36,9 @@ WHOLE = (5, 0.2)
 NEAR = 4.0
 """Shift (its square, in standard deviations) that validation may ask of the parameters before it is judged anew there: the linearisation
 holds."""
+NOWHERE = 100.0
+"""Times what a model leaves from which on a fit would only come back from afar: a rudder that had no rate limit, fitted from one of half a
+degree a second, began at 1800 times and took 20 steps back to where it had been."""
 AT_END = 1e-6
 """Share of its range by which a parameter at an end of it may be away from the end."""
 
@@ -55,10 +68,12 @@ class FittedModel:
 
     @classmethod
     def of(
-        cls, keys: Sequence[str], strengths: Sequence[str], fitted: JointFit, problems: Sequence[EstimationProblem]
+        cls, keys: Sequence[str], strengths: Sequence[str], fitted: JointFit, problems: Sequence[EstimationProblem],
+        before: Sequence[Fit | None] = (),
     ) -> "FittedModel":  # fmt: skip
-        """The model with its validation loops judged."""
-        judged = tuple(judge(p, f.parameters) for p, f in zip(problems, fitted.flights, strict=True))
+        """The model with its validation loops judged. before: what a model near to it made of them."""
+        begun = before or [None] * len(problems)
+        judged = tuple(judge(p, f.parameters, b) for p, f, b in zip(problems, fitted.flights, begun, strict=True))
         train, validation = (np.concatenate([by_segment(f) for f in fits]) for fits in (fitted.flights, judged))
         judged, shift, step, unseen = _unseen(fitted, problems, judged)
         s, table = fitted.solution, fitted.prior
@@ -292,8 +307,8 @@ def _fitted_as_known(frame: Frame, model: FittedModel, processes: Sequence[Seque
     bare = [p.with_processes(others) for p, others in zip(model.problems, processes, strict=True)]
     owns = [p.misfit().carried(f.own, f.misfit) for p, f in zip(bare, model.fit.flights, strict=True)]
     tables = [f.parameters for f in model.fit.flights]
-    found = fit_levels(bare, frame.labels, tables, frame.per_flight, True, *WHOLE, owns=owns, noise=False)
-    return FittedModel.of(model.keys, model.strengths, *found)
+    found = fit_coarsely_first(bare, frame.labels, tables, frame.per_flight, True, *WHOLE, owns=owns, noise=False)
+    return FittedModel.of(model.keys, model.strengths, *found, model.judged)
 
 
 def fit_apart(frame: Frame, model: FittedModel) -> FittedModel:
@@ -304,6 +319,17 @@ def fit_apart(frame: Frame, model: FittedModel) -> FittedModel:
 def fit_beyond(frame: Frame, model: FittedModel, names: Sequence[str]) -> FittedModel:
     """The model fitted anew with parameters or strengths `names` free to leave their bounds; their priors stay."""
     return _fitted(frame, model, model.keys, model.strengths, {}, WHOLE, beyond=names)
+
+
+def begins_nowhere(model: FittedModel, name: str, value: float) -> bool:
+    """Is a model so far from the flights with another value of one of its parameters that no fit should begin there?"""
+
+    def cost(p: EstimationProblem, f: Fit, table: ParameterTable) -> float:
+        return float(p.misfit(p.simulator.holding(table)).costs(table.vector(p.names), f.own)[0].sum())
+
+    each = list(zip(model.problems, model.fit.flights, strict=True))
+    there = sum(cost(p, f, f.parameters.with_values({name: value})) for p, f in each)
+    return there > NOWHERE * sum(cost(p, f, f.parameters) for p, f in each)
 
 
 def promised_beyond(model: FittedModel, names: Sequence[str]) -> float:
@@ -343,7 +369,7 @@ def _fitted(
         share = len(problem.fitted.segments) / len(fitted.misfit.observed.segments)
         slopes.append(share * np.array([was.get(n, 0.0) for n in names]) if how is QUICK else None)
     found = fit_levels(problems, frame.labels, tables, frame.per_flight, True, rounds, tolerance, owns=owns, slopes=slopes, reach=reach)
-    return FittedModel.of(keys, strengths, *found)
+    return FittedModel.of(keys, strengths, *found, base.judged)
 
 
 def _gone(processes: Sequence[Process], kind: str) -> tuple[Process, ...]:
@@ -364,11 +390,12 @@ def _slight(processes: Sequence[Process], share: float = SLIGHT) -> tuple[Proces
 
 
 def judge(problem: EstimationProblem, table: ParameterTable, before: Fit | None = None) -> Fit:
-    """What parameters make of the validation loops: only nuisances are fitted, from those of another fit to them or anew. Its information
-    is that on the parameters."""
+    """What parameters make of the validation loops: only nuisances are fitted, from those of another fit that lost no segment, or anew. Its
+    information is that on the parameters."""
     simulator = problem.simulator.holding(table)
-    share = Share(Misfit(simulator, problem.validation, (), problem.processes), table, table, (), before and before.own)
-    found = fit_together([share], prior=False, iterations=6, tolerance=1.0).flights[0]
+    alone = Misfit(simulator, problem.validation, (), problem.processes)
+    own = alone.carried(before.own, before.misfit) if before and before.flies.all() else None
+    found = fit_together([Share(alone, table, table, (), own)], prior=False, iterations=6, tolerance=1.0).flights[0]
     misfit = Misfit(simulator, problem.validation, problem.names, problem.processes)
     said = misfit.linear(table.vector(problem.names), found.own)
     counted = np.flatnonzero(said.alive > misfit.observed.segments.steps)

@@ -11,7 +11,19 @@ from awescli.notation.present import present
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, Say, fit_added, fit_held, fit_on, fit_on_part, fit_swapped, fit_without, part_of
+from awescli.tracing.models import (
+    FittedModel,
+    Say,
+    begins_nowhere,
+    bounded,
+    fit_added,
+    fit_held,
+    fit_on,
+    fit_on_part,
+    fit_swapped,
+    fit_without,
+    part_of,
+)
 from awescli.tracing.screen import Score, Screening, holm, screen
 
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
@@ -320,7 +332,7 @@ def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA, par
             model = _freed(frame, model, name, [p for p in probes if p != null[shape]], criteria)
             model = _held_where_null(frame, model, name, null[shape], criteria)
             continue
-        for start in (s for s in (*probes, *effect.refinements.get(shape, ())) if s != null[shape]):
+        for start in (s for s in (*probes, *effect.refinements.get(shape, ())) if s != null[shape] and not begins_nowhere(model, name, s)):
             held = held or (fit_on(part_of(frame), partly) if partly else None)
             if held and not _promising(part_of(frame), held, name, start, model.segments / held.segments, criteria):
                 continue
@@ -339,11 +351,12 @@ def _promising(part: Frame, model: FittedModel, name: str, start: float, times: 
 def _freed(frame: Frame, model: FittedModel, name: str, probes: Sequence[float], criteria: Criteria) -> FittedModel:
     """The model with a probed shape free, from the likeliest place: the time of a loss of lift has an optimum of its own in every loop, and
     where it lies in none of those that are fitted, unseen loops choose it, by halves of the distance between its probes."""
-    trials = [fit_on(frame, model, {name: start}, free=(name,)) for start in dict.fromkeys((model.table[name].value, *probes))]
-    best = min(trials, key=lambda m: m.deviance)
+    starts = dict.fromkeys((model.table[name].value, *(p for p in probes if not begins_nowhere(model, name, p))))
+    best = min((fit_on(frame, model, {name: start}, free=(name,)) for start in starts), key=lambda m: m.deviance)
     apart = step = float(np.min(np.diff(sorted(probes)), initial=np.inf))
     place = best.fit.names.index(name)
-    unseen = np.isfinite(apart) and np.sqrt(best.fit.covariance[place, place]) > UNSEEN * apart
+    uncertain = np.isfinite(apart) and np.sqrt(best.fit.covariance[place, place]) > UNSEEN * apart
+    unseen = uncertain and name not in bounded(best.fit)
     while unseen and (step := step / 2) > UNSEEN * apart:
         there = best.table[name]
         either = {min(max(there.value + side, there.lower), there.upper) for side in (-step, step)} - {there.value}

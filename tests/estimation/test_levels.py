@@ -7,6 +7,7 @@ import pytest
 from kites import DEVELOPMENT, flight, lively, truly
 from scipy import stats
 
+from awescli.estimation import staged_fit
 from awescli.estimation.fit import fit
 from awescli.estimation.levels import LONGER, noise_factors, opened, prior_deviance, relevelled
 from awescli.estimation.misfit import Misfit
@@ -222,6 +223,36 @@ def test_a_fit_that_begins_in_gusts_finds_them_and_keeps_the_derivatives():
     std = dict(zip(fitted.names, np.sqrt(np.diag(fitted.covariance)), strict=True))
     for name in ASKED:
         assert abs(fitted.parameters[name].value - truth[name].value) < 3 * std[name], name
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_a_fit_settles_between_nodes_that_are_far_apart_first(monkeypatch, ends):
+    """Guards the time in gusts: what has settled between nodes 0.1 s apart is where the fit between all nodes begins, and it
+    ends at the same values; what has not come to its minimum there is forgotten. Without gusts there is one fit as before."""
+    problem, _ = in_gusts(0.8)
+    gusty = problem.with_processes(staged_fit.wide_open(problem.processes))
+    plain, asked = staged_fit.fit_levels, []
+
+    def counting(problems, labels, tables, *, tolerance, owns, **how):
+        result, found = plain(problems, labels, tables, tolerance=tolerance, owns=owns, **how)
+        asked.append((spacing(found[0].processes), tables[0]))
+        failed = replace(result, solution=replace(result.solution, kkt=result.solution.cost))
+        return (result if ends or len(asked) > 1 else failed), found
+
+    monkeypatch.setattr(staged_fit, "fit_levels", counting)
+    tables = [problem.simulator.kite.parameters]
+    how = {"labels": [""], "tables": tables, "per_flight": (), "prior": True, "rounds": 3, "tolerance": 0.1}
+    result, (found,) = staged_fit.fit_coarsely_first([gusty], **how)
+    assert [round(step, 9) for step, _ in asked] == [staged_fit.COARSE, spacing(gusty.processes)] and spacing(found.processes) < 0.03
+    assert (asked[1][1] is tables[0]) is not ends
+    assert result.flights[0].misfit.nodes.size > 50
+    if ends:
+        straight, _ = plain([gusty], **how)
+        away = (result.solution.x - straight.solution.x) / np.sqrt(np.diag(straight.covariance))
+        assert np.abs(away).max() < 0.5
+        asked.clear()
+        staged_fit.fit_coarsely_first([problem], **how)
+        assert len(asked) == 1
 
 
 def test_a_level_falls_fast_until_it_has_risen():

@@ -20,7 +20,7 @@ from awescli.flightlog.split import Split, split
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.tracing import models
 from awescli.tracing.frame import Frame, TracedFlight
-from awescli.tracing.models import FittedModel, _asked_of, bounded, fit_added, fit_null, fit_on, promised_beyond
+from awescli.tracing.models import FittedModel, _asked_of, begins_nowhere, bounded, fit_added, fit_null, fit_on, judge, promised_beyond
 
 N, FIT, SEEN = 4, 30, 20
 
@@ -110,6 +110,26 @@ def test_a_fit_that_stays_above_its_reach_is_given_up(key, strength, ends):
     assert again.deviance == lag.deviance and again.fit.deviance == sum(f.deviance for f in again.fit.flights)
     with pytest.raises(OutOfReach):
         fit_on(frame, lag, reach=lag.fit.deviance - 100)
+
+
+def test_where_a_fit_should_not_begin():
+    """Guards the time of a trace: a lag without a limit of its rate was fitted from one of 0.008 rad/s, 1800 times its cost away."""
+    frame, null = null_model((("actuator_lag:rudder", (("tau", 0.1),)),))
+    lag = fit_added(frame, null, "actuator_lag:rudder", {"actuator_lag:rudder.tau": 0.08}, {})
+    assert begins_nowhere(lag, "actuator_lag:rudder.rate", 0.008) and not begins_nowhere(lag, "actuator_lag:rudder.rate", 0.8)
+
+
+def test_validation_is_judged_from_what_a_model_near_by_made_of_it():
+    """Guards `before`: the same verdict in fewer steps, also from a model with other effects; from one that lost a segment, as anew."""
+    frame, null = null_model((("actuator_lag:rudder", (("tau", 0.1),)),))
+    lag = fit_added(frame, null, "actuator_lag:rudder", {"actuator_lag:rudder.tau": 0.08}, {})
+    (problem,), (own,), (other,) = lag.problems, lag.judged, null.judged
+    anew, again, across = (judge(problem, lag.table, before) for before in (None, own, other))
+    assert again.deviance == pytest.approx(anew.deviance, abs=0.5) and across.deviance == pytest.approx(anew.deviance, abs=0.5)
+    steps = [len(found.solution.history) for found in (anew, again, across)]
+    assert steps[1] < steps[0] and steps[2] <= steps[0]
+    lost = judge(problem, lag.table, replace(own, alive=np.zeros_like(own.alive)))
+    assert lost.deviance == anew.deviance and np.array_equal(lost.own.starts, anew.own.starts)
 
 
 def test_what_integrating_out_adds_has_its_say_on_unseen_loops():

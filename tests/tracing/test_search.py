@@ -163,6 +163,7 @@ def test_a_shape_is_freed_first_on_what_told_candidates_apart(monkeypatch, gain,
 
     monkeypatch.setattr(searching, "fit_on", fit_on)
     monkeypatch.setattr(searching, "part_of", lambda frame: frame)
+    monkeypatch.setattr(searching, "begins_nowhere", lambda model, name, value: False)
     monkeypatch.setattr(searching, "make_effect", lambda key, declared: effect)
     whole, part = fitted(0.0), fitted(0.0)
     for model in (whole, part):
@@ -170,6 +171,33 @@ def test_a_shape_is_freed_first_on_what_told_candidates_apart(monkeypatch, gain,
     part.segments = SEGMENTS // 2
     assert searching.refined(SimpleNamespace(declared=None), whole, CRITERIA, part) is whole
     assert asked == tried
+    monkeypatch.setattr(searching, "begins_nowhere", lambda model, name, value: True)
+    assert searching.refined(SimpleNamespace(declared=None), whole, CRITERIA, part) is whole
+    assert asked == tried  # nowhere near the flight nothing is begun
+
+
+@pytest.mark.parametrize("ended, begun", [(2.0, [1.0, 0.5, 1.5, 2.5]), (4.0, [1.0, 0.5])])
+def test_a_shape_that_has_come_to_an_end_of_its_range_is_sought_no_further(monkeypatch, ended, begun):
+    """Guards the time in gusts: a rudder without a limit of its rate came to no limit, where nothing depends on it any more, and unseen
+    loops were asked by halves of what lay between its probes, five fits for nothing. Within its range they are asked; from a probe that is
+    nowhere near the flight no fit begins."""
+    name, asked = "drift.at", []
+
+    def model(value, gain):
+        found = fitted(gain)
+        found.table = {name: Parameter(name, value, "s", 0.0, 4.0, free=True)}
+        found.fit.names, found.fit.parameters, found.fit.covariance = (name,), found.table, np.array([[4.0]])
+        return found
+
+    def fit_on(frame, before, values, free=()):
+        asked.append(values[name])
+        return model(ended, 10.0) if len(asked) == 1 else model(values[name], 0.0)
+
+    monkeypatch.setattr(searching, "fit_on", fit_on)
+    monkeypatch.setattr(searching, "UNSEEN", 0.3)
+    monkeypatch.setattr(searching, "begins_nowhere", lambda model, name, value: value == 1.5)
+    assert searching._freed(None, model(1.0, 0.0), name, (0.5, 1.5), CRITERIA).table[name].value == ended
+    assert asked == begun
 
 
 def test_who_may_still_come_near_the_best():
