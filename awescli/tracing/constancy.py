@@ -30,7 +30,7 @@ def steadiness(model: FittedModel) -> float:
         begins = fit.misfit.begins
         late = 2 * (begins - begins.min()) / max(float(np.ptp(begins)), 1e-9) - 1
         info = fit.misfit.eliminated(_grown(fit.gram, strengths, late), fit.own, fit.counted)
-        gain = _gain(fit, info, prior, slice(len(fit.names), None))
+        gain = _gain(fit, info, prior, slice(len(fit.names), None), fit.slope[strengths] * late[fit.counted].mean())
         found.append(float(stats.chi2.sf(gain, len(strengths))))
     return min(found)
 
@@ -43,7 +43,7 @@ def gains_along(model: FittedModel) -> dict[str, float]:
         info = fit.misfit.eliminated(_along_outputs(fit, strengths), fit.own, fit.counted)
         n, m = len(fit.names), len(strengths)
         for place, channel in enumerate(fit.misfit.observed.outputs):
-            gain = _gain(fit, info, prior, slice(n + place * m, n + (place + 1) * m))
+            gain = _gain(fit, info, prior, slice(n + place * m, n + (place + 1) * m), np.zeros(m))
             found[channel] = max(found.get(channel, 0.0), gain)
     return found
 
@@ -57,12 +57,13 @@ def _fits(model: FittedModel) -> Iterator[tuple[Fit, list[int], ParameterTable]]
             yield fit, strengths, prior
 
 
-def _gain(fit: Fit, info: Information, prior: ParameterTable, asked: slice) -> float:
-    """Deviance that some further strengths would gain beside the parameters of a fit, to first order."""
+def _gain(fit: Fit, info: Information, prior: ParameterTable, asked: slice, integrated: np.ndarray) -> float:
+    """Deviance that some further strengths would gain beside the parameters of a fit, to first order. integrated: what integrating the
+    nuisances out adds to their slope, as much in every segment; the parameters have theirs from the fit."""
     n = len(fit.names)
     away, slope = prior.deviations(fit.names, fit.parameters.vector(fit.names))
     absorbed = np.linalg.solve(info.H[:n, :n] + np.diag(slope**2), info.H[:n, asked])
-    left = info.b[asked] - absorbed.T @ (info.b[:n] - slope * away)
+    left = info.b[asked] + integrated - absorbed.T @ (info.b[:n] + fit.slope - slope * away)
     A = firm(info.H[asked, asked] - info.H[asked, :n] @ absorbed)
     return float(left @ np.linalg.solve(A, left))
 
