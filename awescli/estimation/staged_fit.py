@@ -114,7 +114,7 @@ def _settled(
 ) -> tuple[JointFit, list[EstimationProblem]]:  # fmt: skip
     """Parameters and levels from short horizons to the whole one."""
     tables = declared
-    owns: Sequence[NuisanceValues | None] = [None] * len(problems)
+    owns: list[NuisanceValues | None] = [None] * len(problems)
     for horizon in horizons:
         short = [
             p.shorter(horizon, p.simulator.holding(t)).spread_out(SETTLED_ON).with_processes(opened(p.processes, (MODEL_ERROR,), WIDE))
@@ -133,18 +133,18 @@ def _settled(
         owns = [*first]
     problems, before = [p.with_processes(opened(p.processes, (MODEL_ERROR,), SLIGHT)) for p in problems], problems
     owns = [own and new.misfit().carried(own, old.misfit()) for new, old, own in zip(problems, before, owns, strict=True)]
-    result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, LOOSE, on_iteration, owns)
+    result, problems = fit_levels(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
     if horizons and not any(levels_of(p.processes) for p in problems):
         # without processes, which take up what a poor guess misses, a short horizon may lead astray from what counts in a long one
-        straight, _ = fit_levels(problems, labels, declared, per_flight, prior, ROUNDS, LOOSE, on_iteration)
+        straight, _ = fit_levels(problems, labels, declared, per_flight, prior, ROUNDS, TIGHT, on_iteration)
         result = min(result, straight, key=lambda r: r.solution.cost)
     looked = [_looked_for(p, f, OPEN) for p, f in zip(problems, result.flights, strict=True)] if result.ended else []
-    tables, owns = [f.parameters for f in result.flights], [f.own for f in result.flights]
-    if not any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=False)):
-        return _fitted(problems, labels, tables, owns, per_flight, prior, TIGHT, on_iteration), problems
-    problems = [p.with_processes(_closed(p.processes, (MODEL_ERROR,), SLIGHT)) if gusty(p) else p for p, _ in looked]
-    owns = [new.misfit().carried(own, old.misfit()) for new, (old, own) in zip(problems, looked, strict=True)]
-    return fit_coarsely_first(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    if any(set(levels_of(new.processes)) - set(levels_of(p.processes)) for (new, _), p in zip(looked, problems, strict=False)):
+        tables = [f.parameters for f in result.flights]
+        problems = [p.with_processes(_closed(p.processes, (MODEL_ERROR,), SLIGHT)) if gusty(p) else p for p, _ in looked]
+        owns = [new.misfit().carried(own, old.misfit()) for new, (old, own) in zip(problems, looked, strict=True)]
+        result, problems = fit_coarsely_first(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    return result, problems
 
 
 def fit_output_error(

@@ -43,7 +43,8 @@ def gains_along(model: FittedModel) -> dict[str, float]:
         info = fit.misfit.eliminated(_along_outputs(fit, strengths), fit.own, fit.counted)
         n, m = len(fit.names), len(strengths)
         for place, channel in enumerate(fit.misfit.observed.outputs):
-            gain = _gain(fit, info, prior, slice(n + place * m, n + (place + 1) * m), np.zeros(m))
+            course = slice(n + place * m, n + (place + 1) * m)  # less its mean: nothing is left of what is as much everywhere
+            gain = _gain(fit, info, prior, course, np.zeros(m))
             found[channel] = max(found.get(channel, 0.0), gain)
     return found
 
