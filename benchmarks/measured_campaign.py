@@ -109,12 +109,18 @@ def answered(log, kite, parts, settings) -> dict[str, Any]:
 
 
 def named_by(told: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The effects that effects.json names: of the verdict, or of prediction where there is none; those of kinematics after them."""
+    """The effects that effects.json names: of the verdict, or of prediction where there is none; after them those of
+    kinematics, and of all instruments beside gusts and model error."""
     named = [*told["effects"], *(told["by_prediction"] or {}).get("effects", ())]
     known = {(e["name"], e["acts_on"]) for e in named}
     alone = [k for k in told["kinematics"] if (k["name"], k["acts_on"]) not in known]
-    sizes = ({"size": {"value": k["size"], "std": k["std"]}} for k in alone)
-    return named + [{"name": k["name"], "acts_on": k["acts_on"], "rivals": [], "parameters": s} for k, s in zip(alone, sizes, strict=True)]
+    known |= {(k["name"], k["acts_on"]) for k in alone}
+    beside = [e for e in told.get("instruments", ()) if e["found"] and (e["name"], e["acts_on"]) not in known]
+    return named + [
+        {"name": e["name"], "acts_on": e["acts_on"], "rivals": e.get("rivals", []), "parameters":
+         {e.get("parameter", "size"): {"value": e["size"], "std": e["std"]}}}
+        for e in [*alone, *beside]
+    ]  # fmt: skip
 
 
 def seen_alone(log) -> dict[str, Any]:

@@ -111,6 +111,8 @@ class TraceResidual(Stage):
         effects["kinematics"] = kinematics(log)
         for seen in effects["kinematics"]:
             context.progress.note(f"Kinematics alone: {seen['sentence']}.")
+        for seen in of_instruments(effects):
+            context.progress.note(f"Beside gusts and model error: {seen}.")
         effects["residual"], arrays = residual_arrays(log, parts, find_loops(log), models, predictions, config.horizon)
         scores = {which: scores_of(p, config.horizon) for which, p in predictions.items()}
         better = finding.verdict != "not_testable" or finding.by_prediction
@@ -160,6 +162,11 @@ def kinematics(log: "FlightLog") -> list[dict]:
 def seen_alone(effects: dict) -> dict:
     """The line of the summary that says what kinematics alone has seen."""
     return {"kinematics alone": "; ".join(e["sentence"] for e in effects["kinematics"])} if effects.get("kinematics") else {}
+
+
+def of_instruments(effects: dict) -> list[str]:
+    """What a flight without a verdict clearly says of its sensors and actuators, a sentence each."""
+    return [e["sentence"] for e in effects.get("instruments", ()) if e["found"]]
 
 
 def begun(identified: dict, horizon: float, surfaces: str) -> dict:
@@ -219,6 +226,8 @@ def answer_lines(effects: dict, kite_file: Path) -> list[str]:
         better = effects.get("by_prediction")
         better = [f"predicts unseen flight better: {_said(e, 1)}" for e in better["effects"]] if better else []
         first = [*better, *end[: len(better[:1])]]
+        told = [f"beside gusts and model error: {'; '.join(said)}"] if (said := of_instruments(effects)) else []
+        alone, briefly = [*told, *alone], [*(shorten(t, WIDTH - 4, placeholder=" ...") for t in told), *briefly]
         why = f"{verdict}: {effects['reason']}"
         versions = [[why, *first, *seen, *end[-1:]] for seen in (alone, briefly)]
         brief = [shorten(text, 120, placeholder=" ...") for text in (why, *better[:1])]

@@ -11,6 +11,7 @@ from awescli.physics.kite import Kite
 from awescli.tracing.by_prediction import better_by_prediction
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.frame import Frame, Levels, TracedFlight
+from awescli.tracing.instruments import instrument_errors
 from awescli.tracing.investigate import Finding, investigate, library_keys
 from awescli.tracing.models import Say, fit_null
 
@@ -52,5 +53,6 @@ def trace_flight(
     finding = investigate(frame, null, keys, rounds=rounds, null_error=error, identified_error=identified_error, progress=progress)
     if finding.verdict != "not_testable":
         return finding
+    finding = replace(finding, instruments=instrument_errors(frame, dict(start or {}), keys, progress=progress))
     better = better_by_prediction(frame, dict(start or {}), keys, progress=progress)
     return replace(finding, model=better.model, by_prediction=better) if better else finding

@@ -22,6 +22,7 @@ from awescli.tracing.constancy import gains_along, steadiness
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import AbsorbedEffect, BoundsLeft, Evidence
 from awescli.tracing.frame import Frame
+from awescli.tracing.instruments import InstrumentError
 from awescli.tracing.models import FittedModel, Say, fit_added, fit_beyond, fit_on, fit_without, fit_without_process, promised_beyond
 from awescli.tracing.rest import Rest, channels_of, gusts_of, repetition_of_gusts, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
@@ -68,10 +69,11 @@ class RollGusts:
 @dataclass(frozen=True)
 class Finding:
     """verdict: see `verdict`; table: of the criteria; probability: cause -> probability; evidence: behind them; model: what is handed on:
-    the declared model where nothing was found, one with empirical terms where what is left has no name; implausible: a candidate that
-    leads with a size that nothing has, and its model without bounds; roll_gusts: None where there are none; flights: since when and with
-    which size the answer, or the candidate that came nearest to one, holds in each; by_prediction: with what a model without a verdict
-    predicts better; within: the finding within the declared bounds, `unexplained`, where this one is that without them."""
+    the declared model where nothing was found, one with empirical terms where what is left has no name; implausible: a candidate that leads
+    with a size that nothing has, and its model without bounds; roll_gusts: None where there are none; flights: since when and with which
+    size the answer, or the candidate that came nearest to one, holds in each; by_prediction: with what a model without a verdict predicts
+    better; instruments: what such a flight says of its sensors and actuators; within: the finding within the declared bounds,
+    `unexplained`, where this one is that without them."""
 
     frame: Frame
     verdict: str
@@ -83,6 +85,7 @@ class Finding:
     roll_gusts: RollGusts | None = None
     flights: tuple[InFlight, ...] = ()
     by_prediction: ByPrediction | None = None
+    instruments: tuple[InstrumentError, ...] = ()
     within: "Finding | None" = None
 
     @property

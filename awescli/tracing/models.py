@@ -12,13 +12,16 @@ from awescli.estimation.problem import EstimationProblem, without_record
 from awescli.estimation.processes.base import Process
 from awescli.estimation.staged_fit import (
     COARSE,
+    LOOSE,
     MODEL_ERROR,
+    ROUNDS,
     SETTLED_ON,
     SLIGHT,
     Flight,
     fit_coarsely_first,
     fit_flights,
     fit_levels,
+    wide_open,
     widened,
 )
 from awescli.notation.parameters import ParameterTable
@@ -245,6 +248,23 @@ def fit_added(
     nowhere near a deviance of `reach` on train."""
     free = tuple(dict.fromkeys((*base.strengths, *strengths)))
     return _fitted(frame, base, (*base.keys, key), free, {**strengths, **shapes}, QUICK, alone, reach=reach)
+
+
+def fit_in_gusts(frame: Frame, start: Mapping[str, float]) -> FittedModel:
+    """The declared model from parameter values `start`, begun with all that there may be in gusts beside its model error."""
+    problems = [p.with_processes(wide_open(p.processes)) for p in frame.problems(())]
+    tables = [p.simulator.kite.parameters.with_values(start) for p in problems]
+    return FittedModel.of((), (), *fit_levels(problems, frame.labels, tables, frame.per_flight, True, ROUNDS, LOOSE))
+
+
+def fit_all_added(
+    frame: Frame, base: FittedModel, keys: Sequence[str], strengths: Mapping[str, float], gone: Sequence[str] = ()
+) -> FittedModel:
+    """The base model without its effects `gone` and with `keys` added, all at once, beside its model error, with what coloured residuals
+    add to its covariance. strengths: as in `fit_added`."""
+    kept = [k for k in base.keys if k not in gone]
+    free = [n for n in base.strengths if not any(n.startswith(f"{k}.") for k in gone)]
+    return _fitted(frame, base, (*kept, *keys), (*free, *strengths), strengths, QUICK).widened()
 
 
 def fit_on(

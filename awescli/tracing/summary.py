@@ -15,6 +15,7 @@ from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.evidence import AbsorbedEffect
+from awescli.tracing.instruments import InstrumentError
 from awescli.tracing.investigate import Finding
 from awescli.tracing.models import FittedModel
 from awescli.tracing.residuals import residual_study
@@ -62,6 +63,7 @@ def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction
         "reason": finding.reason or None,
         "effects": effects,
         "by_prediction": better,
+        "instruments": [_instrument(finding, e) for e in finding.instruments],
         "outside_bounds": outside,
         "ranking": _ranking(finding),
         "unexplained": _unexplained(finding) if finding.verdict == "unexplained" else None,
@@ -231,6 +233,17 @@ def _by_prediction(finding: Finding, log: FlightLog) -> dict | None:
         " or ".join((b.key, *sorted(b.rivals, key=lambda key: b.rivals[key]))) for b in found.better
     )
     return {"effects": better, "chi2": {"before": found.base.chi2, "after": found.model.chi2}, "sentence": f"{sentence}."}
+
+
+def _instrument(finding: Finding, error: InstrumentError) -> dict:
+    """An error of a sensor or an actuator, beside gusts and model error."""
+    effect = make_effect(error.key, finding.frame.declared)
+    rivals = [make_effect(key, finding.frame.declared) for key in error.rivals]
+    size = f"{error.parameter} = {error.size:.3g} +- {1.96 * error.std:.2g}{f' {error.unit}' if error.unit != '-' else ''} (95 %)"
+    return {
+        **_named(effect), "parameter": error.parameter, "size": error.size, "std": error.std, "unit": error.unit, "found": error.found,
+        "rivals": [_named(r) for r in rivals], "sentence": f"{' or '.join((error.key, *error.rivals))}, {size}",
+    }  # fmt: skip
 
 
 def bounded(value: float | str) -> float | str:

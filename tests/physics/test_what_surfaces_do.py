@@ -112,6 +112,17 @@ def test_a_short_delay_is_flown_as_it_is_fitted(calm, tau):
     assert coarse == pytest.approx(fine, abs=0.005)
 
 
+def test_a_delay_has_no_kink_where_its_poles_stay(calm):
+    """Guards fits: with a kink at 60 ms the fits of three surfaces of a measured flight ended on it, none at its minimum."""
+    step = np.where(np.arange(51) >= 10, 0.1, 0.0)
+    found = []
+    for tau in (0.056, 0.06, 0.064):
+        values = {"actuator_delay:rudder.tau": tau}
+        found.append(deflection(*flown("actuator_delay:rudder", calm, values, setpoint=step, seconds=1.0), values))
+    before, here, after = found
+    assert np.abs(after - 2 * here + before).max() < 0.1 * np.abs(after - before).max()
+
+
 def play(setpoint, width, start):
     """The play operator on samples: the surface is pushed along when the set-point leaves +-width/2 of it."""
     path = [start]

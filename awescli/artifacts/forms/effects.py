@@ -180,6 +180,18 @@ class ByPrediction(Checked):
     sentence: Text = Field(description="the same in a sentence")
 
 
+class OfInstrument(Named):
+    """What a flight without a verdict says of an error of a sensor or an actuator, all of them asked about at once."""
+
+    parameter: Word = Field(description="parameter of the effect that the error is")
+    size: Number = Field(description="its value [as `unit` says]")
+    std: Number = Field(description="its standard deviation [as `unit` says]")
+    unit: Text = Field(description="unit of size and std")
+    found: bool = Field(description="whether it is clearly there, and of a size that changes what a model learns")
+    rivals: list[Named] = Field(description="effects that do nearly the same to the instrument")
+    sentence: Text = Field(description="the same in a sentence")
+
+
 class Outside(Size):
     """A parameter whose declared bounds do not hold what the flight says."""
 
@@ -283,6 +295,9 @@ class Effects(Checked):
     separate: list[Text] = Field(default=[], description="what to fly to tell rivals apart, a sentence each")
     by_prediction: ByPrediction | None = Field(
         default=None, description="where there is no verdict: with which effects unseen loops are predicted better"
+    )
+    instruments: list[OfInstrument] = Field(
+        default=[], description="where there is no verdict: errors of sensors and actuators that the flight tells, clearest first"
     )
     outside_bounds: dict[str, Outside] = Field(
         default={}, description="parameter -> its value, where the answer holds only outside the bounds that the kite file declares"

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import SURFACES
-from awescli.notation.scalars import Scalar, select
+from awescli.notation.scalars import Scalar, sqrt
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import SHORTEST
 from awescli.physics.instant import Instant
@@ -13,8 +13,8 @@ from awescli.physics.instant import Instant
 class ActuatorDelay(Effect):
     """delta(t) = set-point(t - tau) as a second-order Pade form (1 - tau s/2 + (tau s)^2/12) / (1 + tau s/2 + (tau s)^2/12).
 
-    All-pass: amplitude untouched, phase right to 1 % up to 2/tau; below 60 ms, where the poles stay, the amplitude loses up to 5 % at
-    10 rad/s. States x1, x2 = x1': tau^2/12 x1'' + tau/2 x1' + x1 = set-point, delta = set-point - tau x1'.
+    All-pass: amplitude untouched, phase right to 1 % up to 2/tau; the poles of a delay below 0.1 s are slower than its own, and its
+    amplitude at 10 rad/s loses up to 5 %. States x1, x2 = x1': tau^2/12 x1'' + tau/2 x1' + x1 = set-point, delta = set-point - tau x1'.
     """
 
     name = "actuator_delay"
@@ -22,16 +22,17 @@ class ActuatorDelay(Effect):
     parameters = (Parameter("tau", 0.0, "s", 0.0, 0.5, source="0.05-0.2 s"),)
     targets = SURFACES
     instrument = "actuator"
+    matters = {"tau": 0.03}
     states = ("x1", "x2")
     start_spread = (0.05, 0.5)
     units = ("target", "target/s")
     probes = {"tau": (0.06, 0.12, 0.2)}
 
     def _tau(self, own: SimpleNamespace) -> Scalar:
-        # the Pade poles, 3.5/tau, must be stepped through well by the longest step: at 36 ms, inside RK4's region of stability, a fit of a
-        # short delay would still be worse than that of a lag
+        # the Pade poles, 3.5/tau, must be stepped through well by the longest step: a delay much shorter than 60 ms keeps those of one that
+        # is so long. No kink between the two: fits ended on it
         shortest = 5 * SHORTEST
-        return select(own.tau - shortest, own.tau, shortest + 0.0 * own.tau)
+        return sqrt(sqrt(own.tau**4 + shortest**4))
 
     def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         _, x2 = self.own_states(at)

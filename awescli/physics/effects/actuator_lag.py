@@ -28,6 +28,7 @@ class ActuatorLag(Effect):
     )
     targets = SURFACES
     instrument = "actuator"
+    matters = {"tau": 0.03}
     states = ("deflection", "speed")
     start_spread = (0.05, 0.5)
     units = ("target", "target/s")

@@ -16,6 +16,7 @@ class AttitudeLatency(Effect):
     name = "attitude_latency"
     doc = "attitude reported late"
     instrument = "attitude reference"
+    matters = {"tau": 0.03}
     parameters = (Parameter("tau", 0.0, "s", -0.3, 0.3, source="0.02-0.1 s"),)
 
     def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:

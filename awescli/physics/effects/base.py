@@ -27,8 +27,9 @@ class Effect:
     last: its load answers the sum of all others, so that it stands behind them; reads: measured signals that it takes from the log, so
     that it cannot be flown without one; requires: rows of the kite file's own table that it reads; inputs: exogenous inputs that it reads
     (`Kite.input_names` has them then); logged: channels that a log must have for a kite with it; gives_line: it puts a line on the kite;
-    of_line: it acts on a line, so that some other effect must give one; instrument: the sensor or actuator whose error it is; weight: its
-    load is that of gravity on the kite's mass.
+    of_line: it acts on a line, so that some other effect must give one; instrument: the sensor or actuator whose error it is; matters:
+    parameter name -> size of an error of an instrument from which it changes what a model learns; those that have one are asked about all
+    at once where a flight has no verdict (`tracing.instruments`); weight: its load is that of gravity on the kite's mass.
 
     Every method receives what stands at its place, the instant `at`, and `own`: the values of its parameters by short name.
     It must give back its input unchanged, to the last bit, when all parameters are null. It writes nothing into the instant (the tether
@@ -58,6 +59,7 @@ class Effect:
     gives_line: bool = False
     of_line: bool = False
     instrument: str = ""
+    matters: dict[str, float] = {}
     weight: bool = False
 
     def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):

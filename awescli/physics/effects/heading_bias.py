@@ -13,6 +13,7 @@ class HeadingBias(Effect):
     name = "heading_bias"
     doc = "constant error of the reported yaw angle"
     instrument = "attitude reference"
+    matters = {"b": 0.026}
     parameters = (Parameter("b", 0.0, "rad", -0.3, 0.3, source="1-5 deg"),)
 
     def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:

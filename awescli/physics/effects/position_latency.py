@@ -14,6 +14,7 @@ class PositionLatency(Effect):
     name = "position_latency"
     doc = "position reported late"
     instrument = "position receiver"
+    matters = {"tau": 0.05}
     parameters = (Parameter("tau", 0.0, "s", -0.5, 0.5, source="0.05-0.22 s"),)
 
     def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:

@@ -17,6 +17,7 @@ class VaneBias(Effect):
         Parameter("k", 0.0, "-", -0.5, 0.5, source="upwash of the boom"),
     )
     targets = ("alpha", "beta")
+    matters = {"b": 0.026}
 
     def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         return {**reported, self.target: (1.0 + own.k) * reported[self.target] + own.b}
