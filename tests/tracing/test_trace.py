@@ -130,7 +130,7 @@ def test_roll_gusts_are_found_where_they_are():
     """Guards the one finding in air that hides all else: gusts that roll the kite show on unseen segments with their level, and none are
     made up for gusts that only move it."""
     air = {"sigma": 0.8, "L": 150.0}
-    how = {"candidates": ("tether_drag", "wind_offset"), "horizon": 3.0, "curriculum": (1.0,)}
+    how = {"candidates": ("tether_drag", "wind_offset"), "horizon": 3.0, "curriculum": (1.0,), "duration": 50.0}
     account, _ = traced({"turbulence": {**air, "roll": 0.12}}, seed=23, **how)
     found = account["roll_gusts"]
     assert account["verdict"] == "not_deterministic" and account["effects"] == []
@@ -185,7 +185,7 @@ def test_bounds_that_promise_little_are_not_left(monkeypatch, promised, fitted):
 
 def with_a_wrong_bound(effects):
     """(declared, log, parts) of a flight with effects, CD0 declared a fifth too large at least."""
-    declared, log, parts = short_flight(effects, 47, 80.0, ("CL0", "CLa", "CD0", "CDa2", "Cma"))
+    declared, log, parts = short_flight(effects, 47, 40.0, ("CL0", "CLa", "CD0", "CDa2", "Cma"))
     wrong = replace(declared.table()["CD0"], value=0.125, lower=0.106, upper=0.163, std=None)
     return declared.with_parameters(declared.table().with_rows([wrong])), log, parts
 
