@@ -16,7 +16,6 @@ from awescli.stages.base import Context, Silent
 from awescli.stages.plan import read_plan
 from awescli.stages.runner import run_plan
 
-SETTINGS = {"fit-controller.closed_loop_time": "1.0", "evaluate.report": "false"}
 READ = (
     "fit-controller/controller.json", "fit-controller/metrics.json", "identify/params.json", "identify/metrics.json",
     "trace-residual/effects.json", "train-hybrid/network.json", "train-hybrid/metrics.json", "simulate/metrics.json",
@@ -26,12 +25,13 @@ READ = (
 
 
 class Believed:
-    """A run in `folder`, made once, and what evaluate has at hand when it reads the others' artifacts, and its own for the figures."""
+    """A run in `folder`, made where it is not there yet, and what evaluate has at hand when it reads the others' artifacts, and its own for
+    the figures."""
 
     def __init__(self, folder: Path):
         from awescli.stages.base import Inputs
 
-        self.plan = read_plan(make_small_run(folder), STAGES, SETTINGS)
+        self.plan = read_plan(make_small_run(folder), STAGES)
         run_plan(self.plan, STAGES)
         self.out, self.twin = self.plan.out, folder / "twin"
         shutil.copytree(self.out, self.twin)

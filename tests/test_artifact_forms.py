@@ -1,10 +1,10 @@
 """JSON artifacts of an older awes, or edited by hand, are named with the command that makes them again; none is a fault of awes."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
-from believed import Believed
 from fuzz_kinds import run_subject
 
 from awescli.artifacts import read_arrays, read_json, write_arrays, write_json
@@ -75,9 +75,9 @@ def test_arrays_that_do_not_fit_each_other_are_named(tmp_path, arrays, says):
 
 
 @pytest.mark.slow
-def test_edited_artifacts_are_refused_or_do_not_matter(tmp_path):
+def test_edited_artifacts_are_refused_or_do_not_matter(small_run, tmp_path):
     """The campaign benchmarks/fuzz_kinds.py, small: through verify, compare, the decision to run, the models and the page."""
-    found = run_subject("artifacts", 0.05, 7, tmp_path, lambda line: None)
+    found = run_subject("artifacts", 0.05, 7, shutil.copytree(small_run, tmp_path / "run"), lambda line: None)
     bad = [(kind, j) for kind, judged in found.items() for j in judged if j.outcome == "fault"]
     assert not bad and sum(len(judged) for judged in found.values()) > 10
 
@@ -143,9 +143,9 @@ def test_every_field_says_what_it_means_and_every_number_its_unit(file):
 
 
 @pytest.mark.slow
-def test_a_run_leaves_no_key_that_no_form_describes(tmp_path):
+def test_a_run_leaves_no_key_that_no_form_describes(small_run):
     """125 keys stood in no form, so that the reference did not know them."""
-    out = Believed(tmp_path).out
+    out = small_run / "out"
     described, unknown = set(), []
     for file in sorted(out.glob("*/*.json")):
         form = FORMS.get(f"{file.parent.name}/{file.name}") or FORMS[file.name]

@@ -3,6 +3,7 @@
 import importlib
 import inspect
 import re
+import shutil
 import subprocess
 import sys
 import types
@@ -29,11 +30,9 @@ SPLIT, SETTINGS = SMALL["split"], SMALL["stages"]
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory):
-    """The folder of a small run that the runner made, as the command line does."""
-    folder = tmp_path_factory.mktemp("small")
-    run_plan(read_plan(make_small_run(folder), STAGES), STAGES)
-    return folder
+def small(small_run, tmp_path_factory):
+    """The folder of a small run that the command line made."""
+    return shutil.copytree(small_run, tmp_path_factory.mktemp("small") / "run")
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Damaged input of every kind gives a good answer or one clear error; the campaign with many more inputs is benchmarks/fuzz.py."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -17,13 +18,15 @@ DAMAGE = st.lists(st.tuples(st.integers(0, 2**20), st.integers(0, 12), st.binary
 
 
 @pytest.fixture(scope="module")
-def prepared(tmp_path_factory):
-    """name -> (folder, seeds), each laid out once."""
+def prepared(small_run, tmp_path_factory):
+    """name -> (folder, seeds), each laid out once; the run whose artifacts are damaged has been made."""
     made = {}
 
     def of(name):
         if name not in made:
             folder = tmp_path_factory.mktemp("target")
+            if name == "artifact":
+                shutil.copytree(small_run, folder / "run")
             made[name] = folder, TARGETS[name].prepare(folder)
         return made[name]
 

@@ -2,9 +2,9 @@
 
 import json
 import re
+import shutil
 
 import pytest
-from small_run import make_small_run
 from typer.testing import CliRunner
 
 from awescli.artifacts import read_json
@@ -18,16 +18,13 @@ APP = build_app(STAGES)
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(small_run, tmp_path_factory):
     """A small run of all stages in its own folder, as a user types it: (folder, what `awes run` printed)."""
-    folder = tmp_path_factory.mktemp("answers")
-    make_small_run(folder)
+    folder = shutil.copytree(small_run, tmp_path_factory.mktemp("answers") / "run")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setenv("COLUMNS", "80")
-        result = CliRunner().invoke(APP, ["run"])
-        assert result.exit_code == 0, result.stderr
-        yield folder, result.stdout
+        yield folder, (folder / "printed.txt").read_text()
 
 
 def ending(stdout: str, stage: str) -> list[str]:

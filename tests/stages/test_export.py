@@ -37,7 +37,7 @@ def awes(*words: str):
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(small_run, tmp_path_factory):
     """Two small runs, in the folder where the tests work: `out` up to the traced effect, `learned` with a network in its place."""
     folder = tmp_path_factory.mktemp("export")
     plan = make_small_run(folder)
@@ -45,11 +45,10 @@ def run(tmp_path_factory):
         plan.write_text(re.sub(rf"(?m)^  {stage}: .*$", f"  {stage}: {settings}", plan.read_text()))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        for words in (["fit-controller"], ["identify"], ["trace-residual"], ["train-hybrid", "--set", "out=learned"]):
-            if words[0] == "train-hybrid":
-                for stage in ("fit-controller", "identify"):
-                    shutil.copytree(folder / "out" / stage, folder / "learned" / stage)
-            assert (result := awes(*words)).exit_code == 0, result.stderr
+        for there, stages in (("out", ("fit-controller", "identify", "trace-residual")), ("learned", ("fit-controller", "identify"))):
+            for stage in stages:
+                shutil.copytree(small_run / "out" / stage, folder / there / stage)
+        assert (result := awes("train-hybrid", "--set", "out=learned")).exit_code == 0, result.stderr
         assert read_json(folder / "learned" / "train-hybrid" / "metrics.json")["outcome"] == "trained"
         assert "actuator_lag:rudder" in read_kite(folder / "out" / "trace-residual" / "kite.yaml").effects
         yield folder
