@@ -259,7 +259,7 @@ def test_the_readmes_words_work(small, tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_flight_that_is_not_testable_is_a_result(tmp_path):
     """At the command line it ends with exit code 3; in a notebook it has a verdict, and what it stands on."""
-    folder = folder_of(tmp_path, {}, {"Cma": -8.0, "Cmq": -8.0})
+    folder = folder_of(tmp_path, {}, {"Cma": -8.0, "Cmq": -8.0}, 32.0)
     plan = parse_yaml((folder / "stages.yaml").read_text(), "").data
     found = identify(folder / "flight", folder / "kite.yaml", split=plan["split"], **plan["stages"]["identify"])
     traced = trace(found, **plan["stages"]["trace-residual"])

@@ -35,9 +35,9 @@ PARTS = Split(((0, 300),), ((300, 500),), (), (1, 1, 0), "time")
 GUESSED = ("CL0", "CD0", "Cndr", "dl")
 
 
-def folder_of(path, effects: dict, changes: Mapping[str, float] = MappingProxyType({})):
+def folder_of(path, effects: dict, changes: Mapping[str, float] = MappingProxyType({}), duration: float = 50.0):
     """A plan, a short flight with `effects`, and a kite file of which only GUESSED is not known; changes: factors on declared values."""
-    flight = dev_like(DEVELOPMENT, 51, effects, duration=50.0)
+    flight = dev_like(DEVELOPMENT, 51, effects, duration=duration)
     truth, guess = flight.flown.table(), flight.declared.table()
     rows = [guess[n] if n in GUESSED else replace(guess[n], value=truth[n].value, free=False) for n in guess]
     rows = [replace(r, value=changes[r.name] * r.value, lower=-np.inf, upper=np.inf) if r.name in changes else r for r in rows]
@@ -149,7 +149,7 @@ def test_kinematics_alone_stands_beside_the_verdict(tmp_path):
 def test_a_kite_that_cannot_fly_the_flight_is_a_named_failure(tmp_path):
     """Guards A2: where the model diverges, artifacts say `not_testable` without an error "before", the kite is identify's, and the command
     ends as a numerical failure, again when nothing has changed."""
-    folder = folder_of(tmp_path, {}, {"Cma": -8.0, "Cmq": -8.0})
+    folder = folder_of(tmp_path, {}, {"Cma": -8.0, "Cmq": -8.0}, 32.0)
     for _ in range(2):
         with pytest.raises(NumericalFailure, match="there is no model to trace") as told:
             run(folder)
