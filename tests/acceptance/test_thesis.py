@@ -10,7 +10,7 @@ from awescli.cli import build_app
 from awescli.stages import STAGES
 
 ROOT = Path(__file__).parents[2]
-QUICK = ("train-hybrid.rounds=2", "train-hybrid.budget=20.0", "train-hybrid.compare=false")
+QUICK = ("train-hybrid.rounds=1", "train-hybrid.budget=3.0", "train-hybrid.compare=false")
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Bands around predictions: against dense covariances, finite differences, and flights whose truth differs as the bands say it may."""
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -182,6 +183,7 @@ def wandering(random, count, dt, level, memory):
     return x
 
 
+@cache
 def flown_otherwise(seed):
     """(log, simulator, what is known): a flight in gusts with a drifting attitude of a kite that differs from the predicted one by draws
     from a correlated covariance."""

@@ -284,10 +284,10 @@ AP2 = SHARED / "ampyx-ap2"
 def test_errors_put_into_a_measured_record():
     """Trial A15: what kinematics can tell of the six gross errors; of the untouched record nothing."""
     log = read_flight(AP2)
-    assert not reconstruct(log).findings
+    assert not (as_it_is := reconstruct(log)).findings
     late = {n: np.interp(log.time - 0.24, log.time, log[n]) for n in POSITION}
     a = np.exp(-log.dt / 0.6)
-    untouched = {(e.name, e.acts_on[0]): e.size for e in reconstruct(log).errors}
+    untouched = {(e.name, e.acts_on[0]): e.size for e in as_it_is.errors}
     for change, name, channel, size in (
         ({"q": log["q"] + 2.5 * DEG}, "imu_bias", "q", 2.5 * DEG),
         (late, "position_latency", "p_n", 0.24),

@@ -22,7 +22,7 @@ split: {train: 0.5, validation: 0.25, test: 0.25, order: interleaved}
 stages:
   identify: {horizon: 2.0, curriculum: []}
   trace-residual: {horizon: 2.0, curriculum: [], candidates: ["airspeed_scale", "actuator_lag:throttle", "heading_bias"]}
-  train-hybrid: {horizons: [1.0], hidden: [4], rounds: 1, budget: 5.0}
+  train-hybrid: {horizons: [0.5], hidden: [4], batch: 8, rounds: 1, patience: 1, budget: 5.0}
   simulate: {surfaces: recorded, duration: 5.0}
   evaluate: {horizon: 2.0, horizons: [1.0, 2.0], report: true}
 """
