@@ -4,6 +4,7 @@ import itertools
 import json
 import re
 import shutil
+from functools import cache
 
 import numpy as np
 import pytest
@@ -70,8 +71,9 @@ def exported(run, folder, forms: str, model: str, by: str) -> dict:
     return tables
 
 
+@cache
 def simulate(run, model: str, by: str, *more: str) -> dict:
-    """Trajectory of `awes simulate`, with further settings."""
+    """Trajectory of `awes simulate`, with further settings: flown once for all forms."""
     settings = [f"out={results(model)}", f"simulate.model={model}", f"simulate.surfaces={by}", *more]
     result = awes("simulate", *(word for setting in settings for word in ("--set", setting)))
     assert result.exit_code == 0, result.stderr
