@@ -115,6 +115,7 @@ def named_by(told: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     known = {(e["name"], e["acts_on"]) for e in named}
     alone = [k for k in told["kinematics"] if (k["name"], k["acts_on"]) not in known]
     known |= {(k["name"], k["acts_on"]) for k in alone}
+    known |= {(name, "report") for name, target in known if not target}
     beside = [e for e in told.get("instruments", ()) if e["found"] and (e["name"], e["acts_on"]) not in known]
     return named + [
         {"name": e["name"], "acts_on": e["acts_on"], "rivals": e.get("rivals", []), "parameters":
