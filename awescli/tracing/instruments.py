@@ -3,7 +3,8 @@
 A measured flight may be too far from its model for any one effect to explain the rest. Yet no gust delays a position or turns a heading,
 and model error does not move with a surface: with both of them open, errors of instruments stand out. One alone would take what belongs
 to the others; all together they are one fit, in which each has its size and interval. They are no verdict: nothing says that the model errs
-because of them.
+because of them. What reads the line is not asked: what a model of the line lacks passes for it (its weight for a load cell that reads high,
+its length for a clock).
 """
 
 from collections.abc import Mapping, Sequence

@@ -16,7 +16,6 @@ class ClockOffset(Effect):
     name = "clock_offset"
     doc = "winch signals stamped late or early"
     of_line = True
-    matters = {"tau": 0.1}
     parameters = (Parameter("tau", 0.0, "s", -10.0, 10.0, source="milliseconds to 10 s"),)
     targets = ("winch",)
 
