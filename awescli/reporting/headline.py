@@ -109,8 +109,8 @@ def claims(evidence: Evidence) -> list[Words]:
     if evidence.effects:
         found += [_effect(evidence, e) for e in evidence.traced["effects"]]
         found += [_predicts(evidence, e) for e in (evidence.traced.get("by_prediction") or {}).get("effects", ())]
-        errors = [e for e in evidence.traced.get("instruments", ()) if e["found"]]
-        found += [f"No verdict, but beside gusts and model error the flight says of its instruments: {e['sentence']}." for e in errors]
+        errors = "; ".join(e["sentence"] for e in evidence.traced.get("instruments", ()) if e["found"])
+        found += [f"Beside gusts and model error the flight says of its instruments: {errors}."] if errors else []
         seen_alone = evidence.traced.get("kinematics", [])
         found += [f"Kinematics alone, without any model of forces: {seen['sentence']}." for seen in seen_alone]
         found.append(_gain(evidence))

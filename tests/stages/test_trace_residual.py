@@ -21,6 +21,7 @@ from awescli.stages.plan import read_plan
 from awescli.stages.runner import run_plan
 from awescli.stages.trace_residual import begun
 from awescli.tracing import investigate as tracing
+from awescli.tracing.instruments import InstrumentError
 
 PLAN = """
 flight: flight
@@ -107,6 +108,8 @@ def test_without_a_verdict_what_predicts_better_is_handed_on(tmp_path, monkeypat
         return replace(found, verdict="not_testable", table=table, model=null)
 
     monkeypatch.setattr("awescli.tracing.flight.investigate", without_a_verdict)
+    off = InstrumentError("heading_bias", "b", 0.0, 0.05, 0.004, "rad", 0.026)
+    monkeypatch.setattr("awescli.tracing.flight.instrument_errors", lambda *which, **how: (off, replace(off, size=0.01)))
     summary, effects = run(folder), effects_of(folder)
     assert summary["verdict"] == effects["verdict"] == "not_testable" and "failure" not in summary and effects["effects"] == []
     (better,) = effects["by_prediction"]["effects"]
@@ -115,12 +118,15 @@ def test_without_a_verdict_what_predicts_better_is_handed_on(tmp_path, monkeypat
     assert better["after"] < 0.7 * better["before"] and effects["error"]["after"]["mean"] < 0.7 * effects["error"]["before"]["mean"]
     assert effects["by_prediction"]["chi2"]["after"] == effects["chi2"]["validation_after"] < effects["chi2"]["validation_before"]
     assert any(line.startswith("predicts unseen flight better: sideslip_drag on coefficients, k 2.") for line in summary["answer"])
+    told = "beside gusts and model error: heading_bias, b = 0.05 +- 0.0078 rad (95 %)"
+    assert told in summary["answer"] and [e["found"] for e in effects["instruments"]] == [True, False]
     kite, params = (folder / "out" / "trace-residual" / n for n in ("kite.yaml", "params.json"))
     known = read_json(params)["parameters"]["sideslip_drag.k"]
     assert read_kite(kite).table()["sideslip_drag.k"].value == pytest.approx(size["value"]) and known["std"] == size["std"]
     plan = read_plan(folder / "stages.yaml", STAGES, {"out": str(folder / "out"), "evaluate.horizon": "2.0", "evaluate.horizons": "[1.0]"})
     run_plan(plan, STAGES, only=["evaluate"])
-    assert "predicted better with sideslip drag" in (folder / "out" / "evaluate" / "report.html").read_text()
+    page = (folder / "out" / "evaluate" / "report.html").read_text()
+    assert "predicted better with sideslip drag" in page and "says of its instruments: heading_bias, b = 0.05" in page
 
 
 def test_nothing_is_found_where_nothing_is_missing(tmp_path):
