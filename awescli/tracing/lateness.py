@@ -13,6 +13,8 @@ from awescli.flightlog.reconstruction.motion_of import motion_of
 
 TURNS = {"aileron": "p", "elevator": "q", "rudder": "r"}
 """Surface -> rate about the axis that it turns the kite about."""
+NEEDED = ("p", "q", "r", "phi", "theta", "psi", "v_n", "v_e", "v_d")
+"""Signals without which nothing is said."""
 BAND = (0.15, 5.0)
 """[Hz] between what a trim does and what only shakes."""
 LONGEST = 0.5
@@ -25,7 +27,7 @@ def lateness(log: FlightLog, surface: str) -> float:
     """[s] delay at which the set-point of a surface explains most of the angular acceleration about its axis, to a sample; 0 where the log
     does not show it."""
     motion, rate = motion_of(log), TURNS.get(surface, "")
-    if motion is None or rate not in log or surface not in log.inputs or log.dt > 1 / (4 * BAND[1]):
+    if motion is None or not rate or surface not in log.inputs or any(n not in log for n in NEEDED) or log.dt > 1 / (4 * BAND[1]):
         return 0.0
     rows, band = motion.rows[motion.good], butter(4, BAND, btype="band", fs=1 / log.dt, output="sos")
     V = np.maximum(log["V_a"] if "V_a" in log else np.linalg.norm([log[n] for n in ("v_n", "v_e", "v_d")], axis=0), 1.0)

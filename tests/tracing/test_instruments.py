@@ -85,6 +85,7 @@ def test_a_surface_that_says_nothing_has_no_time():
     noise = np.random.default_rng(1).normal(0, 0.02, len(log.time))
     assert lateness(replace(log, inputs={**log.inputs, "rudder": noise}), "rudder") == 0.0
     assert lateness(log, "flaps") == 0.0
+    assert lateness(replace(log, measured={n: s for n, s in log.measured.items() if n != "q"}), "rudder") == 0.0
 
 
 def test_what_matters_is_a_parameter():
