@@ -14,6 +14,7 @@ import numpy as np
 
 from awescli.estimation.staged_fit import COARSE
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.reconstruction.result import clearly_matters
 from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
@@ -27,9 +28,8 @@ LOOKED_AT = 60.0
 BEGUN = 0.05
 """[s] from which a delay is fitted, for it is late by something ..."""
 LATE = 0.15
-"""... and by equation error beyond which it is also fitted to set-points that were given so much later: its form holds for short delays."""
-CLEAR = 4.0
-"""Standard deviations from which an error is clearly there: some fifteen are looked at on each flight."""
+"""... and by equation error beyond which it is also fitted to set-points that were given so much later: its form holds for short delays.
+Set, as `lateness.BAND` is, on delays put into the records of UMN's Thor and Ampyx' AP2."""
 TOLD = 0.5
 """Of the size that matters, standard deviation beyond which the flight does not tell an error."""
 
@@ -57,16 +57,15 @@ class InstrumentError:
     @property
     def found(self) -> bool:
         """Clearly there, and of a size that matters."""
-        clear = abs(self.error) > CLEAR * self.std and abs(self.error) - 1.96 * self.std > 0.5 * self.matters
-        return bool(clear and abs(self.error) >= self.matters and self.plausible)
+        return self.plausible and clearly_matters(self.error, self.std, self.matters)
 
 
 def instrument_errors(
     frame: Frame, start: Mapping[str, float], keys: Sequence[str], criteria: Criteria = CRITERIA, progress: Say = lambda text: None
 ) -> tuple[InstrumentError, ...]:
-    """The errors of all instruments among the effects `keys`, the clearest first, from parameter values `start`: those that the flight
-    tells. None where the declared model does not follow it with all the help there is."""
-    part = replace(frame, seconds=LOOKED_AT, spacing=COARSE)
+    """The errors of all instruments of the plan's flight among the effects `keys`, the clearest first, from parameter values `start`: those
+    that it tells. None where the declared model does not follow it with all the help there is."""
+    part = replace(frame, flights=frame.flights[:1], per_flight=(), seconds=LOOKED_AT, spacing=COARSE)
     every = [e for e in (make_effect(key, frame.declared) for key in keys) if e.matters]
     # what does not turn the kite does not say when it answers
     every = [e for e in every if e.instrument != "actuator" or e.target in TURNS]
@@ -103,7 +102,7 @@ def _all_fitted(part: Frame, base: FittedModel, effects: Sequence[Effect]) -> tu
     model = fit_all_added(part, base, keys, begun)
     far = {e.target: found - BEGUN for e in actuators if (found := lateness(log, e.target)) > LATE}
     if far:
-        later = replace(part, flights=(replace(part.flights[0], log=given_later(log, far)), *part.flights[1:]))
+        later = replace(part, flights=(replace(part.flights[0], log=given_later(log, far)),))
         other = fit_all_added(later, base, keys, begun)
         if other.deviance < model.deviance:
             return later, far, other

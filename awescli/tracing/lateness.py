@@ -1,8 +1,8 @@
 """How late a surface answers, by the moment that it makes (equation error; Klein & Morelli, Aircraft System Identification, 2006, ch. 5).
 
 The angular acceleration about the surface's axis is a sum of coefficients times what the log shows, the set-point of some time ago among
-it: the time at which it says most. No trajectory is simulated, so no optimum lies between: it is where a fit of the delay begins. Under
-feedback and in gusts the coefficients come out small; the time does not move.
+it: the time at which it says most. No trajectory is simulated, so every delay can be tried, and a fit of it need not end at another
+optimum. Under feedback and in gusts the coefficients come out small; the time hardly moves.
 """
 
 import numpy as np

@@ -257,14 +257,10 @@ def fit_in_gusts(frame: Frame, start: Mapping[str, float]) -> FittedModel:
     return FittedModel.of((), (), *fit_levels(problems, frame.labels, tables, frame.per_flight, True, ROUNDS, LOOSE))
 
 
-def fit_all_added(
-    frame: Frame, base: FittedModel, keys: Sequence[str], strengths: Mapping[str, float], gone: Sequence[str] = ()
-) -> FittedModel:
-    """The base model without its effects `gone` and with `keys` added, all at once, beside its model error, with what coloured residuals
-    add to its covariance. strengths: as in `fit_added`."""
-    kept = [k for k in base.keys if k not in gone]
-    free = [n for n in base.strengths if not any(n.startswith(f"{k}.") for k in gone)]
-    return _fitted(frame, base, (*kept, *keys), (*free, *strengths), strengths, QUICK).widened()
+def fit_all_added(frame: Frame, base: FittedModel, keys: Sequence[str], strengths: Mapping[str, float]) -> FittedModel:
+    """The base model with several effects added at once, beside its model error, with what coloured residuals add to its covariance.
+    strengths: as in `fit_added`."""
+    return _fitted(frame, base, (*base.keys, *keys), (*base.strengths, *strengths), strengths, QUICK).widened()
 
 
 def fit_on(

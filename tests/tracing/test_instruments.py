@@ -8,6 +8,7 @@ from kites import DEVELOPMENT
 from scipy.signal import butter, lfilter, sosfiltfilt
 from tracing.traced import short_flight
 
+from awescli.flightlog.reconstruction.flight_path import MATTERS
 from awescli.notation.quantities import MEASURED, SURFACES
 from awescli.physics.kite import candidates, make_effect
 from awescli.tracing.criteria import CRITERIA
@@ -94,3 +95,6 @@ def test_what_matters_is_a_parameter():
     for effect in effects:
         assert set(effect.matters) <= {p.name for p in effect.parameters}
         assert all(size > 0 for size in effect.matters.values())
+        # what kinematics call too small to matter is no larger here
+        name = effect.target if effect.target in MATTERS else effect.name
+        assert all(size == pytest.approx(MATTERS.get(name, size), rel=0.05) for size in effect.matters.values())

@@ -54,8 +54,7 @@ class SensorError:
     @property
     def found(self) -> bool:
         """Clearly there, and of a size that matters."""
-        clear = abs(self.size) > CLEAR * self.std and abs(self.size) - 1.96 * self.std > 0.5 * self.matters
-        return bool(clear and self.agrees and abs(self.size) >= self.matters)
+        return self.agrees and clearly_matters(self.size, self.std, self.matters)
 
     @property
     def determined(self) -> bool:
@@ -65,6 +64,11 @@ class SensorError:
 
 CLEAR = 4.0
 """Standard deviations: some fifteen errors are looked at on each flight, and their noise is not quite what is assumed."""
+
+
+def clearly_matters(error: float, std: float, matters: float) -> bool:
+    """Is an error clearly there, and of a size that matters, with its interval beyond half of that?"""
+    return bool(abs(error) > CLEAR * std and abs(error) - 1.96 * std > 0.5 * matters and abs(error) >= matters)
 
 
 @dataclass(frozen=True)
