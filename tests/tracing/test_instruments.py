@@ -25,9 +25,11 @@ GUSTS = {"turbulence": {"sigma": 0.6, "L": 80.0}}
 
 
 def errors_of(effects: dict, late: float = 0.0) -> dict[str, InstrumentError]:
-    """Of a flight in gusts with `effects`, whose rudder was commanded `late` seconds before what is logged."""
+    """Of a flight in gusts with `effects`, whose rudder was commanded `late` seconds before what is logged; beside another flight, whose
+    instruments are not asked, and which has a heading of its own."""
     declared, log, parts = short_flight(GUSTS | effects, 31, 50.0, UNKNOWN)
-    frame = Frame((TracedFlight(given_later(log, {"rudder": -late}), parts, declared),), 2.0, tuple(log.measured))
+    asked = TracedFlight(given_later(log, {"rudder": -late}), parts, declared, "first")
+    frame = Frame((asked, TracedFlight(log, parts, declared, "second")), 2.0, tuple(log.measured), per_flight=("heading_bias*",))
     return {e.key: e for e in instrument_errors(frame, {}, KEYS)}
 
 
