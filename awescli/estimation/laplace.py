@@ -77,15 +77,26 @@ def alone(H: np.ndarray, std: np.ndarray) -> np.ndarray:
 def by_differences(misfit: Misfit, x: np.ndarray, own: NuisanceValues, info: Information, which: np.ndarray, step: np.ndarray) -> float:
     """-1/2 of the derivative of the log determinant along a step (n,) of one global, the nuisances at their best on either side; 0 where
     that loses a segment, or the log determinant bends by more than it slopes."""
-    log_det, here = [], float(info.log_det[which].sum())
+    either = differences(misfit, x, own, info, which, step)
+    if either is None:
+        return 0.0
+    up, down = either.sum(axis=1)
+    return -0.5 * float(up - down) / (2 * float(step.sum())) if abs(up + down) < abs(up - down) else 0.0
+
+
+def differences(
+    misfit: Misfit, x: np.ndarray, own: NuisanceValues, info: Information, which: np.ndarray, step: np.ndarray
+) -> np.ndarray | None:  # fmt: skip
+    """(2, len(which)) change of the log determinant of each segment `which`, a step (n,) of globals ahead and one behind, the nuisances at
+    their best there; None where one loses a segment."""
+    log_det = []
     for change in (step, -step):
         there = own.moved(info.nuisances(change), 1.0, np.isin(np.arange(len(own.path)), which))
         said = misfit.linear(x + change, there, parameters=())
         if not (said.alive[which] > misfit.observed.segments.steps).all():
-            return 0.0
-        log_det.append(float(misfit.eliminated(said.gram, there, which).log_det[which].sum()) - here)
-    up, down = log_det
-    return -0.5 * (up - down) / (2 * float(step.sum())) if abs(up + down) < abs(up - down) else 0.0
+            return None
+        log_det.append(misfit.eliminated(said.gram, there, which).log_det[which] - info.log_det[which])
+    return np.array(log_det)
 
 
 def estimates(misfit: Misfit, x: np.ndarray, own: NuisanceValues, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:

@@ -38,6 +38,10 @@ WORTH = 4.0
 SETTLED = 0.5
 """Deviance below which a round has changed nothing."""
 ROUNDS = 8
+DRAWS = 4
+"""Draws of the nuisances from which the variance is taken that they give a channel."""
+LEAST_LEFT = 1e-3
+"""Share of a channel's samples that is left at least when those that the nuisances determine are taken off."""
 
 
 def relevelled(
@@ -142,18 +146,32 @@ def opened(processes: Sequence[Process], kinds: Sequence[str], share: float = EN
     )
 
 
-def noise_factors(fit: Fit, draws: int = 4, change: np.ndarray | None = None) -> dict[str, float]:
-    """Compared channel -> factor on the standard deviation of its noise, by one step of expectation-maximisation: the root of the mean
-    square of the whitened residual, what the nuisances' own uncertainty adds included. change: (n,) of the globals before that."""
+def noise_factors(fit: Fit) -> dict[str, float]:
+    """Compared channel -> factor on the standard deviation of its noise, by one step of the fixed point that levels have (MacKay 1992): the
+    root of the squares of the whitened residual over the samples, less those that the nuisances determine. Expectation-maximisation comes
+    to the same noise in the end, but slowly where nuisances follow most of a channel."""
+    square, spread, count = _whitened(fit, None)
+    left = np.maximum(count - spread, LEAST_LEFT * count)
+    return {n: float(np.sqrt(square[i] / left[i])) for i, n in enumerate(fit.misfit.observed.outputs) if count[i] > 0}
+
+
+def mean_squares(fit: Fit, change: np.ndarray | None = None) -> dict[str, float]:
+    """Compared channel -> mean square of the whitened residual, what the nuisances' own uncertainty adds included. change: (n,) of the
+    globals before that."""
+    square, spread, count = _whitened(fit, change)
+    return {n: float((square[i] + spread[i]) / count[i]) for i, n in enumerate(fit.misfit.observed.outputs) if count[i] > 0}
+
+
+def _whitened(fit: Fit, change: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(squares of the whitened residual, variances that the nuisances give it, number of samples), each a sum by channel (Y,)."""
     misfit, x = fit.misfit, fit.parameters.vector(fit.names)
-    moved, around = fit.information.nuisances(change), fit.information.samples(draws, seed=0)
+    moved, around = fit.information.nuisances(change), fit.information.samples(DRAWS, seed=0)
     parameters, of_globals = ((), None) if change is None else (fit.names, change[:, None])
     counts = np.isin(np.arange(len(fit.alive)), fit.counted)
-    squares, counted = np.zeros((2, len(fit.alive), len(misfit.observed.outputs)))
+    found = np.zeros((3, len(misfit.observed.outputs)))
     for which, links, _ in misfit.parts(x, fit.own, parameters):
         counting = (links.weight > 0) & counts[which, None, None]
         r = links.r - misfit.changed(links, moved.of(which), of_globals)[..., 0]
         spread = (misfit.changed(links, around.of(which)) ** 2).mean(axis=-1)
-        squares[which], counted[which] = np.where(counting, r**2 + spread, 0.0).sum(axis=1), counting.sum(axis=1)
-    square, count = squares.sum(axis=0), counted.sum(axis=0)
-    return {n: float(np.sqrt(square[i] / count[i])) for i, n in enumerate(misfit.observed.outputs) if count[i] > 0}
+        found += [np.where(counting, values, 0.0).sum(axis=(0, 1)) for values in (r**2, spread, 1.0)]
+    return found[0], found[1], found[2]

@@ -14,8 +14,10 @@ from scipy import stats
 
 from awescli.estimation.fit import Fit
 from awescli.estimation.information_filter import Information
+from awescli.estimation.laplace import APART, differences
 from awescli.estimation.links import Gram, joined
 from awescli.notation.parameters import ParameterTable
+from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.models import FittedModel
 from awescli.tracing.screen import firm
 
@@ -23,16 +25,37 @@ FEWEST = 3
 """Segments of which no course is asked."""
 
 
-def steadiness(model: FittedModel) -> float:
+def steadiness(model: FittedModel, criteria: Criteria = CRITERIA) -> float:
     """Probability that chance makes the sizes of a model's effects drift so much through a flight; the least of its flights."""
     found = [1.0]
     for fit, strengths, prior in _fits(model):
         begins = fit.misfit.begins
         late = 2 * (begins - begins.min()) / max(float(np.ptp(begins)), 1e-9) - 1
         info = fit.misfit.eliminated(_grown(fit.gram, strengths, late), fit.own, fit.counted)
-        gain = _gain(fit, info, prior, slice(len(fit.names), None), fit.slope[strengths] * late[fit.counted].mean())
-        found.append(float(stats.chi2.sf(gain, len(strengths))))
+
+        def by_chance(integrated: np.ndarray, fit: Fit = fit, info: Information = info, prior: ParameterTable = prior) -> float:
+            gain = _gain(fit, info, prior, slice(len(fit.names), None), integrated)
+            return float(stats.chi2.sf(gain, len(integrated)))
+
+        p = by_chance(fit.slope[strengths] * late[fit.counted].mean())
+        if p < criteria.steady:
+            p = by_chance(_integrated(fit, strengths, late))
+        found.append(p)
     return min(found)
+
+
+def _integrated(fit: Fit, strengths: Sequence[int], late: np.ndarray) -> np.ndarray:
+    """What integrating the nuisances out adds to the slope of strengths that grow with `late` (K,): not as much in every segment where an
+    effect acts in some. A stall met in a third of the loops of a gusty flight, all of it there, seemed to grow (p of 1e-34) as long as
+    every loop was given the mean."""
+    found, x = fit.slope[strengths] * late[fit.counted].mean(), fit.parameters.vector(fit.names)
+    for place, i in enumerate(strengths):
+        step = APART * np.sqrt(fit.covariance[i, i]) * np.eye(len(x))[i]
+        either = differences(fit.misfit, x, fit.own, fit.information, fit.counted, step)
+        if either is not None:
+            each = -0.5 * (either[0] - either[1]) / (2 * step[i])
+            found[place] += float((each - each.mean()) @ late[fit.counted])
+    return found
 
 
 def gains_along(model: FittedModel) -> dict[str, float]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from awescli.estimation.levels import noise_factors
+from awescli.estimation.levels import mean_squares
 from awescli.estimation.processes.base import Group
 from awescli.flightlog.loops import Loops, find_loops
 from awescli.physics.disturbances import GUSTS
@@ -84,9 +84,8 @@ def channels_of(model: FittedModel) -> dict[str, float]:
         if not len(judged.counted):
             continue
         count = float(judged.information.dof.sum())
-        factors = noise_factors(judged, change=model.step[place])
-        for name, factor in factors.items():
-            squares[name] = squares.get(name, 0.0) + count * factor**2
+        for name, square in mean_squares(judged, change=model.step[place]).items():
+            squares[name] = squares.get(name, 0.0) + count * square
             samples[name] = samples.get(name, 0.0) + count
     return {name: square / samples[name] for name, square in squares.items()}
 
