@@ -212,10 +212,11 @@ def answer_lines(effects: dict, kite_file: Path) -> list[str]:
     share = f", {100 * left['share']:.0f} % of what was missing" if left.get("share") else ""
     rest = effects["unexplained"]
     empirical = [shorten(f"empirical: {rest['expression']}", 120, placeholder=" ...")] if rest and rest["expression"] else []
-    # what else was seen (of bounds; by a second witness, which asks no model of forces): in full, or in a line each
+    # what else was seen (of bounds; of instruments; by a second witness, which asks no model of forces): in full, or in a line each
     bounds, told_alone = effects["outside_bounds"], [f"kinematics alone: {seen}" for seen in seen_alone(effects).values()]
-    alone = [*(o["sentence"] for o in bounds.values()), *(shorten(t, 120, placeholder=" ...") for t in told_alone)]
-    briefly = [*([f"outside their bounds: {', '.join(bounds)}"] if bounds else []), *told_alone]
+    told = [f"beside gusts and model error: {'; '.join(said)}"] if (said := of_instruments(effects)) else []
+    alone = [*(o["sentence"] for o in bounds.values()), *told, *(shorten(t, 120, placeholder=" ...") for t in told_alone)]
+    briefly = [*([f"outside their bounds: {', '.join(bounds)}"] if bounds else []), *told, *told_alone]
     briefly = [shorten(t, WIDTH - 4, placeholder=" ...") for t in briefly]
     end = [
         change(before, after, error["noise_floor"]["mean"], error["horizon_s"]),
@@ -226,8 +227,6 @@ def answer_lines(effects: dict, kite_file: Path) -> list[str]:
         better = effects.get("by_prediction")
         better = [f"predicts unseen flight better: {_said(e, 1)}" for e in better["effects"]] if better else []
         first = [*better, *end[: len(better[:1])]]
-        told = [f"beside gusts and model error: {'; '.join(said)}"] if (said := of_instruments(effects)) else []
-        alone, briefly = [*told, *alone], [*(shorten(t, WIDTH - 4, placeholder=" ...") for t in told), *briefly]
         why = f"{verdict}: {effects['reason']}"
         versions = [[why, *first, *seen, *end[-1:]] for seen in (alone, briefly)]
         brief = [shorten(text, 120, placeholder=" ...") for text in (why, *better[:1])]
@@ -236,12 +235,12 @@ def answer_lines(effects: dict, kite_file: Path) -> list[str]:
         says = shorten(f"{verdict}: {effects['reason'] or SAYS[verdict]}", 200, placeholder=" ...")
         short = [shorten(e, WIDTH - 4, placeholder=" ...") for e in empirical]
         brief = shorten(says, 120, placeholder=" ...")
-        versions = [[says, *empirical, *alone, *end], [says, *empirical, *alone, *end[::2]], [brief, *short, *briefly, *end[::2]]]
-        return fitting(TraceResidual.name, versions)
+        versions = [[says, *empirical, *alone, *end], [says, *empirical, *alone, *end[::2]]]
+        return fitting(TraceResidual.name, [*versions, *([brief, *terms, *briefly, *end[::2]] for terms in (short, []))])
     found = [[_said(e, most) for e in effects["effects"]] for most in (9, 1, 0)]
     # sizes before the long form of what else was seen
-    told = [(found[0], alone), *((sizes, briefly) for sizes in found)]
-    versions = [[f"{verdict}: {first}", *(f"and {e}" for e in others), *empirical, *seen, *end] for (first, *others), seen in told]
+    sized_so = [(found[0], alone), *((sizes, briefly) for sizes in found)]
+    versions = [[f"{verdict}: {first}", *(f"and {e}" for e in others), *empirical, *seen, *end] for (first, *others), seen in sized_so]
     names, few = (shorten(f"{verdict}: {', '.join(named(e) for e in effects['effects'])}", most, placeholder=" ...") for most in (200, 120))
     return fitting(TraceResidual.name, [*versions, [names, *empirical, *briefly, *end[::2]], [few, *briefly, *end[::2]]])
 

@@ -9,7 +9,7 @@ from awescli.flightlog.split import Split
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 from awescli.tracing.by_prediction import better_by_prediction
-from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame, Levels, TracedFlight
 from awescli.tracing.instruments import instrument_errors
 from awescli.tracing.investigate import Finding, investigate, library_keys
@@ -51,8 +51,15 @@ def trace_flight(
     null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None or also else (levels,))
     error = predict(null.simulator, log, parts.validation, horizon).nrmse()["mean"]
     finding = investigate(frame, null, keys, rounds=rounds, null_error=error, identified_error=identified_error, progress=progress)
-    if finding.verdict != "not_testable":
+    if finding.verdict != "not_testable" and not _far_off(finding):
         return finding
     finding = replace(finding, instruments=instrument_errors(frame, dict(start or {}), keys, progress=progress))
+    if finding.verdict != "not_testable":
+        return finding
     better = better_by_prediction(frame, dict(start or {}), keys, progress=progress)
     return replace(finding, model=better.model, by_prediction=better) if better else finding
+
+
+def _far_off(finding: Finding, criteria: Criteria = CRITERIA) -> bool:
+    """Is a flight unexplained by far? What came nearest leaves more by itself than a model may leave with model error beside it."""
+    return finding.verdict == "unexplained" and finding.evidence.rest.chi2 > criteria.follows

@@ -117,6 +117,7 @@ def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen, 
     error = {"horizon_s": 5.0, **{k: {"mean": 0.0123456} for k in ("before", "after", "noise_floor")}}
     unexplained = {"expression": "; ".join(f"m_y += qbar*S*(+0.0{i}234*alpha*V_a)" for i in range(6))} if verdict == "unexplained" else None
     outside = outside if verdict in ("found", "none") else 0  # no others need a trace without bounds
+    blamed = seen if verdict == "unexplained" and count == 0 else 0  # only where an answer is far off are instruments asked
     bounds = {f"Cmde_{i}": {"sentence": f"The kite file's bounds of Cmde_{i} do not hold what the flight says."} for i in range(outside)}
     effects = {
         "verdict": verdict,
@@ -126,12 +127,14 @@ def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen, 
         "left": {"chi2": 1.234, "share": 0.5},
         "unexplained": unexplained,
         "kinematics": [{"sentence": "position late by 0.2603 s +- 0.0004"}] * seen,
+        "instruments": [{"sentence": "heading_bias, b = 0.05 rad", "found": True}] * blamed,
         "outside_bounds": bounds,
     }
     lines = lines_of("trace-residual", answer_lines(effects, "out/trace-residual/kite.yaml"))
     assert max(map(len, lines)) <= 80 and len(lines) <= 6, lines
     assert "0.0123 -> 0.0123 (noise alone 0.0123)" in " ".join(lines) and verdict in lines[0] and "kite.yaml" in lines[-1]
     assert ("kinematics alone: position late by 0.2603 s" in " ".join(lines)) == (seen > 0)
+    assert ("beside gusts and model error: heading_bias" in " ".join(lines)) == (blamed > 0)
     assert ("Cmde_0" in " ".join(lines)) == (outside > 0)
     if count == 1 and verdict == "found" and seen + outside < 2:
         assert "threshold -123.456 N s/m [" in " ".join(" ".join(lines).split())  # a size before a long sentence

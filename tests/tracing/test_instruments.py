@@ -1,6 +1,7 @@
 """Errors of all instruments at once, where no verdict is possible; and the time at which a surface answers."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from tracing.traced import short_flight
 from awescli.flightlog.reconstruction.flight_path import MATTERS
 from awescli.notation.quantities import MEASURED, SURFACES
 from awescli.physics.kite import candidates, make_effect
+from awescli.tracing import flight
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.frame import Frame, TracedFlight
 from awescli.tracing.instruments import InstrumentError, given_later, instrument_errors
+from awescli.tracing.investigate import Finding
 from awescli.tracing.lateness import lateness
 
 KEYS = (
@@ -47,6 +50,22 @@ def test_errors_of_several_instruments_are_told_together():
 
 def test_no_instrument_is_blamed_for_gusts():
     assert not any(e.found for e in errors_of({}).values())
+
+
+@pytest.mark.parametrize(
+    ("verdict", "chi2", "asked"),
+    [("not_testable", 1.0, True), ("unexplained", 2.5, True), ("unexplained", 1.5, False), ("found", 2.5, False)],
+)
+def test_which_flights_are_asked_for_their_instruments(monkeypatch, verdict, chi2, asked):
+    """Guards measured flights that are unexplained by far (a vane that is 3.5 deg off was silent), and everybody else's time."""
+    declared, log, parts = short_flight({}, 31, 20.0, UNKNOWN)
+    evidence, seen = SimpleNamespace(rest=SimpleNamespace(chi2=chi2)), ("what instruments say",)
+    monkeypatch.setattr(flight, "fit_null", lambda *of: SimpleNamespace(simulator=None))
+    monkeypatch.setattr(flight, "predict", lambda *of: SimpleNamespace(nrmse=lambda: {"mean": 0.1}))
+    monkeypatch.setattr(flight, "investigate", lambda frame, null, *of, **how: Finding(frame, verdict, (), {}, evidence, null))
+    monkeypatch.setattr(flight, "better_by_prediction", lambda *of, **how: None)
+    monkeypatch.setattr(flight, "instrument_errors", lambda *of, **how: seen)
+    assert flight.trace_flight(declared, log, parts).instruments == (seen if asked else ())
 
 
 @pytest.mark.parametrize("seen", [0.0, 0.34])

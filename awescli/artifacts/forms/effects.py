@@ -297,7 +297,7 @@ class Effects(Checked):
         default=None, description="where there is no verdict: with which effects unseen loops are predicted better"
     )
     instruments: list[OfInstrument] = Field(
-        default=[], description="where there is no verdict: errors of sensors and actuators that the flight tells, clearest first"
+        default=[], description="where there is no verdict, or much is left: errors of instruments that the flight tells, clearest first"
     )
     outside_bounds: dict[str, Outside] = Field(
         default={}, description="parameter -> its value, where the answer holds only outside the bounds that the kite file declares"
