@@ -66,8 +66,7 @@ def gains_along(model: FittedModel) -> dict[str, float]:
         info = fit.misfit.eliminated(_along_outputs(fit, strengths), fit.own, fit.counted)
         n, m = len(fit.names), len(strengths)
         for place, channel in enumerate(fit.misfit.observed.outputs):
-            course = slice(n + place * m, n + (place + 1) * m)  # less its mean: nothing is left of what is as much everywhere
-            gain = _gain(fit, info, prior, course, np.zeros(m))
+            gain = _gain(fit, info, prior, slice(n + place * m, n + (place + 1) * m))
             found[channel] = max(found.get(channel, 0.0), gain)
     return found
 
@@ -81,13 +80,15 @@ def _fits(model: FittedModel) -> Iterator[tuple[Fit, list[int], ParameterTable]]
             yield fit, strengths, prior
 
 
-def _gain(fit: Fit, info: Information, prior: ParameterTable, asked: slice, integrated: np.ndarray) -> float:
+def _gain(fit: Fit, info: Information, prior: ParameterTable, asked: slice, integrated: np.ndarray | None = None) -> float:
     """Deviance that some further strengths would gain beside the parameters of a fit, to first order. integrated: what integrating the
-    nuisances out adds to their slope, as much in every segment; the parameters have theirs from the fit."""
+    nuisances out adds to their slope; None: what it adds to the parameters that do the same, which have theirs from the fit. (The zero of a
+    load cell that grows with tension is its scale; with no slope of its own it seemed to gain 12000 in gusts.)"""
     n = len(fit.names)
     away, slope = prior.deviations(fit.names, fit.parameters.vector(fit.names))
     absorbed = np.linalg.solve(info.H[:n, :n] + np.diag(slope**2), info.H[:n, asked])
-    left = info.b[asked] + integrated - absorbed.T @ (info.b[:n] + fit.slope - slope * away)
+    added = absorbed.T @ fit.slope if integrated is None else integrated
+    left = info.b[asked] + added - absorbed.T @ (info.b[:n] + fit.slope - slope * away)
     A = firm(info.H[asked, asked] - info.H[asked, :n] @ absorbed)
     return float(left @ np.linalg.solve(A, left))
 

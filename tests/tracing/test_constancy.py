@@ -125,6 +125,26 @@ def test_a_size_that_goes_with_a_channel_is_seen_there(found, channel):
     assert more[channel] == pytest.approx(4 * little[channel], rel=0.2)
 
 
+def test_what_integrating_out_adds_goes_with_no_channel(found):
+    """Guards true effects in gusts (a load cell's scale was `unexplained`, its zero said to go with tension, which is the scale): a course
+    that does what a parameter does has what integrating the nuisances out adds to that one."""
+    _, finding = found
+    model = finding.evidence.model
+    (fit,) = model.fit.flights
+    i, n = fit.names.index(model.strengths[0]), len(fit.names)
+    size = 10 * np.sqrt(fit.information.H[i, i])
+    y, slope = fit.gram.y.copy(), fit.slope.copy()
+    y[fit.counted, i, n] -= size / len(fit.counted)
+    y[fit.counted, n, i] = y[fit.counted, i, n]
+    slope[i] += size
+    other = replace(fit, gram=replace(fit.gram, y=y), slope=slope)
+    (_, strengths, prior) = next(constancy._fits(model))
+    same = constancy._grown(other.gram, strengths, np.full(len(fit.gram), 0.5))
+    info = fit.misfit.eliminated(same, fit.own, fit.counted)
+    alike, without = (constancy._gain(other, info, prior, slice(n, None), *of) for of in ([], [np.zeros(1)]))
+    assert alike < 1 and without > 100
+
+
 def test_an_answer_without_effects_goes_with_nothing(found):
     _, finding = found
     assert gains_along(finding.null) == {}
