@@ -32,26 +32,24 @@ def steadiness(model: FittedModel, criteria: Criteria = CRITERIA) -> float:
         begins = fit.misfit.begins
         late = 2 * (begins - begins.min()) / max(float(np.ptp(begins)), 1e-9) - 1
         info = fit.misfit.eliminated(_grown(fit.gram, strengths, late), fit.own, fit.counted)
-
-        def by_chance(integrated: np.ndarray, fit: Fit = fit, info: Information = info, prior: ParameterTable = prior) -> float:
-            gain = _gain(fit, info, prior, slice(len(fit.names), None), integrated)
-            return float(stats.chi2.sf(gain, len(integrated)))
-
-        p = by_chance(fit.slope[strengths] * late[fit.counted].mean())
-        if p < criteria.steady:
-            p = by_chance(_integrated(fit, strengths, late))
-        found.append(p)
+        p = _by_chance(fit, info, prior, fit.slope[strengths] * late[fit.counted].mean())
+        found.append(p if p >= criteria.steady else _by_chance(fit, info, prior, _integrated(fit, strengths, late)))
     return min(found)
+
+
+def _by_chance(fit: Fit, info: Information, prior: ParameterTable, integrated: np.ndarray) -> float:
+    """Probability that chance gains what the strengths behind the parameters of a fit would gain; integrated: as of `_gain`."""
+    return float(stats.chi2.sf(_gain(fit, info, prior, slice(len(fit.names), None), integrated), len(integrated)))
 
 
 def _integrated(fit: Fit, strengths: Sequence[int], late: np.ndarray) -> np.ndarray:
     """What integrating the nuisances out adds to the slope of strengths that grow with `late` (K,): not as much in every segment where an
-    effect acts in some. A stall met in a third of the loops of a gusty flight, all of it there, seemed to grow (p of 1e-34) as long as
-    every loop was given the mean."""
+    effect acts in some. A stall in a gusty flight, all of it there, seemed to grow (p of 1e-34) as long as every segment was given the
+    mean, as one still is of which that is all that is known."""
     found, x = fit.slope[strengths] * late[fit.counted].mean(), fit.parameters.vector(fit.names)
     for place, i in enumerate(strengths):
         step = APART * np.sqrt(fit.covariance[i, i]) * np.eye(len(x))[i]
-        either = differences(fit.misfit, x, fit.own, fit.information, fit.counted, step)
+        either = differences(fit.misfit, x, fit.own, fit.information, fit.counted, step) if step[i] > 0 else None
         if either is not None:
             each = -0.5 * (either[0] - either[1]) / (2 * step[i])
             found[place] += float((each - each.mean()) @ late[fit.counted])
