@@ -40,8 +40,9 @@ SETTLED = 0.5
 ROUNDS = 8
 DRAWS = 4
 """Draws of the nuisances from which the variance is taken that they give a channel."""
-LEAST_LEFT = 1e-3
-"""Share of a channel's samples that is left at least when those that the nuisances determine are taken off."""
+UNSURE = 3.0
+"""Standard errors of what the draws say that nuisances determine: so many samples keep the noise that they have, for of a channel that is
+determined nearly whole what is left says nothing."""
 
 
 def relevelled(
@@ -151,8 +152,9 @@ def noise_factors(fit: Fit) -> dict[str, float]:
     root of the squares of the whitened residual over the samples, less those that the nuisances determine. Expectation-maximisation comes
     to the same noise in the end, but slowly where nuisances follow most of a channel."""
     square, spread, count = _whitened(fit, None)
-    left = np.maximum(count - spread, LEAST_LEFT * count)
-    return {n: float(np.sqrt(square[i] / left[i])) for i, n in enumerate(fit.misfit.observed.outputs) if count[i] > 0}
+    kept = UNSURE * np.sqrt(2 * spread / DRAWS) + 1e-9
+    factor = np.sqrt((square + kept) / (np.maximum(count - spread, 0.0) + kept))
+    return {n: float(factor[i]) for i, n in enumerate(fit.misfit.observed.outputs) if count[i] > 0}
 
 
 def mean_squares(fit: Fit, change: np.ndarray | None = None) -> dict[str, float]:

@@ -51,9 +51,8 @@ def trace_flight(
     null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None or also else (levels,))
     error = predict(null.simulator, log, parts.validation, horizon).nrmse()["mean"]
     finding = investigate(frame, null, keys, rounds=rounds, null_error=error, identified_error=identified_error, progress=progress)
-    if finding.verdict != "not_testable" and not _far_off(finding):
-        return finding
-    finding = replace(finding, instruments=instrument_errors(frame, dict(start or {}), keys, progress=progress))
+    if finding.verdict == "not_testable" or _far_off(finding):
+        finding = replace(finding, instruments=instrument_errors(frame, dict(start or {}), keys, progress=progress))
     if finding.verdict != "not_testable":
         return finding
     better = better_by_prediction(frame, dict(start or {}), keys, progress=progress)
