@@ -58,7 +58,7 @@ def test_one_missing_effect_is_named_with_its_size(key, values, seed):
         assert abs(size["value"] - value) < 3.5 * size["std"] and size["std"] < 0.5 * max(abs(value), 1.0), (name, size)
     before, after, floor = (account["error"][k]["mean"] for k in ("before", "after", "noise_floor"))
     assert after < 1.5 * floor and after < (0.5 * before if before > 3 * floor else 1.02 * before), (before, after, floor)
-    assert account["chi2"]["validation_after"] == pytest.approx(1.0, abs=0.06)
+    assert account["chi2"]["validation_after"] == pytest.approx(1.0, abs=0.08)  # of 16 seeds: standard deviation 0.021, lowest 0.937
     assert account["probability"][key] > 0.5 and account["ranking"][0]["name"] == best["name"]
 
 
