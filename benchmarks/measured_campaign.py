@@ -4,7 +4,8 @@ Real air, real noise, and a declared model that lacks more than what was put in:
 Thor or of Ampyx' AP2 (not in this repository: the options name the folders) with one effect of known size (injection.py), so large that
 3 s predictions change by 4, 2 or 1 times their floor (injected_size.py), or a copy of the record with nothing put in (untouched_copies.py).
 The untouched log holds effects of its own, so answers are scored exactly (exact_scoring.py) by what they say beyond the answer to the
-untouched log. Named is what the verdict names; where there is none, what predicts unseen flight better; and what kinematics alone see.
+untouched log. Named is what the verdict names; where there is none, what predicts unseen flight better; what kinematics alone see; and what
+is said of all instruments beside gusts and model error.
 Results go to benchmarks/results/measured/<commit>/, one file a case; the table to benchmarks/results/measured.md.
 """
 
@@ -109,19 +110,21 @@ def answered(log, kite, parts, settings) -> dict[str, Any]:
 
 
 def named_by(told: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The effects that effects.json names: of the verdict, or of prediction where there is none; after them those of
-    kinematics, and of all instruments beside gusts and model error."""
-    named = [*told["effects"], *(told["by_prediction"] or {}).get("effects", ())]
-    known = {(e["name"], e["acts_on"]) for e in named}
-    alone = [k for k in told["kinematics"] if (k["name"], k["acts_on"]) not in known]
-    known |= {(k["name"], k["acts_on"]) for k in alone}
-    known |= {(name, "report") for name, target in known if not target}
-    beside = [e for e in told.get("instruments", ()) if e["found"] and (e["name"], e["acts_on"]) not in known]
-    return named + [
-        {"name": e["name"], "acts_on": e["acts_on"], "rivals": e.get("rivals", []), "parameters":
-         {e.get("parameter", "size"): {"value": e["size"], "std": e["std"]}}}
-        for e in [*alone, *beside]
-    ]  # fmt: skip
+    """The effects that effects.json names, once for everything that names one. by: the verdict ("effects"), "by_prediction" where there is
+    none, "kinematics", or all "instruments" beside gusts and model error; each has a size of its own."""
+    by = {
+        "effects": told["effects"],
+        "by_prediction": (told["by_prediction"] or {}).get("effects", ()),
+        "kinematics": [_with_size(e) for e in told["kinematics"]],
+        "instruments": [_with_size(e) for e in told.get("instruments", ()) if e["found"]],
+    }
+    return [{**e, "by": source} for source, named in by.items() for e in named]
+
+
+def _with_size(told: Mapping[str, Any]) -> dict[str, Any]:
+    """An error of a sensor or an actuator in the form of an effect of the verdict."""
+    sizes = {told.get("parameter", "size"): {"value": told["size"], "std": told["std"]}}
+    return {"name": told["name"], "acts_on": told["acts_on"], "rivals": told.get("rivals", []), "parameters": sizes}
 
 
 def seen_alone(log) -> dict[str, Any]:
@@ -143,18 +146,11 @@ def _key_of(name: str, target: str | None, channels: Iterable[str]) -> str:
 
 
 def beyond(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> Answer:
-    """What an answer names that the answer to the untouched flight does not: other effects, and the same ones with sizes that lie outside
-    of each other's joint 95 % interval. An effect that changes its place with a rival says the same. Where nothing is left of what was
-    named, the answer says nothing new."""
+    """What an answer names that the answer to the untouched flight does not. Where nothing is left of what was named, the answer says
+    nothing new."""
     if result["verdict"] == "failed":
         return Answer("failed")
-    known = {_key(e): e["parameters"] for e in untouched.get("effects", ())}
-    swapped = {_alike(e, r) for e in untouched.get("effects", ()) for r in e["rivals"]}
-    new = [
-        e for e in result.get("effects", ())
-        if not _same_size(e["parameters"], known.get(_key(e))) and not any(_alike(r, e) in swapped for r in e["rivals"])
-    ]  # fmt: skip
-    if new:
+    if new := _new(result, untouched):
         of = {True: "cannot_tell", False: "found"}[result["verdict"] == "cannot_tell" or any(e["rivals"] for e in new)]
         return answer_of({"verdict": of, "effects": new})
     if result["verdict"] == "not_testable":
@@ -163,8 +159,26 @@ def beyond(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> Answer:
     return Answer("unexplained" if fresh else "none")
 
 
+def _new(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Effects that the untouched flight does not show, each once: others, and the same ones with sizes that lie outside of each other's
+    joint 95 % interval, compared with what the same means said. An effect that changes its place with a rival says the same."""
+    swapped = {_alike(e, r) for e in untouched.get("effects", ()) for r in e["rivals"]}
+    new = [
+        e for e in result.get("effects", ())
+        if not _same_size(e["parameters"], _before(e, untouched)) and not any(_alike(r, e) in swapped for r in e["rivals"])
+    ]  # fmt: skip
+    return list({_key(e): e for e in reversed(new)}.values())[::-1]
+
+
+def _before(effect: Mapping[str, Any], untouched: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Sizes of an effect in the untouched flight, by the same means if they named it there; None where nothing did."""
+    there = [e for e in untouched.get("effects", ()) if _key(e) == _key(effect)]
+    return next((e["parameters"] for e in [*(e for e in there if e.get("by") == effect.get("by")), *there]), None)
+
+
 def _key(effect: Mapping[str, Any]) -> tuple[str, str]:
-    return effect["name"], effect["acts_on"]
+    """(name, what it acts on, where that is not said by the name)."""
+    return effect["name"], effect["acts_on"].replace("report", "")
 
 
 def _alike(effect: Mapping[str, Any], rival: Mapping[str, Any]) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -189,19 +203,21 @@ def scored(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> str:
 def inside(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> bool | None:
     """Does the 95 % interval of the size that an injection has been named with, less what was there before, hold what was put in? None
     where it was not named."""
-    of = {side: _size(told, result) for side, told in (("after", result), ("before", untouched))}
-    if of["after"] is None:
-        return None
-    before = of["before"] or {"value": result["null"], "std": 0.0}
-    off = of["after"]["value"] - before["value"] - (result["value"] - result["null"])
-    return abs(off) <= INTERVAL * ((of["after"]["std"] or 0.0) ** 2 + (before["std"] or 0.0) ** 2) ** 0.5
-
-
-def _size(told: Mapping[str, Any], result: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """Value and standard deviation of the injected parameter in an answer."""
     name, _, target = result["key"].partition(":")
-    found = (e["parameters"] for e in told.get("effects", ()) if e["name"] == name and target in ("", e["acts_on"]))
-    return next((p[n] for p in found for n in (result["parameter"], "size") if n in p), None)
+    effect = next((e for e in _new(result, untouched) if e["name"] == name and target in ("", e["acts_on"])), None)
+    after = effect and _size(effect["parameters"], result)
+    if effect is None or after is None:
+        return None
+    # kinematics says by how much a sensor is off
+    none = {"value": 0.0 if effect["parameters"].keys() == {"size"} else result["null"], "std": 0.0}
+    before = _size(_before(effect, untouched) or {}, result) or none
+    off = after["value"] - before["value"] - (result["value"] - result["null"])
+    return abs(off) <= INTERVAL * ((after["std"] or 0.0) ** 2 + (before["std"] or 0.0) ** 2) ** 0.5
+
+
+def _size(sizes: Mapping[str, Any], result: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Value and standard deviation of the injected parameter among the sizes of an effect."""
+    return next((sizes[n] for n in (result["parameter"], "size") if n in sizes), None)
 
 
 def table(results: Iterable[Mapping[str, Any]]) -> str:
@@ -216,7 +232,8 @@ def table(results: Iterable[Mapping[str, Any]]) -> str:
     lines = [
         "# Effects put into measured flights", "",
         f"`python benchmarks/measured_campaign.py --thor FOLDER --ap2 FOLDER`, by commit {commits}; scored exactly, by what is said beyond",
-        "the answer to the untouched log. Named is what the verdict names or, without one, what predicts better; what kinematics see too.",
+        "the answer to the untouched log. Named is what the verdict names or, without one, what predicts better; what kinematics see, and",
+        "what is said of all instruments beside gusts and model error, too.",
         "",
         *(f"- {flight}: `{r['verdict']}`, {_named(r) or 'no names'}" for flight, r in untouched.items()), "",
         f"| flight | set | cases | {' | '.join(OUTCOMES)} | sizes inside their 95 % interval |", "|" + "---|" * (4 + len(OUTCOMES)),
@@ -276,7 +293,8 @@ def _changed_inside(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> 
 
 
 def _named(result: Mapping[str, Any]) -> str:
-    return ", ".join(f"{e['name']}:{e['acts_on']}" if e["acts_on"] else e["name"] for e in result.get("effects", ()))
+    keys = dict.fromkeys(_key(e) for e in result.get("effects", ()))
+    return ", ".join(f"{name}:{target}" if target else name for name, target in keys)
 
 
 def main(arguments=None) -> int:

@@ -47,13 +47,32 @@ def test_only_what_is_new_counts(result, outcome):
     assert campaign.scored(result, OWN) == outcome
 
 
-def test_what_predicts_better_and_what_kinematics_see_is_named_too():
-    """Guards answers without a verdict: every name that a user would read counts, once."""
-    seen = {"name": "airspeed_scale", "acts_on": "airspeed", "size": 0.95, "std": 0.01}
-    twice = {"name": "actuator_lag", "acts_on": "aileron", "size": 0.12, "std": 0.01}
-    told = campaign.named_by({"effects": [], "by_prediction": {"effects": [LAG]}, "kinematics": [seen, twice]})
-    assert told == [LAG, effect("airspeed_scale", "airspeed", size=0.95)]
-    assert campaign.named_by({"effects": [BIAS], "by_prediction": None, "kinematics": []}) == [BIAS]
+def test_all_that_names_an_effect_is_kept_with_its_size():
+    """Guards answers without a verdict: every name that a user would read counts, by whatever means."""
+    seen = {"name": "airspeed_scale", "acts_on": "airspeed", "size": -0.05, "std": 0.01}
+    late = {"name": "actuator_lag", "acts_on": "aileron", "parameter": "tau", "size": 0.12, "std": 0.01, "found": True, "rivals": []}
+    account = {"effects": [], "by_prediction": {"effects": [LAG]}, "kinematics": [seen], "instruments": [late, {**late, "found": False}]}
+    told = campaign.named_by(account)
+    assert told == [
+        {**LAG, "by": "by_prediction"}, {**effect("airspeed_scale", "airspeed", size=-0.05), "by": "kinematics"},
+        {**effect("actuator_lag", "aileron", tau=0.12), "by": "instruments"},
+    ]  # fmt: skip
+    assert campaign.named_by({"effects": [BIAS], "by_prediction": None, "kinematics": []}) == [{**BIAS, "by": "effects"}]
+
+
+def test_a_size_is_compared_with_what_the_same_means_said():
+    """Guards effects that two of them name with sizes of their own: each must have grown by itself; a name counts once."""
+    by = {"by_prediction": 0.12, "instruments": 0.07}
+    before = said("not_testable", *({**effect("actuator_lag", "aileron", tau=tau), "by": of} for of, tau in by.items()), set="untouched")
+    beside = said("not_testable", {**effect("actuator_lag", "aileron", tau=0.075), "by": "instruments"}, **PUT_IN)
+    assert campaign.scored(beside, before) == "silent"
+    grown = [{**effect("actuator_lag", "aileron", tau=tau + 0.1), "by": of} for of, tau in by.items()]
+    assert campaign.scored(said("not_testable", *grown, **PUT_IN), before) == "right"
+    assert campaign.inside(said("not_testable", *grown, **PUT_IN), before) is True
+    assert campaign.inside(said("not_testable", grown[1], **PUT_IN), before) is True
+    alone = {**effect("airspeed_scale", size=-0.07), "by": "kinematics"}
+    put_in = {"key": "airspeed_scale", "parameter": "s", "value": 0.93, "null": 1.0, "floors": 4.0}
+    assert campaign.inside(said("not_testable", alone, **put_in), before) is True
 
 
 def test_an_effect_that_was_there_before_must_have_grown_by_what_was_put_in():
