@@ -15,13 +15,12 @@ from pathlib import Path
 
 import numpy as np
 from campaign import add_options, commit, kept, run_campaign
+from guesses_from_priors import guessed
 from gust_length import drawn
 from sensors import wander
 
 import awescli  # noqa: F401  (thread settings before numpy)
 from awescli.artifacts import write_text
-from awescli.notation.parameters import ParameterTable
-from awescli.physics.declaration import KiteDeclaration
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "coverage"
@@ -53,22 +52,6 @@ def flown(air: str, seed: int):
     for name in ("phi", "theta", "psi"):
         measured[name] = wrap(measured[name] + wander(random, len(log), log.dt, level, memory))
     return replace(flight, log=replace(log, measured=measured))
-
-
-def guessed(declared: KiteDeclaration, true: ParameterTable, seed: int) -> KiteDeclaration:
-    """The declaration with guesses that are off as its priors say: drawn from them about the truth, so that bounds still hold that. What an
-    interval is worth where the flight says little is a matter of the guesses."""
-    random, rows = np.random.default_rng([seed, 9]), []
-    for p in declared.table().rows:
-        truth, offset, found = true[p.name].value, p.lower < 0 < p.upper, not p.free
-        while not found:
-            away = random.standard_normal()
-            value = truth + p.prior_std * away if offset else truth * np.exp(np.log(p.upper / p.lower) / 4 * away)
-            lower, upper = (p.lower, p.upper) if offset else (end * value / p.value for end in (p.lower, p.upper))
-            if found := min(truth, value) >= lower and max(truth, value) <= upper:
-                p = replace(p, value=value, lower=lower, upper=upper)
-        rows.append(p)
-    return declared.with_parameters(ParameterTable(rows))
 
 
 def run_fit(name: str, case: tuple[str, int]) -> dict:

@@ -1,9 +1,10 @@
 """How often is the right effect named? python benchmarks/tracing_campaign.py [--only SET] [--seeds FAMILY] [--jobs N] [--scheduler ADDRESS]
 
-Every case is a flight of the development kite, flown by this project's simulator with noise and a wrong declaration (guesses 5-30 %
-off), with an effect that the declaration lacks. Results go to benchmarks/results/tracing/<family>/<case>.json as each case ends, so the
-run can be interrupted and resumed; the table is written to benchmarks/results/tracing.md. Family 0 is for trying things out while the
-tracer is written; the table reports another one, that nothing was tuned to. Answers are scored exactly (exact_scoring.py).
+Every case is a flight of the development kite, flown by this project's simulator with noise and a wrong declaration (guesses 5-30 % off,
+in one set as far as their priors say), with an effect that the declaration lacks. Results go to
+benchmarks/results/tracing/<family>/<case>.json as each case ends, so the run can be interrupted and resumed; the table is written to
+benchmarks/results/tracing.md. Family 0 is for trying things out while the tracer is written; the table reports another one, that nothing
+was tuned to. Answers are scored exactly (exact_scoring.py).
 """
 
 import argparse
@@ -19,6 +20,7 @@ from calibration import brier, stated
 from calibration import lines as calibration_lines
 from campaign import add_options, commit, kept, run_campaign
 from exact_scoring import OUTCOMES, RIGHT, Truth, answer_of, counted, outcome
+from guesses_from_priors import guessed
 from gust_length import drawn
 from wrong_bounds import with_wrong_bounds
 
@@ -111,6 +113,11 @@ def cases(family: int = 1) -> dict[str, dict]:
                 found[f"calm-{key}-{size:g}-{repeat}"] = {
                     "set": f"calm x{size:g}", "truth": {key: sized(key, size)}, "seed": seed, "air": ("table", "power")[repeat],
                 }  # fmt: skip
+        for repeat in range(2):
+            found[f"priors-{key}-{repeat}"] = {
+                "set": "calm x1, guesses from priors", "truth": {key: sized(key, 1.0)}, "seed": 10_000 + 10 * i + repeat,
+                "air": ("table", "power")[repeat],
+            }  # fmt: skip
         blown = {"sigma": 0.6, "L": round(drawn(3000 + i, family), 1)}
         found[f"turbulent-{key}"] = {"set": "turbulent x1", "truth": {key: sized(key, 1.0), "turbulence": blown}, "seed": 3000 + i}
         found[f"short-{key}"] = {"set": "40 s", "truth": {key: sized(key, 1.0)}, "seed": 4000 + i, "duration": 42.0}
@@ -154,6 +161,8 @@ def run_case(name: str, case: dict) -> dict:
         how = {"air": case.get("air", "table"), "duration": case.get("duration", 150.0)}
         flight = dev_like(_with_terms(truth, case.get("terms", {})), case["seed"], effects, **how)
         declared = flight.declared.model_copy(update={"aerodynamics": truth.aerodynamics})
+        if case["set"].endswith("from priors"):
+            declared = guessed(declared, flight.flown.table(), case["seed"])
         if case["set"].startswith("wrong bounds"):
             declared = with_wrong_bounds(declared, truth, BOUNDED, case["seed"])
         parts = split(find_loops(flight.log), log=flight.log)
