@@ -168,8 +168,9 @@ def _investigated(
     evidence = replace(evidence, gusts=gusts, gusts_repeat=repetition_of_gusts(frame, evidence.model))
     if evidence.model.keys:
         evidence = replace(evidence, steadiness=steadiness(evidence.model), along=gains_along(evidence.model))
-        near = rivals(frame, evidence.model, keys, library.gains, *_ranked(library), library.passed_over, progress=progress)
-        evidence = replace(evidence, rivals=near)
+        if verdict(table(evidence, criteria)) == "found":  # what is no answer by itself has no rivals
+            near = rivals(frame, evidence.model, keys, library.gains, *_ranked(library), library.passed_over, progress=progress)
+            evidence = replace(evidence, rivals=near)
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, absorbed=absorbed_effects(frame, null, keys, criteria))
     sufficient = verdict(table(evidence, criteria)) in ("found", "cannot_tell", "none")

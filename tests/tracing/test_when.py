@@ -28,12 +28,13 @@ def test_a_rudder_that_grows_slow_in_flight_is_dated():
     begins, steps = 0.45 * log.time[-1], int(0.2 / log.dt)
     early = np.where(log.time < begins, log["rudder"], np.roll(log["rudder"], -steps))
     candidates = ("actuator_delay:rudder", "sideslip_drag")
-    account, _ = traced_flight(declared, replace(log, inputs={**log.inputs, "rudder": early}), parts, 3.0, candidates=candidates,
-                               curriculum=(1.0,))  # fmt: skip
+    account, finding = traced_flight(declared, replace(log, inputs={**log.inputs, "rudder": early}), parts, 3.0, candidates=candidates,
+                                     curriculum=(1.0,))  # fmt: skip
     (flight,) = account["flights"] or [None]
     assert flight is not None, account["verdict"]
     assert flight["effects"] == ["actuator_delay:rudder"] and account["verdict"] == "unexplained"
     assert "What came nearest, actuator_delay:rudder, gains only from" in account["sentence"] and account["effects"] == []
+    assert finding.evidence.rivals == {}  # of what is no answer none is asked for
     low, high = flight["since_s"]
     assert low - 3.0 <= begins <= high + 3.0 and high - low < 30.0
 
