@@ -12,7 +12,7 @@ from awescli.tracing.evidence import PRICE, Evidence
 VERDICTS = ("none", "found", "cannot_tell", "unexplained", "not_deterministic", "not_testable")
 UNOPPOSED = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible", "bounds_hold")
 """Without these an effect that explains everything is no answer."""
-NULL = ("null_flew", "null_converged", "null_follows", "null_as_identified")
+NULL = ("null_flew", "null_converged", "null_follows", "null_near", "null_as_identified")
 """Without these there is no model in whose residual anything could be sought."""
 
 OBJECTIONS = {
@@ -127,6 +127,14 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             c.follows,
             null.chi2 <= c.follows,
             "chi-square per degree of freedom on validation loops of the declared model with its model error",
+            "set on development flights",
+        ),
+        Criterion(
+            "null_near",
+            e.bare.chi2,
+            c.near,
+            e.bare.chi2 <= c.near,
+            "chi-square per degree of freedom on validation loops of the declared model without model error",
             "set on development flights",
         ),
         Criterion(
