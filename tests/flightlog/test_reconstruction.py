@@ -180,6 +180,7 @@ KINDS = {
     "late position": ({"late": {POSITION: 0.24}}, "position_latency", "p_n", 0.24),
     "early position": ({"late": {POSITION: -0.1}}, "position_latency", "p_n", -0.1),
     "late attitude": ({"late": {ATTITUDE: 0.06}}, "attitude_latency", "phi", 0.06),
+    "very late attitude": ({"late": {ATTITUDE: 0.25}}, "attitude_latency", "phi", 0.25),
     "pitch gyro": ({"bias": {"q": 2.5 * DEG}}, "imu_bias", "q", 2.5 * DEG),
     "accelerometer": ({"bias": {"a_z": 0.8}}, "imu_bias", "a_z", 0.8),
     "airspeed": ({"scale": 0.93}, "airspeed_scale", "V_a", -0.07),
@@ -286,11 +287,13 @@ def test_errors_put_into_a_measured_record():
     log = read_flight(AP2)
     assert not (as_it_is := reconstruct(log)).findings
     late = {n: np.interp(log.time - 0.24, log.time, log[n]) for n in POSITION}
+    turned = {n: np.interp(log.time - 0.15, log.time, np.unwrap(log[n])) for n in ATTITUDE}
     a = np.exp(-log.dt / 0.6)
     untouched = {(e.name, e.acts_on[0]): e.size for e in as_it_is.errors}
     for change, name, channel, size in (
         ({"q": log["q"] + 2.5 * DEG}, "imu_bias", "q", 2.5 * DEG),
         (late, "position_latency", "p_n", 0.24),
+        (turned, "attitude_latency", "phi", 0.15),
         ({"V_a": 0.9 * log["V_a"]}, "airspeed_scale", "V_a", -0.1),
         ({"V_a": lfilter([1 - a], [1, -a], log["V_a"], zi=[a * log["V_a"][0]])[0]}, "airspeed_lag", "V_a", 0.6),
     ):

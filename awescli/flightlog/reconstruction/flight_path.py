@@ -7,6 +7,7 @@ The noise and the errors of all channels, from four identities between them (`id
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -116,18 +117,18 @@ def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
     return replace(motion, log=replace(motion.log, measured=signals)) if any(e.found for e in errors) else motion
 
 
-def _position(motion: Motion) -> Identity:
-    """With a delay of the position taken out of the reference, which says how much."""
+def _moved(build: Callable[..., Identity], motion: Motion) -> Identity:
+    """The identity with a delay taken out of its reference, which says how much: the delay's column is linear in it."""
     late = 0.0
     for _ in range(3):
-        identity = position_of_velocity(motion, late)
+        identity = build(motion, late)
         series = thinned(identity.series, FEWEST * 10)
         beta = BandedLikelihood(series).at(np.array(identity.white), identity.laws).beta
         more = float(beta[series.columns.index("late")])
         if abs(more) < MOVED:
             break
         late += more
-    return position_of_velocity(motion, late)
+    return build(motion, late)
 
 
 def _airspeed(motion: Motion) -> Identity:
@@ -158,7 +159,7 @@ def _wind(motion: Motion) -> np.ndarray | None:
 
 def _say_attitude(s: Solution) -> list[SensorError]:
     biases = [_error(s, n, "imu_bias", (n,), "rad/s", "rates", "rates") for n in ("p", "q", "r")]
-    return [*biases, _delay(s, "attitude_latency", ("phi", "theta", "psi"))]
+    return [*biases, _delay(s, "attitude_latency", ("phi", "theta", "psi"), s.identity.moved)]
 
 
 def _say_position(s: Solution) -> list[SensorError]:
@@ -183,8 +184,8 @@ def _say_vanes(s: Solution) -> list[SensorError]:
 
 VELOCITY, ATTITUDE = ("v_n", "v_e", "v_d"), ("phi", "theta", "psi")
 IDENTITIES: tuple[tuple[str, tuple[str, ...], Callable, Callable], ...] = (
-    ("attitude and rates", (*ATTITUDE, "p", "q", "r"), attitude_of_rates, _say_attitude),
-    ("position and velocity", ("p_n", "p_e", "p_d", *VELOCITY), _position, _say_position),
+    ("attitude and rates", (*ATTITUDE, "p", "q", "r"), partial(_moved, attitude_of_rates), _say_attitude),
+    ("position and velocity", ("p_n", "p_e", "p_d", *VELOCITY), partial(_moved, position_of_velocity), _say_position),
     ("velocity and acceleration", (*VELOCITY, "a_x", "a_y", "a_z", *ATTITUDE), velocity_of_acceleration, _say_velocity),
     ("airspeed and motion", ("V_a", *VELOCITY), _airspeed, _say_airspeed),
     ("vanes and motion", (*VELOCITY, *ATTITUDE), _vanes, _say_vanes),

@@ -58,12 +58,13 @@ class Identity:
     lag: Lag | None = None
 
 
-def attitude_of_rates(motion: Motion) -> Identity:
-    """Euler angles less the integrated rates. Shapes: biases of p, q, r and the delay of the attitude.
+def attitude_of_rates(motion: Motion, late: float = 0.0) -> Identity:
+    """Euler angles less the integrated rates. Shapes: biases of p, q, r, and the delay of the attitude beyond `late` [s].
 
     Small rotations e in NED, R_true = exp(e) R_measured, go on by e' = e + log(R exp(w dt) R'^T) - dt R (bias + noise), R as measured.
     """
     w = motion.three("p", "q", "r")
+    w = _delayed(motion, w, late) if late else w
     R, angles = motion.rotation, motion.three("phi", "theta", "psi")
     after, R_after = np.concatenate([w[1:], w[-1:]]), np.concatenate([R[1:], R[-1:]])
     # second term of the Magnus series: rates that change their axis within a step
@@ -90,7 +91,7 @@ def attitude_of_rates(motion: Motion) -> Identity:
     )
     series = Series(y, X, H, seen, motion.restart, motion.time, ("p", "q", "r", *DELAYS), np.array([0.5] * 5))
     drifts = {"roll and pitch drift": ("phi", "theta"), "yaw drift": ("psi",)}
-    return _identity("attitude", ("phi", "theta", "psi"), series, laws, drifts, 0.002 * deg)
+    return replace(_identity("attitude", ("phi", "theta", "psi"), series, laws, drifts, 0.002 * deg), moved=late)
 
 
 def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
