@@ -64,7 +64,7 @@ def instrument_errors(
     frame: Frame, start: Mapping[str, float], keys: Sequence[str], criteria: Criteria = CRITERIA, progress: Say = lambda text: None
 ) -> tuple[InstrumentError, ...]:
     """The errors of all instruments of the plan's flight among the effects `keys`, the clearest first, from parameter values `start`: those
-    that it tells. None where the declared model does not follow it with all the help there is."""
+    that it tells. None where the model with all of them does not follow it."""
     part = replace(frame, flights=frame.flights[:1], per_flight=(), seconds=LOOKED_AT, spacing=COARSE)
     every = [e for e in (make_effect(key, frame.declared) for key in keys) if e.matters]
     # what does not turn the kite does not say when it answers
@@ -75,8 +75,6 @@ def instrument_errors(
         return ()
     progress("fitting the declared model in gusts")
     base = fit_in_gusts(part, start)
-    if not _follows(base, criteria):
-        return ()
     progress("fitting the errors of all instruments")
     part, earlier, model = _all_fitted(part, base, effects)
     if not _follows(model, criteria):
@@ -116,8 +114,9 @@ def given_later(log: FlightLog, shifts: Mapping[str, float]) -> FlightLog:
 
 
 def _follows(model: FittedModel, criteria: Criteria) -> bool:
-    """Does a model come to its minimum, lose no more segments than a null model may, and follow unseen loops?"""
-    return model.fit.ended and model.flies >= (1 - criteria.lost_share) * model.segments and model.chi2 <= criteria.follows
+    """Does a model come to its minimum, lose no more segments than a null model may, and follow unseen loops? (Of a segment that it hardly
+    follows the chi-square may come out negative.)"""
+    return model.fit.ended and model.flies >= (1 - criteria.lost_share) * model.segments and 0 <= model.chi2 <= criteria.follows
 
 
 def _error(

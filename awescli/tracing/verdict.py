@@ -125,7 +125,7 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "null_follows",
             null.chi2,
             c.follows,
-            null.chi2 <= c.follows,
+            0 <= null.chi2 <= c.follows,
             "chi-square per degree of freedom on validation loops of the declared model with its model error",
             "set on development flights",
         ),
