@@ -126,7 +126,7 @@ def _moved(build: Callable[..., Identity], motion: Motion) -> Identity:
         beta = BandedLikelihood(series).at(np.array(identity.white), identity.laws).beta
         more = float(beta[series.columns.index("late")])
         if abs(more) < MOVED:
-            break
+            return identity
         late += more
     return build(motion, late)
 
