@@ -69,7 +69,8 @@ def run_case(name: str, case: Mapping[str, Any]) -> dict[str, Any]:
         "case": name, **case, **put_in, "cpu_s": round(time.process_time() - clock, 2), "wall_s": round(time.perf_counter() - begin, 2),
         **{key: told.get(key) for key in ("verdict", "reason", "probability", "chi2", "unexplained", "kinematics")},
         "error": {key: value["mean"] for key, value in told["error"].items() if isinstance(value, Mapping)},
-        "effects": named_by(told), "ranking": [f"{r['name']}:{r['acts_on']}" for r in told["ranking"][:3]],
+        "effects": named_by(told), "measured": measured_by(told, log),
+        "ranking": [f"{r['name']}:{r['acts_on']}" for r in told["ranking"][:3]],
     }  # fmt: skip
 
 
@@ -119,6 +120,16 @@ def named_by(told: Mapping[str, Any]) -> list[Mapping[str, Any]]:
         "instruments": [_with_size(e) for e in told.get("instruments", ()) if e["found"]],
     }
     return [{**e, "by": source} for source, named in by.items() for e in named]
+
+
+def measured_by(told: Mapping[str, Any], log) -> list[Mapping[str, Any]]:
+    """What kinematics and all instruments beside gusts and model error measure without naming it, as `named_by`: an error that is there
+    before one is put in, and too small or too uncertain for a name."""
+    from awescli.flightlog.reconstruction.flight_path import reconstruct
+
+    small = [{"name": e.name, "acts_on": e.target or "", "size": e.size, "std": e.std} for e in reconstruct(log).errors if not e.found]
+    by = {"kinematics": small, "instruments": [e for e in told.get("instruments", ()) if not e["found"]]}
+    return [{**_with_size(e), "by": source} for source, errors in by.items() for e in errors]
 
 
 def _with_size(told: Mapping[str, Any]) -> dict[str, Any]:
@@ -201,8 +212,8 @@ def scored(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> str:
 
 
 def inside(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> bool | None:
-    """Does the 95 % interval of the size that an injection has been named with, less what was there before, hold what was put in? None
-    where it was not named."""
+    """Does the 95 % interval of the size that an injection has been named with, less what was there before by the same means, named or not,
+    hold what was put in? None where it was not named."""
     name, _, target = result["key"].partition(":")
     effect = next((e for e in _new(result, untouched) if e["name"] == name and target in ("", e["acts_on"])), None)
     after = effect and _size(effect["parameters"], result)
@@ -210,7 +221,8 @@ def inside(result: Mapping[str, Any], untouched: Mapping[str, Any]) -> bool | No
         return None
     # kinematics says by how much a sensor is off
     none = {"value": 0.0 if effect["parameters"].keys() == {"size"} else result["null"], "std": 0.0}
-    before = _size(_before(effect, untouched) or {}, result) or none
+    there = {"effects": [*untouched.get("effects", ()), *untouched.get("measured", ())]}
+    before = _size(_before(effect, there) or {}, result) or none
     off = after["value"] - before["value"] - (result["value"] - result["null"])
     return abs(off) <= INTERVAL * ((after["std"] or 0.0) ** 2 + (before["std"] or 0.0) ** 2) ** 0.5
 

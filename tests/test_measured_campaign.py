@@ -70,6 +70,11 @@ def test_a_size_is_compared_with_what_the_same_means_said():
     assert campaign.scored(said("not_testable", *grown, **PUT_IN), before) == "right"
     assert campaign.inside(said("not_testable", *grown, **PUT_IN), before) is True
     assert campaign.inside(said("not_testable", grown[1], **PUT_IN), before) is True
+    # what the untouched flight has too little of for a name is taken off as well
+    unnamed = {**effect("actuator_lag", "aileron", tau=0.05), "by": "instruments"}
+    late = said("not_testable", {**effect("actuator_lag", "aileron", tau=0.15), "by": "instruments"}, **PUT_IN)
+    assert campaign.inside(late, said("not_testable", set="untouched")) is False
+    assert campaign.inside(late, said("not_testable", set="untouched", measured=[unnamed])) is True
     alone = {**effect("airspeed_scale", size=-0.07), "by": "kinematics"}
     put_in = {"key": "airspeed_scale", "parameter": "s", "value": 0.93, "null": 1.0, "floors": 4.0}
     assert campaign.inside(said("not_testable", alone, **put_in), before) is True
