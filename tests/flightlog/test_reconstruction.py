@@ -206,6 +206,22 @@ def test_each_error_is_found_and_no_other(true, kind, air):
     assert found.size == pytest.approx(size, rel=0.25)
 
 
+MISREAD = {
+    "rates in deg/s": lambda log: {n: np.degrees(log[n]) for n in ("p", "q", "r")},
+    "roll and pitch rate swapped": lambda log: {"p": log["q"], "q": log["p"]},
+    "yaw rate of the wrong sign": lambda log: {"r": -log["r"]},
+    "velocity in knots": lambda log: {n: log[n] / 0.514444 for n in VELOCITY},
+}
+
+
+@pytest.mark.parametrize("how", MISREAD)
+def test_channels_that_are_misread_are_no_delay(true, how):
+    """Guards against a wrong name: what is left of a misread channel goes with its rate by chance, and some delay takes a little of it."""
+    log = Sensors().record(true, 7)
+    path = reconstruct(replace(log, measured={**log.measured, **MISREAD[how](log)}))
+    assert not [e for e in path.findings if e.unit == "s"], path.findings
+
+
 def test_gaps_and_restarts_change_little(true):
     """A log in three pieces says what the whole one says."""
     log = Sensors(bias={"q": 2.5 * DEG}, late={POSITION: 0.24}).record(true, 8)
@@ -300,3 +316,6 @@ def test_errors_put_into_a_measured_record():
         (found,) = reconstruct(replace(log, measured={**log.measured, **change})).findings
         assert (found.name, found.acts_on[0]) == (name, channel)
         assert abs(found.size - untouched[name, channel] - size) < 2 * found.std
+    for misread in MISREAD.values():
+        path = reconstruct(replace(log, measured={**log.measured, **misread(log)}))
+        assert not [e for e in path.findings if e.unit == "s"], path.findings

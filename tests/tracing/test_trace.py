@@ -75,6 +75,16 @@ def test_a_load_in_another_unit_is_no_physics():
     assert model.table["load_cell_scale.s"].value == pytest.approx(1 / 0.45359237, rel=0.05)
 
 
+def test_a_rudder_of_the_wrong_sign_is_no_effect():
+    """Guards a mistake that leaves more than any effect does, and yet can be searched: no name, and what comes nearest says where to look."""
+    declared, log, parts = short_flight({}, seed=11, duration=50.0)
+    log = replace(log, inputs={**log.inputs, "rudder": -log["rudder"]})
+    candidates = ("hinge_blowback:rudder", "sideslip_drag", "airspeed_scale")
+    account, finding = traced_flight(declared, log, parts, 3.0, candidates=candidates, curriculum=(1.0,))
+    assert account["verdict"] == "unexplained" and account["effects"] == []
+    assert finding.evidence.bare.chi2 > 100 and "hinge_blowback:rudder" in account["sentence"]
+
+
 @pytest.mark.slow
 def test_the_verdict_does_not_depend_on_the_loggers_rate():
     """Guards logs of every rate (A1): every second and every fifth sample of a flight give the verdict and the size of all of them."""

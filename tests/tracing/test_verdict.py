@@ -198,7 +198,7 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("null_converged", {}, {"null": model(1000.0, still_to_gain=np.inf)}),
         ("null_follows", {"null": model(1000.0, chi2=1.9)}, {"null": model(1000.0, chi2=2.1)}),
         ("null_follows", {}, {"null": model(1000.0, chi2=-70.0)}),
-        ("null_near", {"bare": model(1200.0, chi2=99.0)}, {"bare": model(1200.0, chi2=101.0)}),
+        ("null_near", {"bare": model(1200.0, chi2=999.0)}, {"bare": model(1200.0, chi2=1001.0)}),
         ("null_as_identified", {"null_error": 0.0124, "identified_error": 0.01}, {"null_error": 0.0126, "identified_error": 0.01}),
         ("effect_likelier", {"answer": model(987.9, ("a",), 250.0)}, {"answer": model(988.1, ("a",), 250.0)}),
         ("effect_on_unseen_loops", {"answer": GOOD}, {"answer": model(900.0, ("a",), 300.5)}),

@@ -34,6 +34,8 @@ SHARE = 0.25
 """Of the white noise, below which a drift is not worth a word."""
 MOVED = 0.02
 """s: a longer delay is taken out first, so that the rest is linear."""
+STEPS = 4
+"""Looks at how much of a delay is left, before it counts as none."""
 DIFFERENCES_SPREAD = 1.9
 """Standard deviation of the logarithm of `quality.white_noise` times the root of the samples: the median of differences of order four."""
 
@@ -59,7 +61,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
             continue
         try:
             identity = build(motion)
-            if identity.series.seen.sum(0).min() < FEWEST:
+            if not _enough(identity):
                 continue
             solution = solve(identity)
         except NumericalFailure as e:
@@ -118,17 +120,25 @@ def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
 
 
 def _moved(build: Callable[..., Identity], motion: Motion) -> Identity:
-    """The identity with a delay taken out of its reference, which says how much: the delay's column is linear in it."""
-    late = 0.0
-    for _ in range(3):
-        identity = build(motion, late)
+    """The identity with a delay taken out of its reference, which says how much: the delay's column is linear in it. As it is where that
+    comes to no end or makes it less likely: in rates in deg/s, or of another axis, some delay always takes a little of what is left."""
+    late, begun = 0.0, build(motion, 0.0)
+    identity, before = begun, np.inf
+    for _ in range(STEPS if _enough(begun) else 0):
         series = thinned(identity.series, FEWEST * 10)
-        beta = BandedLikelihood(series).at(np.array(identity.white), identity.laws).beta
-        more = float(beta[series.columns.index("late")])
+        found = BandedLikelihood(series).at(np.array(identity.white), identity.laws)
+        more = float(found.beta[series.columns.index("late")])
+        before = found.deviance if identity is begun else before
         if abs(more) < MOVED:
-            return identity
+            return identity if found.deviance <= before else begun
         late += more
-    return build(motion, late)
+        identity = build(motion, late)
+    return begun
+
+
+def _enough(identity: Identity) -> bool:
+    """Are there samples enough of all series to say anything?"""
+    return bool(identity.series.seen.sum(0).min() >= FEWEST)
 
 
 def _airspeed(motion: Motion) -> Identity:
@@ -202,7 +212,7 @@ def _error(
 def _delay(s: Solution, name: str, acts_on: tuple[str, ...], moved: float = 0.0) -> SensorError:
     """A delay delays all motion alike: what differs between slow and quick motion is none."""
     size, quick = s.values["late"] + moved, s.values["late_quick"]
-    agrees = abs(quick) < 3 * s.std["late_quick"] or abs(quick) < 0.3 * abs(size)
+    agrees = abs(quick) < 3 * s.std["late_quick"] or abs(quick) < MOVED
     return SensorError(name, None, acts_on, size, s.std["late"], "s", MATTERS[name], bool(agrees))
 
 
