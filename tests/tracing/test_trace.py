@@ -76,7 +76,7 @@ def test_a_load_in_another_unit_is_no_physics():
 
 
 def test_a_rudder_of_the_wrong_sign_is_no_effect():
-    """Guards a mistake that leaves more than any effect does, and yet can be searched: no name, and what comes nearest says where to look."""
+    """Guards a mistake that leaves more than any effect does, and yet can be searched: no name, and what comes nearest says where."""
     declared, log, parts = short_flight({}, seed=11, duration=50.0)
     log = replace(log, inputs={**log.inputs, "rudder": -log["rudder"]})
     candidates = ("hinge_blowback:rudder", "sideslip_drag", "airspeed_scale")

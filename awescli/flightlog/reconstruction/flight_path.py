@@ -121,7 +121,8 @@ def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
 
 def _moved(build: Callable[..., Identity], motion: Motion) -> Identity:
     """The identity with a delay taken out of its reference, which says how much: the delay's column is linear in it. As it is where that
-    comes to no end or makes it less likely: in rates in deg/s, or of another axis, some delay always takes a little of what is left."""
+    comes to no end, or makes it less likely by more than levels that are guesses may (one of deviance a sample): in rates in deg/s, or of
+    another axis, some delay always takes a little of what is left."""
     late, begun = 0.0, build(motion, 0.0)
     identity, before = begun, np.inf
     for _ in range(STEPS if _enough(begun) else 0):
@@ -130,7 +131,7 @@ def _moved(build: Callable[..., Identity], motion: Motion) -> Identity:
         more = float(found.beta[series.columns.index("late")])
         before = found.deviance if identity is begun else before
         if abs(more) < MOVED:
-            return identity if found.deviance <= before else begun
+            return identity if found.deviance <= before + series.seen.sum() else begun
         late += more
         identity = build(motion, late)
     return begun
