@@ -181,6 +181,7 @@ KINDS = {
     "early position": ({"late": {POSITION: -0.1}}, "position_latency", "p_n", -0.1),
     "late attitude": ({"late": {ATTITUDE: 0.06}}, "attitude_latency", "phi", 0.06),
     "very late attitude": ({"late": {ATTITUDE: 0.25}}, "attitude_latency", "phi", 0.25),
+    "late velocity": ({"late": {VELOCITY: 0.1}}, "velocity latency", "v_n", 0.1),
     "pitch gyro": ({"bias": {"q": 2.5 * DEG}}, "imu_bias", "q", 2.5 * DEG),
     "accelerometer": ({"bias": {"a_z": 0.8}}, "imu_bias", "a_z", 0.8),
     "airspeed": ({"scale": 0.93}, "airspeed_scale", "V_a", -0.07),
@@ -219,6 +220,13 @@ def test_channels_that_are_misread_are_no_delay(true, how):
     """Guards against a wrong name: what is left of a misread channel goes with its rate by chance, and some delay takes a little of it."""
     log = Sensors().record(true, 7)
     path = reconstruct(replace(log, measured={**log.measured, **MISREAD[how](log)}))
+    assert not [e for e in path.findings if e.unit == "s"], path.findings
+
+
+@pytest.mark.parametrize("channel", [*ATTITUDE, "p_d"])
+def test_one_late_channel_is_no_late_attitude_and_no_late_position(true, channel):
+    """Guards against a wrong name: a heading by a slow compass, a height by a barometer."""
+    path = reconstruct(Sensors(late={(channel,): 0.25}).record(true, 7))
     assert not [e for e in path.findings if e.unit == "s"], path.findings
 
 
@@ -305,7 +313,7 @@ def test_errors_put_into_a_measured_record():
     late = {n: np.interp(log.time - 0.24, log.time, log[n]) for n in POSITION}
     turned = {n: np.interp(log.time - 0.15, log.time, np.unwrap(log[n])) for n in ATTITUDE}
     a = np.exp(-log.dt / 0.6)
-    untouched = {(e.name, e.acts_on[0]): e.size for e in as_it_is.errors}
+    untouched = {(e.name, e.acts_on[0]): e for e in as_it_is.errors}
     for change, name, channel, size in (
         ({"q": log["q"] + 2.5 * DEG}, "imu_bias", "q", 2.5 * DEG),
         (late, "position_latency", "p_n", 0.24),
@@ -315,7 +323,8 @@ def test_errors_put_into_a_measured_record():
     ):
         (found,) = reconstruct(replace(log, measured={**log.measured, **change})).findings
         assert (found.name, found.acts_on[0]) == (name, channel)
-        assert abs(found.size - untouched[name, channel] - size) < 2 * found.std
+        before = untouched[name, channel]
+        assert abs(found.size - before.size - size) < 2 * np.hypot(found.std, before.std)
     for misread in MISREAD.values():
         path = reconstruct(replace(log, measured={**log.measured, **misread(log)}))
         assert not [e for e in path.findings if e.unit == "s"], path.findings

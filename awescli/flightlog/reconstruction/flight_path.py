@@ -19,7 +19,7 @@ from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
 from awescli.flightlog.reconstruction.identities import Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
-from awescli.flightlog.reconstruction.solve import Solution, solve, thinned
+from awescli.flightlog.reconstruction.solve import Solution, delay_by_channel, solve, thinned
 from awescli.notation.errors import NumericalFailure
 from awescli.notation.present import present
 from awescli.notation.quantities import ANGLES, UNITS
@@ -68,7 +68,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
             notes.append(f"Of {name} nothing can be said: {e}")
             continue
         noise |= {n.channel: _beside_attitude(n, noise) for n in _noise(solution)}
-        said = [_beside_drift(e, noise, motion) for e in say(solution)]
+        said = [_beside_velocity(_beside_drift(e, noise, motion), errors) for e in say(solution)]
         errors += said
         motion = without(motion, said)
     for channel in log.measured:
@@ -104,6 +104,12 @@ def _beside_drift(error: SensorError, noise: Mapping[str, ChannelNoise], motion:
     mean = angle.drift.value * np.sqrt(min(2 * angle.memory.value / (len(motion) * motion.dt), 1.0))
     size = float(np.sqrt((motion.three("a_x", "a_y", "a_z") ** 2).sum(1).mean() / 3)) if turns else 1.0
     return replace(error, std=float(np.hypot(error.std, mean * size)))
+
+
+def _beside_velocity(error: SensorError, before: Sequence[SensorError]) -> SensorError:
+    """A position is compared with a velocity whose delay was found, and taken out, no better than it is known."""
+    moved = [e.std for e in before if e.name == "velocity latency" and e.found and error.name == "position_latency"]
+    return replace(error, std=float(np.hypot(error.std, sum(moved))))
 
 
 def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
@@ -170,16 +176,19 @@ def _wind(motion: Motion) -> np.ndarray | None:
 
 def _say_attitude(s: Solution) -> list[SensorError]:
     biases = [_error(s, n, "imu_bias", (n,), "rad/s", "rates", "rates") for n in ("p", "q", "r")]
-    return [*biases, _delay(s, "attitude_latency", ("phi", "theta", "psi"), s.identity.moved)]
+    # heading may be a compass's
+    return [*biases, _delay(s, "attitude_latency", ATTITUDE, agreeing=2)]
 
 
 def _say_position(s: Solution) -> list[SensorError]:
-    return [_delay(s, "position_latency", ("p_n", "p_e", "p_d"), s.identity.moved)]
+    # height may be a barometer's; receivers smooth what is quick: in UMN's Thor and the AP2 slow motion alone tells what was put in
+    return [_delay(s, "position_latency", ("p_n", "p_e", "p_d"), agreeing=2, by="late")]
 
 
 def _say_velocity(s: Solution) -> list[SensorError]:
     biases = [_error(s, n, "imu_bias", (n,), "m/s2", "accelerations", "accelerations") for n in ("a_x", "a_y", "a_z")]
-    return [*biases, _error(s, "heading", "heading_bias", ("psi",), "rad"), _delay(s, "velocity latency", ("v_n", "v_e", "v_d"))]
+    # all of velocity is one receiver's, and an attitude that is wrong turns no two axes alike
+    return [*biases, _error(s, "heading", "heading_bias", ("psi",), "rad"), _delay(s, "velocity latency", VELOCITY, agreeing=3)]
 
 
 def _say_airspeed(s: Solution) -> list[SensorError]:
@@ -196,8 +205,8 @@ def _say_vanes(s: Solution) -> list[SensorError]:
 VELOCITY, ATTITUDE = ("v_n", "v_e", "v_d"), ("phi", "theta", "psi")
 IDENTITIES: tuple[tuple[str, tuple[str, ...], Callable, Callable], ...] = (
     ("attitude and rates", (*ATTITUDE, "p", "q", "r"), partial(_moved, attitude_of_rates), _say_attitude),
+    ("velocity and acceleration", (*VELOCITY, "a_x", "a_y", "a_z", *ATTITUDE), partial(_moved, velocity_of_acceleration), _say_velocity),
     ("position and velocity", ("p_n", "p_e", "p_d", *VELOCITY), partial(_moved, position_of_velocity), _say_position),
-    ("velocity and acceleration", (*VELOCITY, "a_x", "a_y", "a_z", *ATTITUDE), velocity_of_acceleration, _say_velocity),
     ("airspeed and motion", ("V_a", *VELOCITY), _airspeed, _say_airspeed),
     ("vanes and motion", (*VELOCITY, *ATTITUDE), _vanes, _say_vanes),
 )
@@ -210,11 +219,18 @@ def _error(
     return SensorError(name, target, acts_on, s.values[column], s.std[column], unit, MATTERS[matters or name])
 
 
-def _delay(s: Solution, name: str, acts_on: tuple[str, ...], moved: float = 0.0) -> SensorError:
-    """A delay delays all motion alike: what differs between slow and quick motion is none."""
-    size, quick = s.values["late"] + moved, s.values["late_quick"]
-    agrees = abs(quick) < 3 * s.std["late_quick"] or abs(quick) < MOVED
-    return SensorError(name, None, acts_on, size, s.std["late"], "s", MATTERS[name], bool(agrees))
+def _delay(s: Solution, name: str, acts_on: tuple[str, ...], agreeing: int, by: str = "delay") -> SensorError:
+    """A delay delays all motion alike, and so many channels by themselves: what differs between slow and quick motion is none, and a roll
+    angle that alone is late is no late attitude. by: the shape that tells it."""
+    quick, quick_std = s.values["late_quick"], s.std["late_quick"]
+    alike = abs(quick) < 3 * quick_std or abs(quick) < MOVED
+    own, std = delay_by_channel(s)
+    differ = own - s.values["delay"]
+    told = (np.abs(differ) < 3 * std + MOVED).sum()
+    # channels, and slow and quick motion, differ more than they may (Birge 1932)
+    scatter = np.sqrt(max((((differ / std) ** 2).sum() + (quick / quick_std) ** 2) / len(own), 1.0))
+    size = s.values[by] + s.identity.moved
+    return SensorError(name, None, acts_on, size, float(scatter * s.std[by]), "s", MATTERS[name], bool(alike and told >= agreeing))
 
 
 def _noise(s: Solution) -> list[ChannelNoise]:

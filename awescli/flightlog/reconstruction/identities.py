@@ -113,10 +113,14 @@ def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
     return replace(_identity("position", channels, series, laws, {"position drift": channels}, 0.0005), moved=late)
 
 
-def velocity_of_acceleration(motion: Motion) -> Identity:
-    """Velocity less the integrated acceleration, turned by the attitude. Shapes: biases of a_x, a_y, a_z, heading, the velocity's delay."""
+def velocity_of_acceleration(motion: Motion, late: float = 0.0) -> Identity:
+    """Velocity less the integrated acceleration, turned by the attitude. Shapes: biases of a_x, a_y, a_z, heading, and the delay of the
+    velocity beyond `late` [s]."""
     a, R = motion.three("a_x", "a_y", "a_z"), motion.rotation
     ahead = np.einsum("nij,nj->ni", R, a)
+    gained = motion.run(motion.steps(ahead))
+    if late:
+        gained, ahead = _delayed(motion, gained, late), _delayed(motion, ahead, late)
     # a heading that is too large turns the acceleration clockwise
     sideways = np.stack([-ahead[:, 1], ahead[:, 0], 0 * ahead[:, 2]], axis=1)
     heading = -motion.run(motion.steps(sideways))
@@ -128,7 +132,7 @@ def velocity_of_acceleration(motion: Motion) -> Identity:
     )
     channels = ("v_n", "v_e", "v_d")
     series = Series(
-        _from_begin(motion, motion.three(*channels) - motion.run(motion.steps(ahead))), X, _two_states(motion), motion.seen(*channels),
+        _from_begin(motion, motion.three(*channels) - gained), X, _two_states(motion), motion.seen(*channels),
         motion.restart, motion.time,
         ("a_x", "a_y", "a_z", "heading", *DELAYS), np.array([2.0, 2.0, 2.0, 0.5, 0.5, 0.5]),
     )  # fmt: skip
@@ -136,7 +140,8 @@ def velocity_of_acceleration(motion: Motion) -> Identity:
     found = _identity("velocity", channels, series, laws, {}, 0.0005)
     # errors of attitude times acceleration are no random walk: the white noise is what differences of high order leave
     white = tuple(max(white_noise(series.y[:, i], series.seen[:, i]) or w, 0.0005) for i, w in enumerate(found.white))
-    return replace(found, white_by_differences=True, white=white, known=(*(Known(w, KNOWN) for w in white), *found.known[len(white) :]))
+    known = (*(Known(w, KNOWN) for w in white), *found.known[len(white) :])
+    return replace(found, white_by_differences=True, white=white, moved=late, known=known)
 
 
 def _identity(

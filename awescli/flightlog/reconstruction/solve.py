@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood, Estimate, Series
-from awescli.flightlog.reconstruction.identities import Identity
+from awescli.flightlog.reconstruction.identities import DELAYS, Identity
 from awescli.flightlog.reconstruction.levels import Levels, estimate_levels
 from awescli.notation.present import present
 
@@ -48,18 +48,31 @@ def solve(identity: Identity) -> Solution:
         without = [*levels.laws[:i], replace(law, level=ABSENT * law.level), *levels.laws[i + 1 :]]
         gain[law.name] = coarse.at(levels.white, without).deviance - coarse.at(levels.white, levels.laws).deviance
     whole = BandedLikelihood(series).at(levels.white, levels.laws)
-    names, F = _asked(identity)
+    names, F = _asked(identity, whole)
     scatter = _scatter(series, levels, whole, F)
     std = scatter * np.sqrt(np.einsum("fk,kl,fl->f", F, whole.covariance, F))
     values, std, scatter = (dict(zip(names, x.tolist(), strict=True)) for x in (F @ whole.beta, std, scatter))
     return Solution(identity, levels, values, std, scatter, gain)
 
 
-def _asked(identity: Identity) -> tuple[tuple[str, ...], np.ndarray]:
-    """(names, (f, k) weights of the shapes) of what is reported: each shape, and what the identity asks."""
+def _asked(identity: Identity, whole: Estimate) -> tuple[tuple[str, ...], np.ndarray]:
+    """(names, (f, k) weights of the shapes) of what is reported: each shape, the delay, and what the identity asks."""
     columns = identity.series.columns
-    F = np.vstack([np.eye(len(columns)), *([weights.get(c, 0.0) for c in columns] for _, weights in identity.asks)])
-    return (*columns, *(name for name, _ in identity.asks)), F
+    asked = list(zip(columns, np.eye(len(columns)), strict=True))
+    if set(DELAYS) <= set(columns):
+        asked += [("delay", delay_weights(columns, whole.covariance))]
+    asked += [(name, np.array([weights.get(c, 0.0) for c in columns])) for name, weights in identity.asks]
+    names, rows = zip(*asked, strict=True)
+    return names, np.array(rows)
+
+
+def delay_weights(columns: tuple[str, ...], covariance: np.ndarray) -> np.ndarray:
+    """(k,) weights of the shapes in a delay of all motion: `late` where `late_quick` is known to be zero. Slow motion by itself goes with
+    what drifts."""
+    late, quick = (columns.index(c) for c in DELAYS)
+    weights = np.eye(len(columns))[late]
+    weights[quick] = -covariance[late, quick] / covariance[quick, quick]
+    return weights
 
 
 def without_outliers(identity: Identity, series: Series) -> Series:
@@ -100,3 +113,14 @@ def _scatter(series: Series, levels: Levels, whole: Estimate, F: np.ndarray) -> 
         total += (F @ (found.beta - whole.beta)) ** 2 / np.maximum(own_variance - known, 1e-3 * own_variance)
         counted += 1
     return np.sqrt(np.maximum(total / max(counted - 1, 1), 1.0))
+
+
+def delay_by_channel(s: Solution) -> tuple[np.ndarray, np.ndarray]:
+    """The delay as each channel of the identity by itself tells it, at the levels of all: values and standard deviations (m,)."""
+    series, m = thinned(s.identity.series, ENOUGH), len(s.identity.channels)
+    late, others = series.columns.index("late"), [k for k, c in enumerate(series.columns) if c not in DELAYS]
+    X = np.concatenate([series.X[:, :, late, None] * np.eye(m), series.X[:, :, others]], axis=2)
+    columns = (*(f"late {c}" for c in s.identity.channels), *(series.columns[k] for k in others))
+    prior = np.append([series.prior[late]] * m, series.prior[others])
+    found = BandedLikelihood(replace(series, X=X, columns=columns, prior=prior)).at(s.levels.white, s.levels.laws)
+    return found.beta[:m], np.sqrt(np.diag(found.covariance)[:m])
