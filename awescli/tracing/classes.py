@@ -56,7 +56,9 @@ def rivals(
             strengths, shapes = s.start(_rows(frame, s.key))
             model = refined(frame, fit_instead(frame, final, key, s.key, strengths, shapes), criteria)
             lag = model.deviance - final.deviance
-            if lag < lead and model.flies >= final.flies and plausible(model, s.key):
+            # a fit that did not come to its end has not fallen behind
+            alike = lag < lead or (s.key in close and not model.fit.ended)
+            if alike and model.flies >= final.flies and plausible(model, s.key):
                 tried.append(Rival(s.key, model.widened().light(), lag))
         found[key] = tuple(sorted(tried, key=lambda r: r.lag))
     return found

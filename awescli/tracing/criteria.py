@@ -95,6 +95,10 @@ class Criteria:
     gusty: float = 0.2
     """[m/s] level of gusts from which on the air is called gusty: what 0.2 m/s do to tension is its 1 % noise."""
 
+    clear_of_gusts: float = 100.0
+    """Deviance from which an effect in gusty air need not predict better by `predicts`, too: less, a form of the gusts that is not quite
+    that of the air may gain. In JSBSim's turbulence a rudder that answers what gusts do seemed 28 ms late, worth 59."""
+
     # where no verdict is possible, what predicts better?
     predicts: float = 0.1
     """Share of the prediction error on validation loops, and of their chi-square, that an effect must take away to be told as what the

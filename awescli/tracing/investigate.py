@@ -15,7 +15,7 @@ from awescli.physics.doubts import unusual_signs
 from awescli.physics.effects.custom_term import CHANNELS, FEATURES, CustomTerm
 from awescli.physics.kite import can_act, candidates, make_effect
 from awescli.simulation.rollout import Simulator
-from awescli.tracing.by_prediction import ByPrediction
+from awescli.tracing.by_prediction import ByPrediction, error_of
 from awescli.tracing.candidates import variants
 from awescli.tracing.classes import rivals
 from awescli.tracing.constancy import gains_along, steadiness
@@ -38,6 +38,8 @@ EMPIRICAL_ROUNDS, EMPIRICAL_FINALISTS = 3, 3
 FAR_BEHIND = 0.05
 """Share of what an answer leads by that parameters at their bounds must promise to gain beyond these, to first order, for a model with them
 free to be fitted: on development flights it gained up to seven times that."""
+DIVERGED = 100.0
+"""Ratio of prediction errors that stands for a prediction that diverges."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,10 @@ def _investigated(
     evidence = replace(evidence, doubted=tuple(n for n in unusual_signs(frame.declared) if n in null.towards_zero))
     gusts = {g.name: g.level for g in gusts_of(evidence.model)}
     evidence = replace(evidence, gusts=gusts, gusts_repeat=repetition_of_gusts(frame, evidence.model))
+    windy = max(evidence.gusts.values(), default=0.0) >= criteria.gusty
     if evidence.model.keys:
+        if windy:
+            evidence = replace(evidence, error_ratio=_error_ratio(frame, null, evidence.model))
         evidence = replace(evidence, steadiness=steadiness(evidence.model), along=gains_along(evidence.model))
         if verdict(table(evidence, criteria)) == "found":  # what is no answer by itself has no rivals
             near = rivals(frame, evidence.model, keys, library.gains, *_ranked(library), library.passed_over, progress=progress)
@@ -177,7 +182,6 @@ def _investigated(
     if sufficient and evidence.model.keys:
         progress("letting parameters leave their bounds")
         evidence = replace(evidence, bounds_left=bounds_left(frame, null, evidence.model))
-    windy = max(evidence.gusts.values(), default=0.0) > criteria.gusty
     terms = term_keys(frame.declared, moving(frame.flights[0].log))
     if lacks_terms(frame, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:
         progress("weighing empirical terms")
@@ -185,6 +189,12 @@ def _investigated(
         few, found = replace(criteria, competitors=EMPIRICAL_FINALISTS), evidence.model if sufficient else None
         evidence = replace(evidence, empirical=search(frame, null, terms, rounds=most, beside=found, criteria=few, progress=progress))
     return _finding(frame, evidence, criteria)
+
+
+def _error_ratio(frame: Frame, before: FittedModel, after: FittedModel) -> float:
+    """Prediction error on validation loops after over before; DIVERGED where only the one after diverges, 1 where that cannot be said."""
+    first = error_of(frame, before)
+    return min(error_of(frame, after) / first, DIVERGED) if np.isfinite(first) else 1.0
 
 
 def _finding(frame: Frame, evidence: Evidence, criteria: Criteria) -> Finding:
@@ -257,7 +267,8 @@ def _ranked(library: Search) -> tuple[tuple[str, ...], tuple[str, ...]]:
     lead = library.null.deviance - library.final.deviance
     reach = max(CRITERIA.in_reach(CRITERIA.finalists, lead), library.passed_over)
     others = [t for t in accepted[0].contenders if t.key != accepted[0].accepted]
-    return tuple(t.key for t in others if lead - t.gain > reach), tuple(t.key for t in others if lead - t.gain <= reach)
+    close = [t.key for t in others if lead - t.gain <= reach or t.undecided]
+    return tuple(t.key for t in others if t.key not in close), tuple(close)
 
 
 def absorbed_effects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Criteria = CRITERIA) -> tuple[AbsorbedEffect, ...]:

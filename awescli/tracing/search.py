@@ -45,7 +45,7 @@ class Tried:
     """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
     the fit, "not fitted", "given up" or "failed"; gain: deviance by which the model leads the one before, unseen: the same on validation
     alone, both of all segments where it was fitted to a share of them; plausible: no strength at the end of its range; partly: fitted to
-    no more than what tells candidates apart (`fit_on_part`)."""
+    no more than what tells candidates apart (`fit_on_part`); finalist: fitted to the end."""
 
     score: Score
     significant: bool
@@ -55,10 +55,16 @@ class Tried:
     unseen: float = 0.0
     plausible: bool = True
     partly: bool = False
+    finalist: bool = False
 
     @property
     def key(self) -> str:
         return self.score.key
+
+    @property
+    def undecided(self) -> bool:
+        """A finalist whose fit came to no end: it has proved nothing."""
+        return self.finalist and not self.fitted.fit.ended
 
     @property
     def fitted(self) -> FittedModel:
@@ -316,7 +322,7 @@ def _best(
         # nothing else stands, a reason to pass over the next
         if (t.partly and t.gain > most) or (astray and t.plausible and most == np.inf):
             finish(t)
-    tried = tuple(_of(t, here, m) if (m := finished.get(t.key)) else t for t in tried)
+    tried = tuple(replace(_of(t, here, m), finalist=True) if (m := finished.get(t.key)) else t for t in tried)
     return min(standing(), key=lambda m: m.deviance, default=None), tried
 
 

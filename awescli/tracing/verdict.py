@@ -18,6 +18,7 @@ NULL = ("null_flew", "null_converged", "null_follows", "null_near", "null_as_ide
 OBJECTIONS = {
     "sensors_plausible": "a sensor would have to drift, or be noisier, beyond what is plausible for it",
     "no_better_empirical_term": "as few empirical terms fit better",
+    "effect_predicts": "gusts may gain as much, and it predicts unseen loops hardly better or worse (error times {row.value:.2f})",
     "gusts_do_not_repeat": "what would have to be gusts beside it repeats from loop to loop, as no gust does",
     "effect_leads": "another effect, which is no answer itself, fits better",
     "effect_steady": "its size drifts through the flight: look for what changes with time",
@@ -43,18 +44,18 @@ class Criterion:
 def verdict(table: Sequence[Criterion]) -> str:
     """The verdict that a table of criteria stands for.
 
-    A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant, sufficient, steady,
-    constant and alone, on a kite whose declared signs can be; where others do as well nobody can tell. What is left without a name is
-    unexplained where it repeats (called gusts or not) or goes on from loop to loop, and so is an effect whose size drifts or goes with the
-    way the kite flies, or which another one outdoes that cannot be. That nothing is missing is said in calm air, and where all that could
-    be missing was tried.
+    A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant (which in gusty air
+    takes a better prediction, too, unless it gains much), sufficient, steady, constant and alone, on a kite whose declared signs can be;
+    where others do as well nobody can tell. What is left without a name is unexplained where it repeats (called gusts or not) or goes on
+    from loop to loop, and so is an effect whose size drifts or goes with the way the kite flies, or which another one outdoes that cannot
+    be. That nothing is missing is said in calm air, and where all that could be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
         return "not_testable"
     if passed["gusts_do_not_repeat"] is False:
         return "unexplained"
-    effect = passed["effect_likelier"] and passed["effect_on_unseen_loops"]
+    effect = passed["effect_likelier"] and passed["effect_on_unseen_loops"] and passed["effect_predicts"] is not False
     sufficient = passed["rest_is_noise"] or (passed["floor"] and passed["floor_by_channel"])
     if not sufficient:
         structured = passed["rest_repeats"] is not False or passed["rest_lasts"]
@@ -81,7 +82,8 @@ def reason(table: Sequence[Criterion], nearest: str = "") -> str:
         failed = next(rows[name] for name in NULL if rows[name].passed is False)
         limit = "" if isinstance(failed.value, str) else f" (at most {_short(failed.threshold)})"
         return f"{failed.says}: {_short(failed.value)}{limit}"
-    if answer != "unexplained" or not nearest or not (rows["effect_likelier"].passed and rows["effect_on_unseen_loops"].passed):
+    significant = rows["effect_likelier"].passed and rows["effect_on_unseen_loops"].passed
+    if answer not in ("unexplained", "not_deterministic") or not nearest or not significant:
         return ""
     sufficient = rows["rest_is_noise"].passed or (rows["floor"].passed and rows["floor_by_channel"].passed)
     objections = [said.format(row=rows[name]) for name, said in OBJECTIONS.items() if rows[name].passed is False]
@@ -153,6 +155,7 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     gain, unseen = before.deviance - after.deviance, before.unseen - after.unseen
     least = c.decisive + c.per_parameter * (len(after.strengths) - len(before.strengths))
     there = bool(after.keys)
+    asked = there and gain < c.clear_of_gusts and max(e.gusts.values(), default=0.0) >= c.gusty
     most = max(e.along, key=lambda channel: e.along[channel], default="")
     return (
         Criterion(
@@ -169,6 +172,14 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             0.0,
             there and unseen > 0,
             "its deviance gained on loops it was not fitted to",
+            "set on development flights",
+        ),
+        Criterion(
+            "effect_predicts",
+            e.error_ratio if asked else "not asked",
+            1 - c.predicts,
+            e.error_ratio <= 1 - c.predicts if asked else None,
+            f"its prediction error on validation loops over that before, where gusts may gain as much (< {c.clear_of_gusts:g})",
             "set on development flights",
         ),
         Criterion(
@@ -327,7 +338,8 @@ def probabilities(e: Evidence, answer: str, criteria: Criteria = CRITERIA) -> di
         deviances["something_else"] = max(deviances["something_else"], deviances["none"] + PRICE)
     best = min(deviances.values())
     gained = min(deviances["none"], deviances["something_else"]) - best
-    temperature = criteria.temperature * criteria.lead(gained) / criteria.decisive
+    lead = criteria.lead(gained) if answer != "not_deterministic" else max(criteria.lead(gained), criteria.clear_of_gusts)
+    temperature = criteria.temperature * lead / criteria.decisive
     odds = {name: exp(-max(d - best, 0.0) / 2 / temperature) for name, d in deviances.items()}
     if answer in ("unexplained", "not_testable"):
         odds = {**{name: odd * criteria.unknown for name, odd in odds.items()}, "something_else": 1.0}

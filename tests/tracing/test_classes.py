@@ -1,6 +1,7 @@
 """What a flight cannot tell apart is said to be so, whether or not it was beaten."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from kites import DEVELOPMENT
@@ -8,6 +9,8 @@ from tracing.traced import traced
 
 from awescli.tracing import classes
 from awescli.tracing.classes import rivals
+from awescli.tracing.investigate import _ranked
+from awescli.tracing.search import Tried
 
 TWINS = ("load_cell_scale", "mass_offset")
 
@@ -44,3 +47,22 @@ def test_a_heavier_kite_and_a_load_cell_that_reads_high_are_one_flight(monkeypat
     monkeypatch.setattr(classes, "fit_instead", lambda *arguments: replace(last, deviance=last.deviance + 50.0))
     monkeypatch.setattr(classes, "refined", lambda frame, model, criteria: model)
     assert [[r.key for r in rivals(*here, close=(twin,), passed_over=p)[named]] for p in (0.0, 60.0)] == [[], [twin]]
+    # a fit that came to no end has not fallen behind, where its own came to none either (play in a linkage, in gusts at 20 Hz)
+    endless = replace(last.fit, solution=replace(last.fit.solution, kkt=0.1 * last.fit.solution.cost))
+    monkeypatch.setattr(classes, "fit_instead", lambda *arguments: replace(last, fit=endless, deviance=last.deviance + 400.0))
+    assert [[r.key for r in rivals(*here, close=close)[named]] for close in ((), (twin,))] == [[], [twin]]
+
+
+@pytest.mark.parametrize("finalist, ended, tried", [(True, True, False), (True, False, True), (False, False, False)])
+def test_a_finalist_whose_fit_came_to_no_end_is_tried_in_the_place_of_the_answer(finalist, ended, tried):
+    """Guards against a lag that is found because the fit of the play that is there went astray (JSBSim, gusts, 20 Hz)."""
+
+    def one(key, gain, ended, finalist):
+        fitted = SimpleNamespace(fit=SimpleNamespace(ended=ended))
+        return Tried(SimpleNamespace(key=key), True, "", fitted, gain, finalist=finalist)
+
+    contenders = [one("actuator_lag:rudder", 274.0, True, True), one("surface_backlash:rudder", -159.0, ended, finalist)]
+    last = SimpleNamespace(accepted="actuator_lag:rudder", contenders=contenders)
+    found = SimpleNamespace(rounds=[last], null=SimpleNamespace(deviance=274.0), final=SimpleNamespace(deviance=0.0), passed_over=0.0)
+    beaten, close = _ranked(found)
+    assert (close if tried else beaten) == ("surface_backlash:rudder",) and not (beaten if tried else close)
