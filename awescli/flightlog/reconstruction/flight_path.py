@@ -34,6 +34,8 @@ SHARE = 0.25
 """Of the white noise, below which a drift is not worth a word."""
 MOVED = 0.02
 """s: a longer delay is taken out first, so that the rest is linear."""
+PLACED = 0.01
+"""Of a sample, to which interpolation places a signal in time: no delay is known better."""
 STEPS = 4
 """Looks at how much of a delay is left, before it counts as none."""
 DIFFERENCES_SPREAD = 1.9
@@ -227,10 +229,11 @@ def _delay(s: Solution, name: str, acts_on: tuple[str, ...], agreeing: int, by: 
     own, std = delay_by_channel(s)
     differ = own - s.values["delay"]
     told = (np.abs(differ) < 3 * std + MOVED).sum()
-    # channels, and slow and quick motion, differ more than they may (Birge 1932)
-    scatter = np.sqrt(max((((differ / std) ** 2).sum() + (quick / quick_std) ** 2) / len(own), 1.0))
-    size = s.values[by] + s.identity.moved
-    return SensorError(name, None, acts_on, size, float(scatter * s.std[by]), "s", MATTERS[name], bool(alike and told >= agreeing))
+    # channels, and slow and quick motion, differ more than what all tell together may (Birge 1932)
+    scatter = np.sqrt(max((((differ / std) ** 2).sum() + (quick / quick_std) ** 2) / len(own), 1.0)) if by == "delay" else 1.0
+    placed = PLACED * float(np.diff(s.identity.series.time[:2])[0])
+    size, spread = s.values[by] + s.identity.moved, float(np.hypot(scatter * s.std[by], placed))
+    return SensorError(name, None, acts_on, size, spread, "s", MATTERS[name], bool(alike and told >= agreeing))
 
 
 def _noise(s: Solution) -> list[ChannelNoise]:
