@@ -97,7 +97,8 @@ class Criteria:
 
     clear_of_gusts: float = 100.0
     """Deviance from which an effect in gusty air need not predict better by `predicts`, too: less, a form of the gusts that is not quite
-    that of the air may gain. In JSBSim's turbulence a rudder that answers what gusts do seemed 28 ms late, worth 59."""
+    that of the air may gain; and that a further effect must gain there. In JSBSim's turbulence a rudder that answers what gusts do seemed
+    28 ms late, worth 59."""
 
     # where no verdict is possible, what predicts better?
     predicts: float = 0.1

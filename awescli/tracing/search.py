@@ -24,6 +24,7 @@ from awescli.tracing.models import (
     fit_without,
     part_of,
 )
+from awescli.tracing.rest import gusts_of
 from awescli.tracing.screen import Score, Screening, holm, screen
 
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
@@ -165,10 +166,11 @@ def mends(frame: Frame, keys: Sequence[str]) -> bool:
 
 def slight(frame: Frame, record: Sequence[Round], here: FittedModel, best: FittedModel, criteria: Criteria = CRITERIA) -> bool:
     """Does the last effect of the model `best` gain so little beside what an earlier one gained that it may only say what the form of that
-    one has left? A term without a name claims nothing and is never in doubt."""
-    most = max((t.gain for r in record for t in r.contenders if t.key == r.accepted), default=0.0)
-    empirical = make_effect(best.keys[-1], frame.declared).empirical
-    return not empirical and here.deviance - best.deviance < criteria.form * most
+    one has left, or what gusts may gain that blow beside it? A term without a name claims nothing and is never in doubt."""
+    gains = [t.gain for r in record for t in r.contenders if t.key == r.accepted]
+    windy = any(g.level >= criteria.gusty for g in gusts_of(best))
+    least = max(criteria.form * max(gains), criteria.clear_of_gusts if windy else 0.0) if gains else 0.0
+    return not make_effect(best.keys[-1], frame.declared).empirical and here.deviance - best.deviance < least
 
 
 def plausible(model: FittedModel, key: str) -> bool:

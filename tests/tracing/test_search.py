@@ -293,14 +293,20 @@ def test_what_model_error_helps_yet_is_fitted_to_the_end(monkeypatch, quick, res
     ("lift_stall", 24.5, 799.0, True), ("lift_stall", 24.5, 200.0, False), ("airspeed_scale", 402.0, 2117.0, False),
     ("custom_term:m_y*alpha", 24.5, 799.0, False), ("lift_stall", 24.5, 0.0, False),
 ])  # fmt: skip
-def test_what_the_form_of_an_effect_leaves_gets_no_name(key, gain, most, doubted):
+def test_what_the_form_of_an_effect_leaves_gets_no_name(monkeypatch, key, gain, most, doubted):
     """Guards a pitch moment with the cube of alpha (four of four flights): called a pitch curvature, of its square, *and* a stall that
     gained 3 to 7 % of it. A second effect that is there gains more, a first one has nothing to be measured by, a term claims no name."""
     first = searching.Tried(SimpleNamespace(key="pitch_curvature"), True, "converged", fitted(most), most)
     record = [searching.Round(BASE, (first,), "pitch_curvature", ())] if most else []
     best = fitted(gain)
     best.keys = ("pitch_curvature", key)
+    group = SimpleNamespace(level=0.1)
+    monkeypatch.setattr(searching, "gusts_of", lambda model: [group])
     assert searching.slight(SimpleNamespace(declared=DEVELOPMENT), record, BASE, best) is doubted
+    # in gusty air a further one must gain what gusts may gain, whatever the first one did
+    group.level = 0.5
+    further = bool(most) and "custom" not in key and gain < CRITERIA.clear_of_gusts
+    assert searching.slight(SimpleNamespace(declared=DEVELOPMENT), record, BASE, best) is (doubted or further)
 
 
 def test_what_got_no_name_is_remembered():
