@@ -18,7 +18,7 @@ NULL = ("null_flew", "null_converged", "null_follows", "null_near", "null_as_ide
 OBJECTIONS = {
     "sensors_plausible": "a sensor would have to drift, or be noisier, beyond what is plausible for it",
     "no_better_empirical_term": "as few empirical terms fit better",
-    "effect_predicts": "gusts may gain as much, and it predicts unseen loops hardly better or worse (error times {row.value:.2f})",
+    "effect_predicts": "gusts may gain as much, and unseen loops are not predicted better by a tenth (error times {row.value:.2f})",
     "gusts_do_not_repeat": "what would have to be gusts beside it repeats from loop to loop, as no gust does",
     "effect_leads": "another effect, which is no answer itself, fits better",
     "effect_steady": "its size drifts through the flight: look for what changes with time",
