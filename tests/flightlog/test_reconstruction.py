@@ -230,6 +230,17 @@ def test_one_late_channel_is_no_late_attitude_and_no_late_position(true, channel
     assert not [e for e in path.findings if e.unit == "s"], path.findings
 
 
+@pytest.mark.parametrize("channels, every", [(POSITION, 25), (VELOCITY, 10), (ATTITUDE, 5)])
+def test_values_that_a_recorder_holds_are_no_late_sensor(true, channels, every):
+    """Guards against a wrong name: a receiver of 2 to 10 Hz in rows of 50 Hz, each value held until the next, is late on average."""
+    log = Sensors().record(true, 7)
+    held = {n: np.repeat(log[n][::every], every)[: len(log)] for n in channels}
+    path = reconstruct(replace(log, measured={**log.measured, **held}))
+    assert not [e for e in path.findings if e.unit == "s"], path.findings
+    (note,) = path.notes
+    assert note.startswith(", ".join(channels)) and "held" in note
+
+
 def test_gaps_and_restarts_change_little(true):
     """A log in three pieces says what the whole one says."""
     log = Sensors(bias={"q": 2.5 * DEG}, late={POSITION: 0.24}).record(true, 8)

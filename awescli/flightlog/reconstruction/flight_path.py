@@ -2,7 +2,7 @@
 
     path = reconstruct(log);  path.noise, path.errors, path.findings
 
-The noise and the errors of all channels, from four identities between them (`identities.py`, `air.py`), each solved in O(n) (`solve.py`).
+The noise and the errors of all channels, from five identities between them (`identities.py`, `air.py`), each solved in O(n) (`solve.py`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,6 +34,8 @@ SHARE = 0.25
 """Of the white noise, below which a drift is not worth a word."""
 MOVED = 0.02
 """s: a longer delay is taken out first, so that the rest is linear."""
+HELD = 0.4
+"""Share of samples equal to the one before from which a channel is held: noise hardly ever repeats (0.02 of a coarse airspeed)."""
 PLACED = 0.01
 """Of a sample, to which interpolation places a signal in time: no delay is known better."""
 STEPS = 4
@@ -57,7 +59,8 @@ def reconstruct(log: FlightLog) -> FlightPath:
         return FlightPath((), (), 0, 0, ("Nothing is flown for long enough in one piece.",))
     noise: dict[str, ChannelNoise] = {}
     errors: list[SensorError] = []
-    notes: list[str] = []
+    held = [n for n in log.measured if _holds(log, n)]
+    notes = [f"{', '.join(held)}: each value is held for several samples; of delays nothing is said there."] if held else []
     for name, needs, build, say in IDENTITIES:
         if any(n not in log for n in needs) or (build is _vanes and not {"alpha", "beta"} & set(log.measured)):
             continue
@@ -71,6 +74,8 @@ def reconstruct(log: FlightLog) -> FlightPath:
             continue
         noise |= {n.channel: _beside_attitude(n, noise) for n in _noise(solution)}
         said = [_beside_velocity(_beside_drift(e, noise, motion), errors) for e in say(solution)]
+        if set(held) & set(needs):
+            said = [replace(e, agrees=False) if e.unit == "s" else e for e in said]
         errors += said
         motion = without(motion, said)
     for channel in log.measured:
@@ -81,6 +86,12 @@ def reconstruct(log: FlightLog) -> FlightPath:
                 noise[channel] = by_differences if old is None else _with_drift(by_differences, old)
     ordered = tuple(noise[c] for c in log.measured if c in noise)
     return FlightPath(ordered, tuple(errors), len(motion), int(motion.restart.sum()), tuple(notes))
+
+
+def _holds(log: FlightLog, channel: str) -> bool:
+    """Does a recorder hold each value of a channel until the next one comes? Each is late then, and no sensor."""
+    signal = log[channel][log.valid]
+    return bool((np.diff(signal) == 0).mean() > HELD and np.ptp(signal) > 0)
 
 
 AGAINST = {"heading_bias": "psi", "beta": "psi", "alpha": "theta"}
