@@ -157,11 +157,12 @@ def noise_factors(fit: Fit) -> dict[str, float]:
     return {n: float(factor[i]) for i, n in enumerate(fit.misfit.observed.outputs) if count[i] > 0}
 
 
-def mean_squares(fit: Fit, change: np.ndarray | None = None) -> dict[str, float]:
-    """Compared channel -> mean square of the whitened residual, what the nuisances' own uncertainty adds included. change: (n,) of the
-    globals before that."""
+def mean_squares(fit: Fit, change: np.ndarray | None = None) -> dict[str, tuple[float, float]]:
+    """Compared channel -> (mean square of the whitened residual, what the nuisances' own uncertainty adds included; number of samples).
+    change: (n,) of the globals before that."""
     square, spread, count = _whitened(fit, change)
-    return {n: float((square[i] + spread[i]) / count[i]) for i, n in enumerate(fit.misfit.observed.outputs) if count[i] > 0}
+    outputs = fit.misfit.observed.outputs
+    return {n: (float((square[i] + spread[i]) / count[i]), float(count[i])) for i, n in enumerate(outputs) if count[i] > 0}
 
 
 def _whitened(fit: Fit, change: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from awescli.flightlog.clocks import moving_average
+from awescli.flightlog.held import first_rows
 from awescli.flightlog.log import FlightLog, WindRecord, runs_of
 from awescli.flightlog.repeats import repeated_rows
 from awescli.notation.angles import wrap
@@ -73,8 +74,8 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
     Repeated, backward and stray stamps are removed. Points between samples are interpolated (angles over the short way round,
     surfaces held); over gaps longer than `max_gap` [s] (at least 1.5 sample intervals) they are filled and marked invalid. A signal with
     stamps of its own is averaged over a sample interval where it is faster, so that vibration does not fold into it; where it is slower, it
-    is new (`FlightLog.fresh`) only at the points next to its stamps.
-    Raises BadInput where fewer than 3 usable samples remain or the stamps cannot be a clock.
+    is new (`FlightLog.fresh`) only at the points next to its stamps. Of a signal whose values stand in several rows, each counts where it
+    came. Raises BadInput where fewer than 3 usable samples remain or the stamps cannot be a clock.
     """
     keep, removed = usable_stamps(raw.stamps)
     if keep.size < 3:
@@ -96,11 +97,15 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
     between = _place(time, stamps - origin, dt, max_gap)
     valid, causes = between.known.copy(), {"gap": runs_of(~between.known)}
     filled, signals, fresh, notes = 0, {}, {}, list(raw.notes)
+    held = first_rows(stamps, {n: x[keep] for n, x in raw.signals.items() if n not in raw.own_stamps and n not in SURFACES})
+    if held:
+        notes.append(f"{', '.join(held)}: a value stands in several rows; it counts in the first of them, where it came.")
+    own_stamps = {**raw.own_stamps, **{n: _in_all_rows(at, keep, raw.stamps.size) for n, at in held.items()}}
     placements: dict[float, _Placement] = {}
     for name, column in raw.signals.items():
         late = raw.late.get(raw.groups.get(name, "onboard"), 0.0)
-        if name in raw.own_stamps:
-            own = _at_own_rate(raw.own_stamps[name] - origin - late, column, time, dt, max_gap, name)
+        if name in own_stamps:
+            own = _at_own_rate(own_stamps[name] - origin - late, column, time, dt, max_gap, name, stands=name in held)
             if own is None:
                 notes.append(f"{name} has fewer than two values and was left out.")
                 continue
@@ -152,11 +157,18 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
     )
 
 
+def _in_all_rows(stamps: np.ndarray, keep: np.ndarray, count: int) -> np.ndarray:
+    """Stamps of the kept rows -> (count,), NaN in the others."""
+    whole = np.full(count, np.nan)
+    whole[keep] = stamps
+    return whole
+
+
 def _at_own_rate(
-    stamps: np.ndarray, values: np.ndarray, time: np.ndarray, dt: float, max_gap: float, name: str
+    stamps: np.ndarray, values: np.ndarray, time: np.ndarray, dt: float, max_gap: float, name: str, stands: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """(values on the grid, points that are known, points next to which there is a new value), each (N,), of a signal with stamps of its
-    own; None where it has fewer than two values."""
+    own; None where it has fewer than two values. stands: each stood in the rows until the next came, so which are new is known."""
     rows = np.flatnonzero(np.isfinite(values) & np.isfinite(stamps))
     rows = rows[usable_stamps(stamps[rows])[0]]
     if rows.size < 2:
@@ -169,7 +181,7 @@ def _at_own_rate(
     nearest = np.clip(np.rint((stamps - time[0]) / dt).astype(int), 0, time.size - 1)
     new = np.zeros(time.size, bool)
     new[nearest[np.abs(stamps - time[nearest]) <= dt]] = True
-    if interval < 1.5 * dt:
+    if interval < 1.5 * dt and not stands:
         new |= placement.known
     # a set-point that comes slower than the clock was logged now and then by a controller that went on: between, it is on the line
     taken = _take(values, placement, name, held=name in SURFACES and interval < 1.5 * dt)

@@ -106,7 +106,8 @@ def _along_outputs(fit: Fit, which: Sequence[int]) -> Gram:
     misfit, x = fit.misfit, fit.parameters.vector(fit.names)
     r, counted = misfit.whitened(x, fit.own)
     seen = np.maximum(counted.sum(axis=(0, 1)), 1)
-    predicted = np.where(counted, np.nan_to_num(misfit.observed.measured - r * misfit.observed.sigma), 0.0)
+    residual = np.multiply(r, misfit.observed.sigma, out=np.zeros(r.shape), where=counted)
+    predicted = np.where(counted, misfit.observed.measured - residual, 0.0)
     course = np.where(counted, predicted - predicted.sum(axis=(0, 1)) / seen, 0.0)
     course /= np.maximum(np.sqrt((course**2).sum(axis=(0, 1)) / seen), 1e-12)
     grams = []

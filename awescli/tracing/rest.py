@@ -1,8 +1,8 @@
 """What a model leaves beside noise and the processes that are known to be there: is it worth anything, where does it stand, does it repeat
 from loop to loop, or go on from one to the next?"""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -45,7 +45,8 @@ class Repetition:
 class Rest:
     """worth: deviance that model error is worth to a model (negative: nothing); chi2: of the model without it, on validation loops, per
     degree of freedom; channels: the same per channel, over the noise that was found; levels: of the model error; repetition: of it, and
-    lasting: what of it goes on from loop to loop, None where there is none or too few loops; samples: of all channels on validation."""
+    lasting: what of it goes on from loop to loop, None where there is none or too few loops; samples: of all channels on validation;
+    by_channel: of each (a slow sensor has fewer), evenly where nothing is said."""
 
     worth: float
     chi2: float
@@ -54,16 +55,26 @@ class Rest:
     repetition: Repetition | None
     samples: int
     lasting: Repetition | None = None
+    by_channel: Mapping[str, float] = field(default_factory=dict)
 
-    def floors(self, criteria: Criteria = CRITERIA) -> tuple[float, float]:
-        """(chi-square of all channels, of one) up to which nothing but noise is left."""
-        of_all, of_one = (criteria.sampling * np.sqrt(2 / max(n, 1.0)) for n in (self.samples, self.samples / max(len(self.channels), 1)))
-        return 1 + criteria.floor_error + float(of_all), 1 + criteria.channel_error + float(of_one)
+    def floor(self, criteria: Criteria = CRITERIA) -> float:
+        """Chi-square of all channels up to which nothing but noise is left."""
+        return 1 + criteria.floor_error + criteria.sampling * _by_chance(self.samples)
+
+    def floor_of(self, channel: str, criteria: Criteria = CRITERIA) -> float:
+        """The same of one channel."""
+        samples = self.by_channel.get(channel, self.samples / max(len(self.channels), 1))
+        return 1 + criteria.channel_error + criteria.sampling * _by_chance(samples)
 
     @property
     def largest(self) -> str:
-        """The channel with the largest chi-square."""
-        return max(self.channels, key=lambda n: self.channels[n], default="")
+        """The channel that is farthest above its floor."""
+        return max(self.channels, key=lambda n: self.channels[n] - self.floor_of(n), default="")
+
+
+def _by_chance(samples: float) -> float:
+    """Standard deviation of a mean square of as many samples of noise."""
+    return float(np.sqrt(2 / max(samples, 1.0)))
 
 
 def rest_of(frame: Frame, model: FittedModel) -> tuple[FittedModel, Rest]:
@@ -73,21 +84,21 @@ def rest_of(frame: Frame, model: FittedModel) -> tuple[FittedModel, Rest]:
     worth = bare.deviance - model.deviance if model.rest else 0.0
     axes = [(axis, axis) for axis in model.rest]
     again, on = (repetition_of(frame, model, axes, of) if axes else None for of in (repeated, lasting))
-    return bare, Rest(worth, bare.chi2, channels_of(bare), model.rest, again, samples, on)
+    channels, by_channel = channels_of(bare)
+    return bare, Rest(worth, bare.chi2, channels, model.rest, again, samples, on, by_channel)
 
 
-def channels_of(model: FittedModel) -> dict[str, float]:
-    """Channel -> mean square of the whitened residual on the validation loops, what is not known of starts, processes and parameters
-    included: 1 is noise alone. Of several flights the mean, by their samples."""
+def channels_of(model: FittedModel) -> tuple[dict[str, float], dict[str, float]]:
+    """(channel -> mean square of the whitened residual on the validation loops, what is not known of starts, processes and parameters
+    included: 1 is noise alone; channel -> samples). Of several flights the mean, by their samples."""
     squares, samples = {}, {}
     for judged, place in zip(model.judged, model.fit.places, strict=True):
         if not len(judged.counted):
             continue
-        count = float(judged.information.dof.sum())
-        for name, square in mean_squares(judged, change=model.step[place]).items():
+        for name, (square, count) in mean_squares(judged, change=model.step[place]).items():
             squares[name] = squares.get(name, 0.0) + count * square
             samples[name] = samples.get(name, 0.0) + count
-    return {name: square / samples[name] for name, square in squares.items()}
+    return {name: square / samples[name] for name, square in squares.items()}, samples
 
 
 def gusts_of(model: FittedModel) -> list[Group]:

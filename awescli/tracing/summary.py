@@ -106,7 +106,7 @@ def left(rest: Rest, before: float) -> dict:
     """What the final model still leaves on validation loops: chi-square per degree of freedom (1: noise), the share of what was there, and
     the largest of a channel. before: chi-square of the declared model."""
     # nothing but noise before: there is nothing of which something could be left
-    share = float(min(max(rest.chi2 - 1, 0.0) / (before - 1), 1.0)) if before > rest.floors()[0] else 0.0
+    share = float(min(max(rest.chi2 - 1, 0.0) / (before - 1), 1.0)) if before > rest.floor() else 0.0
     again = rest.repetition
     return {
         "chi2": rest.chi2, "share": share, "channels": rest.channels, "worth": rest.worth, "levels": rest.levels,

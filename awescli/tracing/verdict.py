@@ -212,7 +212,7 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
 def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     rest = e.rest
     worst = rest.channels.get(rest.largest, 1.0)
-    again, (floor, of_one) = rest.repetition, rest.floors(c)
+    again, floor, of_one = rest.repetition, rest.floor(c), rest.floor_of(rest.largest, c)
     return (
         Criterion(
             "rest_is_noise",
@@ -231,7 +231,12 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "set on development flights",
         ),
         Criterion(
-            "floor_by_channel", worst, of_one, worst <= of_one, f"the largest of a channel ({rest.largest})", "set on development flights"
+            "floor_by_channel",
+            worst,
+            of_one,
+            worst <= of_one,
+            f"of the channel farthest above its own ({rest.largest})",
+            "set on development flights",
         ),
         Criterion(
             "rest_repeats",

@@ -2,9 +2,11 @@
 
 import importlib.util
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 from awescli.estimation.prediction import predict
@@ -45,17 +47,21 @@ QUICK = ("d01", "d02", "d04", "d06")
 """Traced in every run of the tests; the others take longer: `pytest -m campaign tests/acceptance`."""
 
 
-@pytest.fixture(scope="module", params=[pytest.param(n, marks=() if n in QUICK else pytest.mark.campaign) for n in EXPECTED])
-def traced(request, tmp_path_factory):
-    """(flight's name, its effects.json)"""
+def trace_of(flight: Path, kite: Path):
+    """(log, parts, finding)"""
     spec = importlib.util.spec_from_file_location("declare", ROOT / "examples" / "dev_kite" / "declare.py")
     declare = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(declare)
-    flight, kite = FLIGHTS / request.param, tmp_path_factory.mktemp(request.param) / "kite.yaml"
     assert declare.main([str(flight / "nominal.yaml"), str(kite)]) == 0
     log = read_flight(flight)
     parts = split(find_loops(log), log=log)
-    finding = trace_flight(read_kite(kite), log, parts)
+    return log, parts, trace_flight(read_kite(kite), log, parts)
+
+
+@pytest.fixture(scope="module", params=[pytest.param(n, marks=() if n in QUICK else pytest.mark.campaign) for n in EXPECTED])
+def traced(request, tmp_path_factory):
+    """(flight's name, its effects.json)"""
+    log, parts, finding = trace_of(FLIGHTS / request.param, tmp_path_factory.mktemp(request.param) / "kite.yaml")
     before, after = (predict(model, log, parts.test, 5.0) for model in (finding.before(), finding.after()))
     return request.param, summary(finding, log, 5.0, before, after)
 
@@ -96,3 +102,26 @@ def test_the_error_reaches_the_noise(traced):
     elif EXPECTED[name][1]:
         assert error["after"]["mean"] <= 1.3 * error["noise_floor"]["mean"], error["after"]["mean"] / error["noise_floor"]["mean"]
     assert error["diverged_after"] == 0
+
+
+HELD = {"r_eb_e": 10, "v_eb_e": 10, "phi": 3, "theta": 3, "psi": 3, "V_a": 5}
+"""Beginning of a column's name -> rows of 50 Hz in which a value stands: a receiver of 5 Hz, a filter of 17 Hz, a pitot of 10 Hz."""
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", ["d01", "d03", "d10"])
+def test_slow_sensors_in_fast_rows_change_no_verdict(name, tmp_path):
+    """Guards recorders that hold each value until the next one: name and size as without."""
+    shutil.copytree(FLIGHTS / name, flight := tmp_path / name)
+    table = pl.read_csv(flight / "kite.csv")
+    rows = np.arange(table.height)
+    held = {c: n for c in table.columns for start, n in HELD.items() if c.startswith(start)}
+    table.with_columns(pl.Series(c, table[c].to_numpy()[rows // n * n]) for c, n in held.items()).write_csv(flight / "kite.csv")
+    log, parts, finding = trace_of(flight, tmp_path / "kite.yaml")
+    assert len(log.fresh) == len(held)
+    before, after = (predict(model, log, parts.test, 5.0) for model in (finding.before(), finding.after()))
+    effects = summary(finding, log, 5.0, before, after)["effects"]
+    assert [e["name"] for e in effects] == list(json.loads((FLIGHTS / "KEY.json").read_text())[name]["effects"])
+    for parameter, value in EXPECTED[name][1].items():
+        found = effects[0]["parameters"][parameter]
+        assert abs(found["value"] - value) <= max(3 * found["std"], 0.05 * value), (parameter, found)

@@ -64,6 +64,8 @@ def test_foreign_soft_kite_log():
         assert np.corrcoef(np.gradient(log[p], 0.1), log[v])[0, 1] > 0.97
     assert 600 < log["tension"].min() and log["tension"].max() < 5300
     assert data_quality(log).phases["retraction"] > 15
+    # its attitude, rates and velocity come at 6.7 Hz
+    assert {"phi", "theta", "psi", "p", "q", "r", "v_n", "v_e", "v_d"} <= set(log.fresh) and 0.6 < log.fresh["phi"].mean() < 0.7
 
 
 MAPPING = """

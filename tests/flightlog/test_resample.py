@@ -74,3 +74,44 @@ def test_clock_offset_is_found():
     seen = clock_offset(slow + 0.2 * rng.standard_normal(t.size), late, 0.02)
     assert seen.clear and abs(seen.late - 1.7) < 0.05
     assert clock_offset(np.ones(500), late[:500], 0.02) is None
+
+
+def test_of_a_value_that_stands_in_several_rows_the_first_is_the_measurement():
+    """Guards against: a receiver of 4 Hz in rows of 50 Hz read as 50 late values a second. 12 or 13 rows each, and three missing rows."""
+    t = np.arange(3000) * 0.02
+    newest = np.floor(t / 0.25 + 1e-9) * 0.25
+    rows = np.delete(np.arange(3000), [1000, 1001, 1002])
+    heading = wrap(0.3 * newest)
+    log = uniform_log(raw(t[rows], v_n=np.sin(newest)[rows], psi=heading[rows], p=np.sin(t)[rows], rudder=np.sign(np.sin(newest))[rows]))
+    assert set(log.fresh) == {"v_n", "psi"} and "v_n, psi" in "".join(log.notes)
+    for name in ("v_n", "psi"):
+        new = log.fresh[name]
+        # the first row of each value, as it was; nothing in between counts, and between them it is on the line
+        first = np.flatnonzero(np.diff(newest) > 0) + 1
+        assert set(np.flatnonzero(new)) <= set(first) and len(first) - new.sum() <= 2
+        assert np.array_equal(log[name][new], (np.sin(newest) if name == "v_n" else heading)[new])
+    late = np.abs(log["v_n"] - np.sin(log.time))[log.valid]
+    assert late.max() < 0.03  # the row in which it came, and the chord; held it would be 0.25
+    assert np.array_equal(log["rudder"], np.sign(np.sin(newest))), "a set-point holds"
+    assert log.valid.mean() > 0.98
+
+
+def test_a_coarse_reading_is_not_held():
+    """Guards against: a channel of few digits, which repeats by chance, taken for a slow one."""
+    rng = np.random.default_rng(3)
+    t = np.arange(3000) * 0.02
+    for scale in (0.2, 0.5, 1.0):
+        coarse = np.round(10 * np.sin(t) + scale * rng.standard_normal(3000))
+        assert not uniform_log(raw(t, V_a=coarse)).fresh
+
+
+def test_a_sensor_a_little_slower_than_its_rows_shows_by_channels_that_repeat_together():
+    """6.7 Hz in rows of 10 Hz: values stand in one row or two, attitude and velocity in the same ones; a coarse reading beside is left."""
+    t = np.arange(2000) * 0.1
+    rng = np.random.default_rng(4)
+    newest = np.floor(t * 6.7) / 6.7
+    noise = rng.standard_normal((2, 1340))[:, np.floor(t * 6.7).astype(int)]
+    roll, coarse = 0.1 * np.sin(newest) + 0.01 * noise[0], np.round(rng.standard_normal(2000))
+    log = uniform_log(raw(t, phi=roll, v_n=newest + 0.1 * noise[1], V_a=coarse))
+    assert set(log.fresh) == {"phi", "v_n"} and 0.64 < log.fresh["phi"].mean() < 0.68
+    assert not uniform_log(raw(t, phi=roll, V_a=coarse)).fresh

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 from tracing.traced import null_model
 
-from awescli.tracing.rest import BINS, Repetition, lasting, repeated, rest_of
+from awescli.tracing.rest import BINS, Repetition, Rest, lasting, repeated, rest_of
 
 LOOPS = 10
 
@@ -92,3 +92,10 @@ def test_noise_does_not_grow_to_hide_what_is_missing():
     frame, null = null_model()
     bare, left = rest_of(frame, null)
     assert bare is null and left.chi2 == pytest.approx(1.0, abs=0.06) and left.worth == 0 and left.repetition is None
+
+
+def test_a_slow_channel_may_leave_more_by_chance():
+    """Guards against: a receiver of 5 Hz beside rates of 50 Hz is above its floor by chance alone."""
+    left = Rest(0.0, 1.0, {"p": 1.12, "p_n": 1.2}, {}, None, 2200, by_channel={"p": 2000.0, "p_n": 200.0})
+    assert left.floor_of("p_n") == pytest.approx(1.1 + 2 * 0.1) and left.floor_of("p") == pytest.approx(1.1 + 2 * 0.0316, abs=1e-4)
+    assert left.largest == "p" and left.floor_of("another") == pytest.approx(1.1 + 2 * (2 / 1100) ** 0.5)
