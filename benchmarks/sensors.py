@@ -13,6 +13,7 @@ from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.physics.declaration import Noise
 
 ATTITUDE, POSITION, VELOCITY, RATES = ("phi", "theta", "psi"), ("p_n", "p_e", "p_d"), ("v_n", "v_e", "v_d"), ("p", "q", "r")
+ACCELERATION = ("a_x", "a_y", "a_z")
 
 
 @dataclass(frozen=True)

@@ -145,17 +145,16 @@ def traced(context: Context, closed: bool, log: "FlightLog", parts: "Split", dec
 
 def kinematics(log: "FlightLog") -> list[dict]:
     """What the sensors of a flight contradict each other in, without any model of forces: a witness beside the verdict, not part of it.
-    Each as the effect of the library that it is, with size and standard deviation [SI]."""
+    Each as the effect of the library that it is, or by its own name where there is none, with size and standard deviation [SI]."""
     from awescli.flightlog.reconstruction.flight_path import reconstruct
     from awescli.flightlog.reconstruction.tables import said
-    from awescli.physics.effects import EFFECTS
 
     return [
         {
             "name": e.name, "acts_on": e.target or "", "channels": list(e.acts_on), "size": e.size, "std": e.std, "unit": e.unit,
             "sentence": said(e),
         }
-        for e in reconstruct(log).findings if e.name in EFFECTS
+        for e in reconstruct(log).findings
     ]  # fmt: skip
 
 

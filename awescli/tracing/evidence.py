@@ -43,6 +43,7 @@ class Evidence:
     declared with a sign that hardly any aircraft has, which the declared model drives to the end of their range next to zero;
     bounds_left: the likeliest of the answer with one effect less and free of its bounds, None where no parameter is at one.
 
+    contradictions: sentences of what kinematics find of the sensors that no effect stands for (rates that are late);
     error_ratio: prediction error of the answer on validation loops over that of the declared model; null_error, identified_error: mean
     NRMSE of the declared model and of the one that identify handed on there; None without one.
     """
@@ -60,6 +61,7 @@ class Evidence:
     along: Mapping[str, float] = field(default_factory=dict)
     doubted: tuple[str, ...] = ()
     bounds_left: BoundsLeft | None = None
+    contradictions: tuple[str, ...] = ()
     error_ratio: float = 1.0
     null_error: float | None = None
     identified_error: float | None = None

@@ -5,8 +5,11 @@ from dataclasses import replace
 
 from awescli.estimation.prediction import predict
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.reconstruction.flight_path import reconstruct
+from awescli.flightlog.reconstruction.tables import said
 from awescli.flightlog.split import Split
 from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.effects import EFFECTS
 from awescli.physics.kite import Kite
 from awescli.tracing.by_prediction import better_by_prediction
 from awescli.tracing.criteria import CRITERIA, Criteria
@@ -50,13 +53,20 @@ def trace_flight(
     progress("fitting the model as it is declared")
     null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None or also else (levels,))
     error = predict(null.simulator, log, parts.validation, horizon).nrmse()["mean"]
-    finding = investigate(frame, null, keys, rounds=rounds, null_error=error, identified_error=identified_error, progress=progress)
+    known = {"null_error": error, "identified_error": identified_error, "contradictions": contradictions(frame)}
+    finding = investigate(frame, null, keys, rounds=rounds, progress=progress, **known)
     if finding.verdict == "not_testable" or _far_off(finding):
         finding = replace(finding, instruments=instrument_errors(frame, dict(start or {}), keys, progress=progress))
     if finding.verdict != "not_testable":
         return finding
     better = better_by_prediction(frame, dict(start or {}), keys, progress=progress)
     return replace(finding, model=better.model, by_prediction=better) if better else finding
+
+
+def contradictions(frame: Frame) -> tuple[str, ...]:
+    """What kinematics find of the sensors that are compared, and no effect stands for: a sentence each."""
+    found = [e for f in frame.flights for e in reconstruct(f.log).findings if e.name not in EFFECTS]
+    return tuple(said(e) for e in found if set(e.acts_on) & set(frame.outputs))
 
 
 def _far_off(finding: Finding, criteria: Criteria = CRITERIA) -> bool:

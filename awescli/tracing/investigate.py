@@ -129,12 +129,16 @@ class Finding:
 
 def investigate(
     frame: Frame, null: FittedModel, keys: Sequence[str], *, rounds: int = CRITERIA.effects, null_error: float | None = None,
-    identified_error: float | None = None, criteria: Criteria = CRITERIA, progress: Say = lambda text: None,
+    identified_error: float | None = None, contradictions: tuple[str, ...] = (), criteria: Criteria = CRITERIA,
+    progress: Say = lambda text: None,
 ) -> Finding:  # fmt: skip
     """Trace what the fitted declared model lacks. Where nothing explains it and parameters stand at their bounds, it may be the bounds that
     do not hold the truth: what is found without them is the answer then, and they are named, if it leads all that was found within them.
     An effect that does what the bounds forbid is as good an explanation, else."""
-    how = {"rounds": rounds, "null_error": null_error, "identified_error": identified_error, "criteria": criteria, "progress": progress}
+    how = {
+        "rounds": rounds, "null_error": null_error, "identified_error": identified_error, "contradictions": contradictions,
+        "criteria": criteria, "progress": progress,
+    }  # fmt: skip
     found = _investigated(frame, null, keys, **how)
     at_bound = [n for n in found.null.at_bound if n in frame.declared.parameters]
     if found.verdict != "unexplained" or not at_bound:
@@ -151,11 +155,12 @@ def investigate(
 
 def _investigated(
     frame: Frame, null: FittedModel, keys: Sequence[str], *, rounds: int, null_error: float | None, identified_error: float | None,
-    criteria: Criteria, progress: Say,
+    contradictions: tuple[str, ...], criteria: Criteria, progress: Say,
 ) -> Finding:  # fmt: skip
     """Trace what the fitted declared model lacks within its bounds."""
     bare, rest = rest_of(frame, null)
-    evidence = Evidence(Search(null, null, ()), bare, bare, rest, null_error=null_error, identified_error=identified_error)
+    known = {"null_error": null_error, "identified_error": identified_error, "contradictions": contradictions}
+    evidence = Evidence(Search(null, null, ()), bare, bare, rest, **known)
     if any(c.passed is False for c in table(evidence, criteria) if c.name in NULL):
         return _finding(frame, evidence, criteria)
     library = search(frame, null, keys, rounds=rounds, criteria=criteria, progress=progress)

@@ -12,7 +12,7 @@ from awescli.tracing.evidence import PRICE, Evidence
 VERDICTS = ("none", "found", "cannot_tell", "unexplained", "not_deterministic", "not_testable")
 UNOPPOSED = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible", "bounds_hold")
 """Without these an effect that explains everything is no answer."""
-NULL = ("null_flew", "null_converged", "null_follows", "null_near", "null_as_identified")
+NULL = ("sensors_agree", "null_flew", "null_converged", "null_follows", "null_near", "null_as_identified")
 """Without these there is no model in whose residual anything could be sought."""
 
 OBJECTIONS = {
@@ -44,8 +44,9 @@ class Criterion:
 def verdict(table: Sequence[Criterion]) -> str:
     """The verdict that a table of criteria stands for.
 
-    A model that did not fly, or is not the identified one, is not testable. An effect is found where it is significant (which in gusty air
-    takes a better prediction, too, unless it gains much), sufficient, steady, constant and alone, on a kite whose declared signs can be;
+    Sensors that contradict each other, or a model that did not fly, or is not the identified one, make a flight not testable. An effect is
+    found where it is significant (which in gusty air takes a better prediction, too, unless it gains much), sufficient, steady, constant
+    and alone, on a kite whose declared signs can be;
     where others do as well nobody can tell. What is left without a name is unexplained where it repeats (called gusts or not) or goes on
     from loop to loop, and so is an effect whose size drifts or goes with the way the kite flies, or which another one outdoes that cannot
     be. That nothing is missing is said in calm air, and where all that could be missing was tried.
@@ -107,6 +108,14 @@ def _of_null(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     lost = 1 - null.flies / null.segments
     ratio = e.null_error / e.identified_error if e.null_error is not None and e.identified_error else None
     return (
+        Criterion(
+            "sensors_agree",
+            "; ".join(e.contradictions) or "nothing",
+            "nothing",
+            not e.contradictions,
+            "what sensors contradict each other in by themselves, without any model of forces, and no effect stands for",
+            "kinematics; set on development flights",
+        ),
         Criterion(
             "null_flew",
             lost,

@@ -6,7 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from kites import DEVELOPMENT
+from kites import flight as true_flight
 from scipy.signal import butter, lfilter, sosfiltfilt
+from sensors import POSITION, RATES, Sensors
 from tracing.traced import short_flight
 
 from awescli.flightlog.reconstruction.flight_path import MATTERS
@@ -51,6 +53,16 @@ def test_errors_of_several_instruments_are_told_together():
 
 def test_no_instrument_is_blamed_for_gusts():
     assert not any(e.found for e in errors_of({}).values())
+
+
+@pytest.mark.parametrize("late, said", [((), ()), (RATES, ("rates late by",)), (POSITION, ())])
+def test_sensors_that_contradict_each_other_are_told_before_a_model_is_asked(late, said):
+    """Rates that are 0.06 s late make no model's residual; a position that is late is an effect that can be traced. Nor does it count for
+    channels that are not compared."""
+    log = Sensors(late={late: 0.06} if late else {}).record(true_flight(3, 60.0).log, 7)
+    frame = SimpleNamespace(flights=[SimpleNamespace(log=log)])
+    all_compared, places = (flight.contradictions(SimpleNamespace(**vars(frame), outputs=o)) for o in (MEASURED, ("p_n",)))
+    assert [s.startswith(begin) for s, begin in zip(all_compared, said, strict=True)] == [True] * len(said) and places == ()
 
 
 @pytest.mark.parametrize(

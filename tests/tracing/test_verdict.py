@@ -198,13 +198,14 @@ SMALL = model(900.1, ("sideslip_drag",), validation=250.0)
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 25
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 26
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
 @pytest.mark.parametrize(
     "name, good, bad",
     [
+        ("sensors_agree", {}, {"contradictions": ("rates late by 0.0402 s against the attitude +- 0.0006",)}),
         ("null_flew", {"null": model(1000.0, flies=90)}, {"null": model(1000.0, flies=89)}),
         ("null_converged", {"null": model(1000.0, still_to_gain=0.9e-3)}, {"null": model(1000.0, still_to_gain=1.1e-3)}),
         ("null_converged", {}, {"null": model(1000.0, still_to_gain=np.inf)}),

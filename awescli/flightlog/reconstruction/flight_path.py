@@ -45,7 +45,8 @@ DIFFERENCES_SPREAD = 1.9
 
 DEG = np.pi / 180
 MATTERS = {
-    "rates": 0.5 * DEG, "accelerations": 0.5, "attitude_latency": 0.03, "velocity latency": 0.03, "position_latency": 0.05,
+    "rates": 0.5 * DEG, "accelerations": 0.5, "attitude_latency": 0.03, "rate latency": 0.03, "velocity latency": 0.03,
+    "acceleration latency": 0.03, "position_latency": 0.05,
     "heading_bias": 1.5 * DEG, "airspeed_scale": 0.03, "airspeed_lag": 0.25, "vane_bias": 1.5 * DEG,
 }  # fmt: skip
 """Sizes from which an error changes what a model learns [SI]: those at which the library's effects begin (`source` of their parameters).
@@ -111,12 +112,13 @@ def _beside_drift(error: SensorError, noise: Mapping[str, ChannelNoise], motion:
     """What is measured against an attitude that drifts is known no better than the mean of that drift over the flight: angles themselves,
     and accelerations, which the drift turns away."""
     turns = error.target == "accelerations"
-    angle = noise.get("theta" if turns else AGAINST.get(error.name) or AGAINST.get(error.target or "", ""))
-    if angle is None or angle.drift is None or angle.memory is None:
-        return error
-    mean = angle.drift.value * np.sqrt(min(2 * angle.memory.value / (len(motion) * motion.dt), 1.0))
-    size = float(np.sqrt((motion.three("a_x", "a_y", "a_z") ** 2).sum(1).mean() / 3)) if turns else 1.0
-    return replace(error, std=float(np.hypot(error.std, mean * size)))
+    angles = ("theta", "psi") if turns else (AGAINST.get(error.name) or AGAINST.get(error.target or "", ""),)
+    size = float(np.sqrt((motion.three(*ACCELERATIONS) ** 2).sum(1).mean() / 3)) if turns else 1.0
+    means = [
+        n.drift.value * np.sqrt(min(2 * n.memory.value / (len(motion) * motion.dt), 1.0))
+        for angle in angles if (n := noise.get(angle)) is not None and n.drift is not None and n.memory is not None
+    ]  # fmt: skip
+    return replace(error, std=float(np.sqrt(error.std**2 + sum((mean * size) ** 2 for mean in means))))
 
 
 def _beside_velocity(error: SensorError, before: Sequence[SensorError]) -> SensorError:
@@ -145,15 +147,32 @@ def _moved(build: Callable[..., Identity], motion: Motion) -> Identity:
     late, begun = 0.0, build(motion, 0.0)
     identity, before = begun, np.inf
     for _ in range(STEPS if _enough(begun) else 0):
-        series = thinned(identity.series, FEWEST * 10)
-        found = BandedLikelihood(series).at(np.array(identity.white), identity.laws)
-        more = float(found.beta[series.columns.index("late")])
-        before = found.deviance if identity is begun else before
+        deviance, more = _first_look(identity, "late")
+        before = deviance if identity is begun else before
         if abs(more) < MOVED:
-            return identity if found.deviance <= before + series.seen.sum() else begun
+            return identity if deviance <= before + thinned(identity.series, FEWEST * 10).seen.sum() else begun
         late += more
         identity = build(motion, late)
     return begun
+
+
+def _velocity(motion: Motion) -> Identity:
+    """About the delay of the acceleration that a first look finds: its column is linear in it."""
+    identity = _moved(velocity_of_acceleration, motion)
+    if not _enough(identity):
+        return identity
+    first, late = _first_look(identity, "acceleration late")
+    if abs(late) < MOVED:
+        return identity
+    again = _moved(partial(velocity_of_acceleration, filtered=late), motion)
+    return again if _first_look(again, "acceleration late")[0] < first else identity
+
+
+def _first_look(identity: Identity, column: str) -> tuple[float, float]:
+    """(deviance at the levels of the start, a shape there) of some samples."""
+    series = thinned(identity.series, FEWEST * 10)
+    found = BandedLikelihood(series).at(np.array(identity.white), identity.laws)
+    return found.deviance, float(found.beta[series.columns.index(column)])
 
 
 def _enough(identity: Identity) -> bool:
@@ -188,9 +207,9 @@ def _wind(motion: Motion) -> np.ndarray | None:
 
 
 def _say_attitude(s: Solution) -> list[SensorError]:
-    biases = [_error(s, n, "imu_bias", (n,), "rad/s", "rates", "rates") for n in ("p", "q", "r")]
+    biases = [_error(s, n, "imu_bias", (n,), "rad/s", "rates", "rates") for n in RATES]
     # heading may be a compass's
-    return [*biases, _delay(s, "attitude_latency", ATTITUDE, agreeing=2)]
+    return [*biases, _against("rate latency", RATES, _delay(s, "attitude_latency", ATTITUDE, agreeing=2))]
 
 
 def _say_position(s: Solution) -> list[SensorError]:
@@ -199,9 +218,18 @@ def _say_position(s: Solution) -> list[SensorError]:
 
 
 def _say_velocity(s: Solution) -> list[SensorError]:
-    biases = [_error(s, n, "imu_bias", (n,), "m/s2", "accelerations", "accelerations") for n in ("a_x", "a_y", "a_z")]
+    biases = [_error(s, n, "imu_bias", (n,), "m/s2", "accelerations", "accelerations") for n in ACCELERATIONS]
     # all of velocity is one receiver's, and an attitude that is wrong turns no two axes alike
-    return [*biases, _error(s, "heading", "heading_bias", ("psi",), "rad"), _delay(s, "velocity latency", VELOCITY, agreeing=3)]
+    filtered = _error(s, "acceleration late", "acceleration latency", ACCELERATIONS, "s")
+    own, std = delay_by_channel(s, "acceleration late")
+    alike = bool((np.abs(own - filtered.size) < 3 * std + MOVED).all())
+    delays = [
+        _delay(s, "velocity latency", VELOCITY, agreeing=3),
+        replace(filtered, size=filtered.size + s.identity.filtered, agrees=alike),
+    ]
+    # no sensor reports what is yet to come
+    delays = [replace(d, agrees=d.agrees and d.size > 0) for d in delays]
+    return [*biases, _error(s, "heading", "heading_bias", ("psi",), "rad"), *delays]
 
 
 def _say_airspeed(s: Solution) -> list[SensorError]:
@@ -216,9 +244,10 @@ def _say_vanes(s: Solution) -> list[SensorError]:
 
 
 VELOCITY, ATTITUDE = ("v_n", "v_e", "v_d"), ("phi", "theta", "psi")
+ACCELERATIONS, RATES = ("a_x", "a_y", "a_z"), ("p", "q", "r")
 IDENTITIES: tuple[tuple[str, tuple[str, ...], Callable, Callable], ...] = (
-    ("attitude and rates", (*ATTITUDE, "p", "q", "r"), partial(_moved, attitude_of_rates), _say_attitude),
-    ("velocity and acceleration", (*VELOCITY, "a_x", "a_y", "a_z", *ATTITUDE), partial(_moved, velocity_of_acceleration), _say_velocity),
+    ("attitude and rates", (*ATTITUDE, *RATES), partial(_moved, attitude_of_rates), _say_attitude),
+    ("velocity and acceleration", (*VELOCITY, *ACCELERATIONS, *ATTITUDE), _velocity, _say_velocity),
     ("position and velocity", ("p_n", "p_e", "p_d", *VELOCITY), partial(_moved, position_of_velocity), _say_position),
     ("airspeed and motion", ("V_a", *VELOCITY), _airspeed, _say_airspeed),
     ("vanes and motion", (*VELOCITY, *ATTITUDE), _vanes, _say_vanes),
@@ -245,6 +274,13 @@ def _delay(s: Solution, name: str, acts_on: tuple[str, ...], agreeing: int, by: 
     placed = PLACED * float(np.diff(s.identity.series.time[:2])[0])
     size, spread = s.values[by] + s.identity.moved, float(np.hypot(scatter * s.std[by], placed))
     return SensorError(name, None, acts_on, size, spread, "s", MATTERS[name], bool(alike and told >= agreeing))
+
+
+def _against(name: str, channels: tuple[str, ...], delay: SensorError) -> SensorError:
+    """No sensor reports what is yet to come: what seems early is measured against channels that are late."""
+    if not delay.found or delay.size > 0:
+        return delay
+    return replace(delay, name=name, acts_on=channels, size=-delay.size)
 
 
 def _noise(s: Solution) -> list[ChannelNoise]:

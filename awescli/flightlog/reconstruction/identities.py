@@ -25,6 +25,8 @@ WIDE = 1.0
 """Spread of the logarithm of what is known of drifts: a factor of 2.7."""
 
 DELAYS = ("late", "late_quick")
+FILTERED = 0.1
+"""s: prior of the delay of an acceleration, by its filter; on a straight flight it is that of the velocity with the other sign."""
 SLOW = 2.0
 """s: motion that is slower is separated from motion that is quicker, for a delay delays both alike (`late_quick` is zero then)."""
 
@@ -41,9 +43,9 @@ class Lag:
 @dataclass(frozen=True)
 class Identity:
     """A Series with what it is made of. channels: the m measured ones; laws: of its states, at their start, with `known` of white levels,
-    laws and memories; drifts: law -> channels that drift; moved: the delay [s] that was taken out before; asks: what is
-    reported beside the columns, as sums of columns with weights; white_by_differences: white noise was found by them beforehand; lag: how
-    slowly the sensor answers, as far as it was asked."""
+    laws and memories; drifts: law -> channels that drift; moved: the delay [s] that was taken out before; filtered: that of the channels
+    that are integrated; asks: what is reported beside the columns, as sums of columns with weights; white_by_differences: white noise was
+    found by them beforehand; lag: how slowly the sensor answers, as far as it was asked."""
 
     name: str
     channels: tuple[str, ...]
@@ -53,6 +55,7 @@ class Identity:
     known: tuple[Known, ...]
     drifts: dict[str, tuple[str, ...]]
     moved: float = 0.0
+    filtered: float = 0.0
     asks: tuple[tuple[str, dict[str, float]], ...] = ()
     white_by_differences: bool = False
     lag: Lag | None = None
@@ -113,18 +116,25 @@ def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
     return replace(_identity("position", channels, series, laws, {"position drift": channels}, 0.0005), moved=late)
 
 
-def velocity_of_acceleration(motion: Motion, late: float = 0.0) -> Identity:
-    """Velocity less the integrated acceleration, turned by the attitude. Shapes: biases of a_x, a_y, a_z, heading, and the delay of the
-    velocity beyond `late` [s]."""
+def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float = 0.0) -> Identity:
+    """Velocity less the integrated acceleration, turned by the attitude. Shapes: biases of a_x, a_y, a_z, heading, the delay of the
+    acceleration beyond `filtered`, and the delay of the velocity beyond `late` [s].
+
+    An acceleration late by tau is turned by the attitude of now: it misses tau (R a - int R' a dt), a velocity late by tau tau R a alone.
+    """
     a, R = motion.three("a_x", "a_y", "a_z"), motion.rotation
+    a = _delayed(motion, a, -filtered) if filtered else a
     ahead = np.einsum("nij,nj->ni", R, a)
     gained = motion.run(motion.steps(ahead))
+    turned = np.zeros_like(ahead)
+    turned[:-1] = np.einsum("nij,nj->ni", R[1:] - R[:-1], (a[1:] + a[:-1]) / 2)
+    missed = ahead - motion.run(np.where(np.append(motion.restart[1:], True)[:, None], 0.0, turned))
     if late:
         gained, ahead = _delayed(motion, gained, late), _delayed(motion, ahead, late)
     # a heading that is too large turns the acceleration clockwise
     sideways = np.stack([-ahead[:, 1], ahead[:, 0], 0 * ahead[:, 2]], axis=1)
     heading = -motion.run(motion.steps(sideways))
-    X = np.concatenate([-motion.run(motion.steps(R)), heading[:, :, None], _delays(motion, ahead)], axis=2)
+    X = np.concatenate([-motion.run(motion.steps(R)), heading[:, :, None], missed[:, :, None], _delays(motion, ahead)], axis=2)
     wobble = np.deg2rad(0.2) * np.sqrt((ahead**2).mean())
     laws = (
         Law("velocity drift", (0, 1, 2), 0.1, MEMORY),
@@ -134,14 +144,14 @@ def velocity_of_acceleration(motion: Motion, late: float = 0.0) -> Identity:
     series = Series(
         _from_begin(motion, motion.three(*channels) - gained), X, _two_states(motion), motion.seen(*channels),
         motion.restart, motion.time,
-        ("a_x", "a_y", "a_z", "heading", *DELAYS), np.array([2.0, 2.0, 2.0, 0.5, 0.5, 0.5]),
+        ("a_x", "a_y", "a_z", "heading", "acceleration late", *DELAYS), np.array([2.0, 2.0, 2.0, 0.5, FILTERED, 0.5, 0.5]),
     )  # fmt: skip
     # a drift here is that of the velocity, or of the attitude times the acceleration: it is nobody's
     found = _identity("velocity", channels, series, laws, {}, 0.0005)
     # errors of attitude times acceleration are no random walk: the white noise is what differences of high order leave
     white = tuple(max(white_noise(series.y[:, i], series.seen[:, i]) or w, 0.0005) for i, w in enumerate(found.white))
     known = (*(Known(w, KNOWN) for w in white), *found.known[len(white) :])
-    return replace(found, white_by_differences=True, white=white, moved=late, known=known)
+    return replace(found, white_by_differences=True, white=white, moved=late, filtered=filtered, known=known)
 
 
 def _identity(
@@ -189,7 +199,7 @@ def _two_states(motion: Motion) -> np.ndarray:
 
 
 def _delayed(motion: Motion, x: np.ndarray, late: float) -> np.ndarray:
-    """x (n, 3) as it was `late` seconds before, within each stretch (held at its begin)."""
+    """x (n, 3) as it was `late` seconds before, within each stretch (held at its ends)."""
     out = x.copy()
     bounds = [*np.flatnonzero(motion.restart), len(motion)]
     for a, b in zip(bounds, bounds[1:], strict=False):

@@ -115,10 +115,11 @@ def _scatter(series: Series, levels: Levels, whole: Estimate, F: np.ndarray) -> 
     return np.sqrt(np.maximum(total / max(counted - 1, 1), 1.0))
 
 
-def delay_by_channel(s: Solution) -> tuple[np.ndarray, np.ndarray]:
+def delay_by_channel(s: Solution, column: str = "late") -> tuple[np.ndarray, np.ndarray]:
     """The delay as each channel of the identity by itself tells it, at the levels of all: values and standard deviations (m,)."""
     series, m = thinned(s.identity.series, ENOUGH), len(s.identity.channels)
-    late, others = series.columns.index("late"), [k for k, c in enumerate(series.columns) if c not in DELAYS]
+    gone = DELAYS if column in DELAYS else (column,)
+    late, others = series.columns.index(column), [k for k, c in enumerate(series.columns) if c not in gone]
     X = np.concatenate([series.X[:, :, late, None] * np.eye(m), series.X[:, :, others]], axis=2)
     columns = (*(f"late {c}" for c in s.identity.channels), *(series.columns[k] for k in others))
     prior = np.append([series.prior[late]] * m, series.prior[others])

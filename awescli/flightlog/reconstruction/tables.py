@@ -49,8 +49,10 @@ def said(error: SensorError) -> str:
     where = " and ".join(error.acts_on) if len(error.acts_on) <= 2 else ", ".join(error.acts_on)
     words = {
         "position_latency": f"position {'late' if size > 0 else 'early'} by {amount} s",
-        "attitude_latency": f"attitude {'late' if size > 0 else 'early'} by {amount} s against the rates",
-        "velocity latency": f"velocity {'late' if size > 0 else 'early'} by {amount} s against the acceleration",
+        "attitude_latency": f"attitude late by {amount} s against the rates",
+        "rate latency": f"rates late by {amount} s against the attitude",
+        "velocity latency": f"velocity late by {amount} s against the acceleration",
+        "acceleration latency": f"acceleration late by {amount} s against the velocity",
         "airspeed_lag": f"airspeed lags by {amount} s",
         "airspeed_scale": f"airspeed reads {amount} % {'high' if size > 0 else 'low'}",
         "heading_bias": f"heading off by {'-' if size < 0 else ''}{amount} {unit}",
