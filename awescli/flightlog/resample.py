@@ -20,6 +20,9 @@ ON_GRID = 0.05
 STAMP_ROUNDING = 6e-4
 """s: loggers round stamps to milliseconds, so a perfectly regular 30 Hz log misses its grid by up to half of one."""
 
+BESIDE = 1.9
+"""Sample intervals between two samples that are neighbours: with irregular stamps, too; from 2 on a row is missing."""
+
 STRAY = 10.0
 """Sample intervals by which a single stamp must leave its neighbours, there and back, to be called stray."""
 
@@ -58,7 +61,8 @@ class RawFlight:
 
 @dataclass(frozen=True)
 class _Placement:
-    """Where the grid points fall among the samples: the sample that stands for a point, or its two neighbours."""
+    """Where the grid points fall among the samples: the sample that stands for a point, or its two neighbours; close: no row is missing
+    between these."""
 
     left: np.ndarray
     right: np.ndarray
@@ -66,16 +70,18 @@ class _Placement:
     exact: np.ndarray
     fraction: np.ndarray
     known: np.ndarray
+    close: np.ndarray
 
 
 def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
     """The flight on a uniform clock.
 
     Repeated, backward and stray stamps are removed. Points between samples are interpolated (angles over the short way round,
-    surfaces held); over gaps longer than `max_gap` [s] (at least 1.5 sample intervals) they are filled and marked invalid. A signal with
-    stamps of its own is averaged over a sample interval where it is faster, so that vibration does not fold into it; where it is slower, it
-    is new (`FlightLog.fresh`) only at the points next to its stamps. Of a signal whose values stand in several rows, each counts where it
-    came. Raises BadInput where fewer than 3 usable samples remain or the stamps cannot be a clock.
+    surfaces held), and are new (`FlightLog.fresh`) only where no row is missing between these; over gaps longer than `max_gap` [s] (at
+    least 1.5 sample intervals) they are filled and marked invalid. A signal with stamps of its own is averaged over a sample interval where
+    it is faster, so that vibration does not fold into it; where it is slower, it is new only at the points next to its stamps. Of a signal
+    whose values stand in several rows, each counts where it came. Raises BadInput where fewer than 3 usable samples remain or the stamps
+    cannot be a clock.
     """
     keep, removed = usable_stamps(raw.stamps)
     if keep.size < 3:
@@ -130,6 +136,9 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
             placement = _place(time, stamps[good] - origin - late, dt, max_gap)
             filled += int((~good).sum())
         signals[name] = _take(values, placement, name, held=name in SURFACES)
+        # what is on the line over missing rows is no measurement; a set-point goes on as it was
+        if name not in SURFACES and not (placement.close | ~placement.known).all():
+            fresh[name] = placement.close & placement.known
         valid &= placement.known
         causes[f"{name} missing"] = runs_of(between.known & ~placement.known)
     if not signals:
@@ -235,18 +244,16 @@ def _place(time: np.ndarray, stamps: np.ndarray, dt: float, max_gap: float) -> _
     step = stamps[right] - stamps[left]
     inside = (time >= stamps[0]) & (time <= stamps[-1])
     fraction = np.where(step > 0, (time - stamps[left]) / np.where(step > 0, step, 1.0), 0.0)
-    return _Placement(left, right, nearest, exact, np.clip(fraction, 0.0, 1.0), exact | (inside & (step <= max_gap)))
+    known, close = exact | (inside & (step <= max_gap)), exact | (inside & (step < BESIDE * dt))
+    return _Placement(left, right, nearest, exact, np.clip(fraction, 0.0, 1.0), known, close)
 
 
 def _take(values: np.ndarray, at: _Placement, name: str, held: bool) -> np.ndarray:
-    """One signal on the grid; held: each value holds until the next one, as a set-point does."""
+    """One signal on the grid; held: each value holds until the next one, as a set-point does; over missing rows a controller went on."""
     before, after = values[at.left], values[at.right]
+    between = before + at.fraction * (wrap(after - before) if name in ANGLES else after - before)
     if held:
-        between = before
-    elif name in ANGLES:
-        between = before + at.fraction * wrap(after - before)
-    else:
-        between = before + at.fraction * (after - before)
+        between = np.where(at.close, before, between)
     taken = np.where(at.exact, values[at.nearest], between)
     return wrap(taken) if name in ANGLES else taken
 

@@ -12,6 +12,9 @@ from awescli.notation.quantities import ANGLES, SURFACES
 ENOUGH = 50.0
 """[Hz] The short-period and roll motion of a kite of some metres is below 5 Hz; ten samples of the fastest motion show all of it."""
 
+SLOWER = 0.75
+"""Share of new values up to which a sensor is slower than the log; of a log with missing rows more are new."""
+
 
 def thinned(log: FlightLog) -> FlightLog:
     """Every k-th sample of a log of 2 `ENOUGH` or more, at `ENOUGH` at least: sensors as the mean of the samples around (an odd number,
@@ -32,7 +35,8 @@ def thinned(log: FlightLog) -> FlightLog:
         return moving_average(mask.astype(float), k)[::k] > 0.5 / k
 
     # a sensor slower than the log is on the line between its values already: their mean would only cut its corners
-    measured = {n: (s[::k].copy() if n in log.fresh else mean(n, s)) for n, s in log.measured.items()}
+    slow = {n for n, new in log.fresh.items() if new[log.valid].mean() < SLOWER}
+    measured = {n: (s[::k].copy() if n in slow else mean(n, s)) for n, s in log.measured.items()}
     how = f"each value the mean of {width} samples, " if width > 1 else ""
     return replace(
         log, dt=k * log.dt, time=log.time[::k].copy(), measured=measured, inputs={n: mean(n, s) for n, s in log.inputs.items()},

@@ -10,7 +10,9 @@ from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import PRICE, Evidence
 
 VERDICTS = ("none", "found", "cannot_tell", "unexplained", "not_deterministic", "not_testable")
-UNOPPOSED = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible", "bounds_hold")
+UNOPPOSED = (
+    "rest_is_small", "no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible", "bounds_hold",
+)  # fmt: skip
 """Without these an effect that explains everything is no answer."""
 NULL = ("sensors_agree", "null_flew", "null_converged", "null_follows", "null_near", "null_as_identified")
 """Without these there is no model in whose residual anything could be sought."""
@@ -20,6 +22,7 @@ OBJECTIONS = {
     "no_better_empirical_term": "as few empirical terms fit better",
     "effect_predicts": "gusts may gain as much, and unseen loops are not predicted better by a tenth (error times {row.value:.2f})",
     "gusts_do_not_repeat": "what would have to be gusts beside it repeats from loop to loop, as no gust does",
+    "rest_is_small": "what is left repeats from loop to loop, and is worth {row.value:.2f} of what it gains",
     "effect_leads": "another effect, which is no answer itself, fits better",
     "effect_steady": "its size drifts through the flight: look for what changes with time",
     "effect_constant": "its size changes with the way the kite flies ({row.says}: {row.value:.0f})",
@@ -65,7 +68,7 @@ def verdict(table: Sequence[Criterion]) -> str:
     if not passed["sensors_plausible"]:
         return "unexplained"
     if effect:
-        if not all(passed[name] for name in UNOPPOSED):
+        if any(passed[name] is False for name in UNOPPOSED):
             return "unexplained"
         return "found" if passed["no_rival"] else "cannot_tell"
     if not passed["no_parameter_hides_it"]:
@@ -219,7 +222,9 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
 
 
 def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
-    rest = e.rest
+    rest, gain = e.rest, e.search.null.deviance - e.model.deviance
+    structured = any(r is not None and r.repeats(c) for r in (rest.repetition, rest.lasting))
+    asked = structured and gain > 0 and rest.worth >= c.rest_worth
     worst = rest.channels.get(rest.largest, 1.0)
     again, floor, of_one = rest.repetition, rest.floor(c), rest.floor_of(rest.largest, c)
     return (
@@ -229,6 +234,14 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             c.rest_worth,
             rest.worth < c.rest_worth and rest.chi2 < 1 + c.much * c.floor_error,
             "deviance that model error is worth beside the answer",
+            "set on development flights",
+        ),
+        Criterion(
+            "rest_is_small",
+            rest.worth / gain if asked else "not asked",
+            c.form,
+            rest.worth < c.form * gain if asked else None,
+            "what model error is worth beside the answer over what the answer gains, where it repeats from loop to loop or goes on",
             "set on development flights",
         ),
         Criterion(

@@ -125,3 +125,18 @@ def test_slow_sensors_in_fast_rows_change_no_verdict(name, tmp_path):
     for parameter, value in EXPECTED[name][1].items():
         found = effects[0]["parameters"][parameter]
         assert abs(found["value"] - value) <= max(3 * found["std"], 0.05 * value), (parameter, found)
+
+
+@pytest.mark.campaign
+def test_missing_rows_change_no_verdict(tmp_path):
+    """Guards telemetry with gaps: forty of 3 to 24 rows in 150 s leave nothing that has no name."""
+    shutil.copytree(FLIGHTS / "d05", flight := tmp_path / "d05")
+    table, random = pl.read_csv(flight / "kite.csv"), np.random.default_rng(5)
+    kept = np.ones(table.height, bool)
+    for _ in range(40):
+        first = random.integers(0, table.height - 40)
+        kept[first : first + random.integers(3, 25)] = False
+    table.filter(pl.Series(kept)).write_csv(flight / "kite.csv")
+    _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
+    assert finding.verdict == "found" and finding.evidence.model.keys == ("sideslip_drag",)
+    assert finding.model.table["sideslip_drag.k"].value == pytest.approx(EXPECTED["d05"][1]["k"], rel=0.05)

@@ -83,7 +83,8 @@ def test_of_a_value_that_stands_in_several_rows_the_first_is_the_measurement():
     rows = np.delete(np.arange(3000), [1000, 1001, 1002])
     heading = wrap(0.3 * newest)
     log = uniform_log(raw(t[rows], v_n=np.sin(newest)[rows], psi=heading[rows], p=np.sin(t)[rows], rudder=np.sign(np.sin(newest))[rows]))
-    assert set(log.fresh) == {"v_n", "psi"} and "v_n, psi" in "".join(log.notes)
+    assert set(log.fresh) == {"v_n", "psi", "p"} and "v_n, psi:" in "".join(log.notes)
+    assert set(np.flatnonzero(~log.fresh["p"])) == {1000, 1001, 1002}
     for name in ("v_n", "psi"):
         new = log.fresh[name]
         # the first row of each value, as it was; nothing in between counts, and between them it is on the line
@@ -115,3 +116,22 @@ def test_a_sensor_a_little_slower_than_its_rows_shows_by_channels_that_repeat_to
     log = uniform_log(raw(t, phi=roll, v_n=newest + 0.1 * noise[1], V_a=coarse))
     assert set(log.fresh) == {"phi", "v_n"} and 0.64 < log.fresh["phi"].mean() < 0.68
     assert not uniform_log(raw(t, phi=roll, V_a=coarse)).fresh
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.006])
+def test_what_is_on_the_line_over_missing_rows_is_no_measurement(jitter):
+    """Guards against: a straight line over 0.1 s counted as five measurements of what turned in between, and a set-point that stood still
+    meanwhile. Irregular stamps alone are no missing rows."""
+    t, missing = np.arange(1000) * 0.02, set(range(200, 205))
+    rows = np.delete(np.arange(1000), list(missing))
+    p = np.sin(20 * t)
+    p[400] = np.nan  # a spike that was taken out
+    stamps = t + np.random.default_rng(5).uniform(-jitter, jitter, 1000)
+    log = uniform_log(raw(stamps[rows], p=p[rows], q=np.cos(t)[rows], rudder=(rows > 202) * 1.0))
+    assert log.valid[:-1].all() and "rudder" not in log.fresh
+    stale = {n: set(np.flatnonzero(~log.fresh[n])) - {len(log) - 1} for n in ("p", "q")}
+    assert missing - {200, 204} <= stale["q"] <= missing | {199, 205} and stale["p"] - stale["q"] <= {399, 400, 401}
+    if not jitter:
+        assert stale == {"q": missing, "p": missing | {400}}
+    # a controller went on over the missing rows, and held its set-point elsewhere
+    assert 0 < log["rudder"][202] < 1 and set(log["rudder"][[190, 220, 300]]) == {0.0, 1.0}

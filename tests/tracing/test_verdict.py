@@ -2,6 +2,7 @@
 
 import itertools
 import random
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,17 +22,19 @@ PREDICTS = "effect_predicts"
 REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
 ALONE = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible", "bounds_hold")
 OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "calm_air", *ALONE)
+LITTLE = "rest_is_small"
 REPEATS = ("rest_repeats", "rest_lasts", "gusts_do_not_repeat")
 ROWS = {
     (name, passed): Criterion(name, 0.0, 0.0, passed, "", "")
-    for name in (*NULL, *ANSWER, PREDICTS, *REST, *REPEATS, *OTHERS)
+    for name in (*NULL, *ANSWER, PREDICTS, LITTLE, *REST, *REPEATS, *OTHERS)
     for passed in (True, False, None)
 }
 
 
 def rows(**passed: bool | None) -> list[Criterion]:
     """A table: a flight of a flawless model with nothing missing, but for what is said."""
-    clean = {**dict.fromkeys((*NULL, *REST, *OTHERS), True), **dict.fromkeys(ANSWER, False), PREDICTS: None, **dict.fromkeys(REPEATS)}
+    not_asked = dict.fromkeys((PREDICTS, LITTLE, *REPEATS))
+    clean = {**dict.fromkeys((*NULL, *REST, *OTHERS), True), **dict.fromkeys(ANSWER, False), **not_asked}
     return [ROWS[item] for item in {**clean, **passed}.items()]
 
 
@@ -55,6 +58,8 @@ LEFT = dict.fromkeys(REST, False)
         ("cannot_tell", {"all_candidates_fitted": False}),
         ("cannot_tell", {"no_parameter_hides_it": False}),
         ("unexplained", {**FOUND, "no_better_empirical_term": False}),
+        ("unexplained", {**FOUND, LITTLE: False}),
+        ("found", {**FOUND, LITTLE: True, "rest_repeats": True, "rest_is_noise": False}),
         ("unexplained", {**FOUND, "effect_steady": False}),
         ("unexplained", {**FOUND, "effect_constant": False}),
         ("unexplained", {**FOUND, "effect_leads": False}),
@@ -132,7 +137,7 @@ def test_what_holds_for_every_table():
     nulls = [dict.fromkeys(NULL, True), *({**dict.fromkeys(NULL, True), name: False} for name in NULL)]
     every = [itertools.product((null,), *[(True, False)] * len(names)) for null in nulls]
     for null, *values in itertools.chain(every[0], *(itertools.islice(tables, k, None, 97) for k, tables in enumerate(every[1:]))):
-        p = {**null, PREDICTS: None, **dict(zip(names, values, strict=True))}
+        p = {**null, PREDICTS: None, LITTLE: None, **dict(zip(names, values, strict=True))}
         said = verdict([ROWS[item] for item in p.items()])
         reached.add(said)
         stands = all(p[n] for n in NULL)
@@ -192,13 +197,15 @@ def passed(e: Evidence) -> dict:
 
 
 GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
+LARGE = model(600.0, ("sideslip_drag",), validation=100.0)
+AGAIN = Repetition({"force_z": 0.5}, {"force_z": 0.001}, 8)
 SMALL = model(900.1, ("sideslip_drag",), validation=250.0)
 
 
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 26
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 27
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
@@ -221,6 +228,11 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("floor", {"rest": Rest(50.0, 1.019, {}, {}, None, MANY)}, {"rest": Rest(50.0, 1.021, {}, {}, None, MANY)}),
         ("floor_by_channel", {"rest": Rest(50.0, 1.0, {"p": 1.09}, {}, None, MANY)},
          {"rest": Rest(50.0, 1.0, {"p": 1.0, "q": 1.11}, {}, None, MANY)}),
+        *(
+            ("rest_is_small", {"answer": LARGE, "rest": Rest(39.0, 1.0, {}, {}, *on, MANY, *goes)},
+             {"answer": LARGE, "rest": Rest(41.0, 1.0, {}, {}, *on, MANY, *goes)})
+            for on, goes in (((AGAIN,), ()), ((None,), (AGAIN,)))
+        ),
         (
             "rest_repeats", {"rest": Rest(50.0, 2.0, {}, {}, Repetition({"force_z": 0.5}, {"force_z": 0.001}, 8), MANY)},
             {"rest": Rest(50.0, 2.0, {}, {}, Repetition({"force_z": 0.5}, {"force_z": 0.02}, 8), MANY)},
@@ -261,6 +273,9 @@ def test_what_a_flight_does_not_allow_to_test_is_neither_passed_nor_failed():
     assert found["effect_predicts"] is None
     for calm_or_clear in ({"answer": SMALL, "gusts": {"vertical gusts": 0.1}}, {"answer": GOOD, "gusts": GUSTY}):
         assert passed(evidence(**calm_or_clear, error_ratio=1.1))["effect_predicts"] is None
+    # what does not repeat may be as large as it likes, and what is too little to be seen repeats by chance
+    for rest in (Rest(50.0, 1.0, {}, {}, replace(AGAIN, p={"force_z": 0.02}), MANY), Rest(19.0, 1.0, {}, {}, AGAIN, MANY)):
+        assert passed(evidence(GOOD, rest=rest))["rest_is_small"] is None
     little = evidence(gusts={"vertical gusts": 0.1}, gusts_repeat=Repetition({"gust_d": 0.9}, {"gust_d": 0.001}, 8))
     assert passed(little)["gusts_do_not_repeat"] is None
 

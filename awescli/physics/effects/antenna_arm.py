@@ -10,10 +10,11 @@ from awescli.physics.instant import Instant
 
 class AntennaArm(Effect):
     """reported position p + R a and velocity v + R (omega x a), a = (x, 0, z) from the reference point, body axes (Farrell, Aided
-    Navigation, ch. 11: lever arm)."""
+    Navigation, ch. 11: lever arm). The reference point is where the accelerometers are: it is the arm between both that shows, whichever
+    of them is off."""
 
     name = "antenna_arm"
-    doc = "position and velocity are those of an antenna off the reference point"
+    doc = "position and velocity are those of an antenna away from the accelerometers"
     instrument = "position receiver"
     parameters = (
         Parameter("x", 0.0, "m", -2.0, 2.0, source="0.2-1 m"),
