@@ -136,7 +136,7 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
             placement = _place(time, stamps[good] - origin - late, dt, max_gap)
             filled += int((~good).sum())
         signals[name] = _take(values, placement, name, held=name in SURFACES)
-        # what is on the line over missing rows is no measurement; a set-point goes on as it was
+        # what is on the line over missing rows is no measurement
         if name not in SURFACES and not (placement.close | ~placement.known).all():
             fresh[name] = placement.close & placement.known
         valid &= placement.known

@@ -55,6 +55,8 @@ def trace_flight(
     error = predict(null.simulator, log, parts.validation, horizon).nrmse()["mean"]
     known = {"null_error": error, "identified_error": identified_error, "contradictions": contradictions(frame)}
     finding = investigate(frame, null, keys, rounds=rounds, progress=progress, **known)
+    if finding.evidence.contradictions:  # what else is said of a flight would be said for them
+        return finding
     if finding.verdict == "not_testable" or _far_off(finding):
         finding = replace(finding, instruments=instrument_errors(frame, dict(start or {}), keys, progress=progress))
     if finding.verdict != "not_testable":

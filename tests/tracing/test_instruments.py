@@ -66,13 +66,17 @@ def test_sensors_that_contradict_each_other_are_told_before_a_model_is_asked(lat
 
 
 @pytest.mark.parametrize(
-    ("verdict", "chi2", "asked"),
-    [("not_testable", 1.0, True), ("unexplained", 2.5, True), ("unexplained", 1.5, False), ("found", 2.5, False)],
-)
-def test_which_flights_are_asked_for_their_instruments(monkeypatch, verdict, chi2, asked):
-    """Guards measured flights that are unexplained by far (a vane that is 3.5 deg off was silent), and everybody else's time."""
+    ("verdict", "chi2", "against", "asked"),
+    [
+        ("not_testable", 1.0, (), True), ("not_testable", 1.0, ("rates late by 0.04 s",), False), ("unexplained", 2.5, (), True),
+        ("unexplained", 1.5, (), False), ("found", 2.5, (), False),
+    ],
+)  # fmt: skip
+def test_which_flights_are_asked_for_their_instruments(monkeypatch, verdict, chi2, against, asked):
+    """Guards measured flights that are unexplained by far (a vane that is 3.5 deg off was silent), and everybody else's time. Where sensors
+    contradict each other, other errors would stand for that."""
     declared, log, parts = short_flight({}, 31, 20.0, UNKNOWN)
-    evidence, seen = SimpleNamespace(rest=SimpleNamespace(chi2=chi2)), ("what instruments say",)
+    evidence, seen = SimpleNamespace(rest=SimpleNamespace(chi2=chi2), contradictions=against), ("what instruments say",)
     monkeypatch.setattr(flight, "fit_null", lambda *of: SimpleNamespace(simulator=None))
     monkeypatch.setattr(flight, "predict", lambda *of: SimpleNamespace(nrmse=lambda: {"mean": 0.1}))
     monkeypatch.setattr(flight, "investigate", lambda frame, null, *of, **how: Finding(frame, verdict, (), {}, evidence, null))
