@@ -29,6 +29,8 @@ KINDS: dict[str, tuple[dict, str, str, float]] = {
     "position late": ({"late": {("p_n", "p_e", "p_d"): 0.15}}, "position_latency", "p_n", 0.15),
     "attitude late": ({"late": {("phi", "theta", "psi"): 0.06}}, "attitude_latency", "phi", 0.06),
     "velocity late": ({"late": {("v_n", "v_e", "v_d"): 0.1}}, "velocity latency", "v_n", 0.1),
+    "rates late": ({"late": {("p", "q", "r"): 0.06}}, "rate latency", "p", 0.06),
+    "acceleration late": ({"late": {("a_x", "a_y", "a_z"): 0.06}}, "acceleration latency", "a_x", 0.06),
     "airspeed low": ({"scale": 0.93}, "airspeed_scale", "V_a", -0.07),
     "airspeed slow": ({"lag": 0.6}, "airspeed_lag", "V_a", 0.6),
     "heading off": ({"bias": {"psi": 3 * DEG}}, "heading_bias", "psi", 3 * DEG),
