@@ -13,6 +13,14 @@ OFTEN = 0.3
 TOGETHER = 0.95
 """Share of their new values that two channels have in the same rows, if one sensor gave both: chance has it only where all rows are new."""
 
+EQUAL = 0.4
+"""Share of samples equal to the one before from which values stand, evenly or not: noise hardly ever repeats."""
+
+
+def stands(signal: np.ndarray) -> bool:
+    """Does a signal (N,), already on a uniform clock, stand for several samples at a time, so that each value is late by chance?"""
+    return bool((np.diff(signal) == 0).mean() > EQUAL and np.ptp(signal) > 0)
+
 
 def first_rows(stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Column -> (N,) stamps [s] of the rows in which its sensor gave a new value, NaN in all others; only columns that hold their values:

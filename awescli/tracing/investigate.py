@@ -265,7 +265,7 @@ def _settled(frame: Frame, library: Search, bare: FittedModel, rest: Rest, crite
 
 def _ranked(library: Search) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(effects that a single accepted one has left behind by their own fit to the end, and that need not be tried in its place again; those
-    that it has not left behind). A quick fit proves nothing: in gusts an exact twin fell 53 behind by it, and 2 by the whole one."""
+    that it has not left behind). A quick fit proves nothing: in gusts it left an exact twin behind, and the whole fit did not."""
     accepted = [r for r in library.rounds if r.accepted]
     if len(accepted) != 1:
         return (), ()

@@ -49,10 +49,10 @@ def verdict(table: Sequence[Criterion]) -> str:
 
     Sensors that contradict each other, or a model that did not fly, or is not the identified one, make a flight not testable. An effect is
     found where it is significant (which in gusty air takes a better prediction, too, unless it gains much), sufficient, steady, constant
-    and alone, on a kite whose declared signs can be;
-    where others do as well nobody can tell. What is left without a name is unexplained where it repeats (called gusts or not) or goes on
-    from loop to loop, and so is an effect whose size drifts or goes with the way the kite flies, or which another one outdoes that cannot
-    be. That nothing is missing is said in calm air, and where all that could be missing was tried.
+    and alone, on a kite whose declared signs can be; where others do as well nobody can tell. What is left without a name is unexplained
+    where it repeats (called gusts or not) or goes on from loop to loop, and so is an effect beside which too much of that is left, whose
+    size drifts or goes with the way the kite flies, or which another one outdoes that cannot be. That nothing is missing is said in calm
+    air, and where all that could be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from awescli.flightlog.held import stands
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.quality import white_noise
 from awescli.flightlog.reconstruction.air import airspeed_of_motion, recorded, vanes_of_motion, with_offset
@@ -34,8 +35,6 @@ SHARE = 0.25
 """Of the white noise, below which a drift is not worth a word."""
 MOVED = 0.02
 """s: a longer delay is taken out first, so that the rest is linear."""
-HELD = 0.4
-"""Share of samples equal to the one before from which a channel is held: noise hardly ever repeats (0.02 of a coarse airspeed)."""
 PLACED = 0.01
 """Of a sample, to which interpolation places a signal in time: no delay is known better."""
 STEPS = 4
@@ -60,8 +59,8 @@ def reconstruct(log: FlightLog) -> FlightPath:
         return FlightPath((), (), 0, 0, ("Nothing is flown for long enough in one piece.",))
     noise: dict[str, ChannelNoise] = {}
     errors: list[SensorError] = []
-    held = [n for n in log.measured if _holds(log, n)]
-    notes = [f"{', '.join(held)}: each value is held for several samples; of delays nothing is said there."] if held else []
+    held = [n for n in log.measured if stands(log[n][log.valid])]
+    notes = [f"{', '.join(held)}: values stand for several samples; of delays nothing is said there."] if held else []
     for name, needs, build, say in IDENTITIES:
         if any(n not in log for n in needs) or (build is _vanes and not {"alpha", "beta"} & set(log.measured)):
             continue
@@ -87,12 +86,6 @@ def reconstruct(log: FlightLog) -> FlightPath:
                 noise[channel] = by_differences if old is None else _with_drift(by_differences, old)
     ordered = tuple(noise[c] for c in log.measured if c in noise)
     return FlightPath(ordered, tuple(errors), len(motion), int(motion.restart.sum()), tuple(notes))
-
-
-def _holds(log: FlightLog, channel: str) -> bool:
-    """Does a recorder hold each value of a channel until the next one comes? Each is late then, and no sensor."""
-    signal = log[channel][log.valid]
-    return bool((np.diff(signal) == 0).mean() > HELD and np.ptp(signal) > 0)
 
 
 AGAINST = {"heading_bias": "psi", "beta": "psi", "alpha": "theta"}
@@ -219,11 +212,11 @@ def _say_position(s: Solution) -> list[SensorError]:
 
 def _say_velocity(s: Solution) -> list[SensorError]:
     biases = [_error(s, n, "imu_bias", (n,), "m/s2", "accelerations", "accelerations") for n in ACCELERATIONS]
-    # all of velocity is one receiver's, and an attitude that is wrong turns no two axes alike
     filtered = _error(s, "acceleration late", "acceleration latency", ACCELERATIONS, "s")
     own, std = delay_by_channel(s, "acceleration late")
     alike = bool((np.abs(own - filtered.size) < 3 * std + MOVED).all())
     delays = [
+        # all of velocity is one receiver's, and an attitude that is wrong turns no two axes alike
         _delay(s, "velocity latency", VELOCITY, agreeing=3),
         replace(filtered, size=filtered.size + s.identity.filtered, agrees=alike),
     ]
