@@ -8,6 +8,7 @@ import numpy as np
 from awescli.estimation.processes.base import Group
 from awescli.estimation.processes.roll_gusts import RollGusts as RollGustProcess
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.thinning import SLOWER
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import SURFACES
 from awescli.physics.declaration import KiteDeclaration
@@ -319,9 +320,12 @@ def moving(log: FlightLog) -> list[str]:
 
 
 def library_keys(declared: KiteDeclaration, log: FlightLog, wanted: Sequence[str] | None = None) -> list[str]:
-    """Keys of the effects to try on a log: those asked for, else all that it could show. Raises BadInput for an unknown one."""
+    """Keys of the effects to try on a log: those asked for, else all that it could show (of a receiver that is slower than the log it is
+    not known when in a row its values came). Raises BadInput for an unknown one."""
     if wanted is None:
-        return candidates(declared, list(log.measured), moving(log))
+        keys = candidates(declared, list(log.measured), moving(log))
+        slow = any(log.is_new(n)[log.valid].mean() < SLOWER for n in ("p_n", "v_n") if n in log)
+        return [k for k in keys if not (slow and make_effect(k, declared).needs_times)]
     for key in wanted:
         make_effect(key, declared)
     return [k for k in wanted if k not in declared.effects]

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from kites import DEVELOPMENT
 from tracing.annotated import wrongly_annotated
@@ -224,3 +225,12 @@ def test_bounds_are_not_told_where_an_effect_does_what_they_forbid(effects):
     row = next(c for c in finding.table if c.name == "bounds_hold")
     assert account["verdict"] == "unexplained" and not account["effects"] and row.passed is False
     assert account["outside_bounds"] == {} and "CD0" in account["reason"] and "CD0" in finding.evidence.bounds_left.parameters
+
+
+def test_no_arm_is_sought_where_a_receiver_is_slower_than_the_log():
+    """Guards against an antenna 0.2 m off in a receiver of 4 Hz whose values stand in rows of 50 Hz: they are late by a part of a row.
+    Missing rows are none of that."""
+    declared, log, _ = short_flight({}, 31, 20.0, ("CL0",))
+    every = np.arange(len(log))
+    slow, gaps = (replace(log, fresh={"p_n": new}) for new in (every % 12 == 0, every % 12 > 0))
+    assert [("antenna_arm" in investigate.library_keys(declared, x)) for x in (log, gaps, slow)] == [True, True, False]

@@ -60,7 +60,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
     noise: dict[str, ChannelNoise] = {}
     errors: list[SensorError] = []
     held = [n for n in log.measured if stands(log[n][log.valid])]
-    notes = [f"{', '.join(held)}: values stand for several samples; of delays nothing is said there."] if held else []
+    notes = [f"{', '.join(held)}: each value is held for several samples; of delays nothing is said there."] if held else []
     for name, needs, build, say in IDENTITIES:
         if any(n not in log for n in needs) or (build is _vanes and not {"alpha", "beta"} & set(log.measured)):
             continue

@@ -16,6 +16,7 @@ class AntennaArm(Effect):
     name = "antenna_arm"
     doc = "position and velocity are those of an antenna away from the accelerometers"
     instrument = "position receiver"
+    needs_times = True  # 10 ms at 30 m/s are an arm of 0.3 m along the path
     parameters = (
         Parameter("x", 0.0, "m", -2.0, 2.0, source="0.2-1 m"),
         Parameter("z", 0.0, "m", -2.0, 2.0, source="0.2-1 m"),

@@ -27,7 +27,8 @@ class Effect:
     last: its load answers the sum of all others, so that it stands behind them; reads: measured signals that it takes from the log, so
     that it cannot be flown without one; requires: rows of the kite file's own table that it reads; inputs: exogenous inputs that it reads
     (`Kite.input_names` has them then); logged: channels that a log must have for a kite with it; gives_line: it puts a line on the kite;
-    of_line: it acts on a line, so that some other effect must give one; instrument: the sensor or actuator whose error it is; matters:
+    of_line: it acts on a line, so that some other effect must give one; needs_times: a receiver that is late by a part of a row does the
+    same; instrument: the sensor or actuator whose error it is; matters:
     parameter name -> size of an error of an instrument from which it changes what a model learns; those that have one are asked about all
     at once where a flight has no verdict (`tracing.instruments`); weight: its load is that of gravity on the kite's mass.
 
@@ -58,6 +59,7 @@ class Effect:
     logged: tuple[str, ...] = ()
     gives_line: bool = False
     of_line: bool = False
+    needs_times: bool = False
     instrument: str = ""
     matters: dict[str, float] = {}
     weight: bool = False
