@@ -385,3 +385,12 @@ def test_a_limit_that_comes_to_none_is_no_part_of_an_effect():
     assert model.strengths == ("actuator_lag:rudder.tau",) and model.table["actuator_lag:rudder.rate"].value == 50.0
     assert searching.plausible(model, "actuator_lag:rudder")
     assert model.table["actuator_lag:rudder.tau"].value == pytest.approx(0.1, abs=0.02)
+
+
+@pytest.mark.parametrize("unit, value, finer", [("s", -0.0038, True), ("s", 0.011, False), ("rad", 0.0038, False)])
+def test_a_time_shorter_than_half_a_sample_gets_no_name(unit, value, finer):
+    """Guards against an attitude 4 ms late in a log whose receiver's values stand in several rows (a log that nobody had named)."""
+    row, log = SimpleNamespace(unit=unit, value=value), SimpleNamespace(dt=0.02)
+    key = "attitude_latency"
+    made = SimpleNamespace(keys=(key,), strengths=(f"{key}.tau",), table={f"{key}.tau": row}, problems=(SimpleNamespace(log=log),))
+    assert searching.finer_than_samples(made) is finer
