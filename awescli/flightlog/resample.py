@@ -9,6 +9,7 @@ from scipy.ndimage import median_filter
 from awescli.flightlog.clocks import moving_average
 from awescli.flightlog.held import first_rows
 from awescli.flightlog.log import FlightLog, WindRecord, runs_of
+from awescli.flightlog.regular_rows import regular_rows
 from awescli.flightlog.repeats import repeated_rows
 from awescli.notation.angles import wrap
 from awescli.notation.errors import BadInput
@@ -76,7 +77,8 @@ class _Placement:
 def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
     """The flight on a uniform clock.
 
-    Repeated, backward and stray stamps are removed. Points between samples are interpolated (angles over the short way round,
+    Repeated, backward and stray stamps are removed; rows that were taken regularly and stamped when they came are put back in their places.
+    Points between samples are interpolated (angles over the short way round,
     surfaces held), and are new (`FlightLog.fresh`) only where no row is missing between these; over gaps longer than `max_gap` [s] (at
     least 1.5 sample intervals) they are filled and marked invalid. A signal with stamps of its own is averaged over a sample interval where
     it is faster, so that vibration does not fold into it; where it is slower, it is new only at the points next to its stamps. Of a signal
@@ -86,8 +88,9 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
     keep, removed = usable_stamps(raw.stamps)
     if keep.size < 3:
         raise BadInput(f"{keep.size} samples with usable time stamps", raw.where, "At least 3 are needed; is the time column right?")
-    stamps = raw.stamps[keep]
-    dt = sample_interval(stamps)
+    notes = list(raw.notes)
+    dt = sample_interval(raw.stamps[keep])
+    keep, stamps = _as_taken(raw, keep, dt, notes)
     count = int(round((stamps[-1] - stamps[0]) / dt)) + 1
     if count > MAX_STRETCH * keep.size + 1000:
         raise BadInput(
@@ -102,7 +105,7 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
     max_gap = max(max_gap, 1.5 * dt)
     between = _place(time, stamps - origin, dt, max_gap)
     valid, causes = between.known.copy(), {"gap": runs_of(~between.known)}
-    filled, signals, fresh, notes = 0, {}, {}, list(raw.notes)
+    filled, signals, fresh = 0, {}, {}
     held = first_rows(stamps, {n: x[keep] for n, x in raw.signals.items() if n not in raw.own_stamps and n not in SURFACES})
     if held:
         notes.append(f"{', '.join(held)}: a value stands in several rows; it counts in the first of them, where it came.")
@@ -164,6 +167,21 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
         causes={cause: bounds for cause, bounds in causes.items() if len(bounds)},
         fresh=fresh,
     )
+
+
+def _as_taken(raw: RawFlight, keep: np.ndarray, dt: float, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """(rows, (N,) s at which they were taken): as stamped, unless motion shows that they were regular and only their stamps wobble."""
+    stamps = raw.stamps[keep]
+    seen = regular_rows(stamps, dt, {n: x[keep] for n, x in raw.signals.items() if n in MEASURED and n not in raw.own_stamps})
+    if seen is None or seen.wobble <= STAMP_ROUNDING or not seen.clear:
+        return keep, stamps
+    unclear = int((~seen.alone).sum())
+    more = f"; {unclear} of them, whose turn is not clear, were left out" if unclear else ""
+    share = f"{seen.share:.2f} +- {seen.error:.2f}"
+    notes.append(
+        f"Stamps wobble by {1000 * seen.wobble:.1f} ms about a regular clock, and motion shows {share} of that: rows are regular{more}."
+    )
+    return keep[seen.alone], seen.times[seen.alone]
 
 
 def _in_all_rows(stamps: np.ndarray, keep: np.ndarray, count: int) -> np.ndarray:

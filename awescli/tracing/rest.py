@@ -25,11 +25,12 @@ FEWEST = 4
 @dataclass(frozen=True)
 class Repetition:
     """share: of the variance of a smoothed process that repeats from loop to loop (or goes on from one to the next), p: with which chance
-    would make it as large, by axis; loops: that were compared."""
+    would make it as large, by axis; loops: that were compared; worth: deviance that the process pays for what repeats (`paid`)."""
 
     share: dict[str, float]
     p: dict[str, float]
     loops: int
+    worth: float = 0.0
 
     def repeats(self, criteria: Criteria = CRITERIA) -> bool:
         """Does a good part of an axis repeat, and not by chance?"""
@@ -121,7 +122,9 @@ def repetition_of(
     loops = find_loops(frame.flights[0].log)
     if loops.kind != "loops":
         return None
-    share, p, used = {}, {}, 0
+    share, p, used, worth = {}, {}, 0, 0.0
+    groups = {g.name: g for process in model.problems[0].processes for g in process.groups}
+    step = frame.flights[0].log.dt * float(np.diff(loops.bounds).mean()) / BINS
     for label in axes:
         times, values = _path(model, label)
         axis, table = label[1], _by_loop(times, values, loops)
@@ -129,7 +132,8 @@ def repetition_of(
         if used < FEWEST:
             return None
         share[axis], p[axis] = of(table)
-    return Repetition(share, p, used)
+        worth += paid(table, step, groups[label[0]])
+    return Repetition(share, p, used, worth)
 
 
 def repeated(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
@@ -148,6 +152,16 @@ def repeated(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
     by_chance = float(turned.mean())
     share = (seen - by_chance) / max(1 - by_chance, 1e-9)
     return float(np.clip(share, 0.0, 1.0)), float((1 + np.count_nonzero(turned >= seen)) / (1 + DRAWS))
+
+
+def paid(table: np.ndarray, step: float, group: Group) -> float:
+    """Deviance that an Ornstein-Uhlenbeck process pays for a path through parts of loops, `step` [s] apart, beyond what it would with the
+    parts' means given: what a term that says them would gain. Of chance it is zero on average. table: as in `repeated`."""
+    there, bins = np.isfinite(table), table.shape[1]
+    values = np.nan_to_num(table - np.nanmean(table, axis=1, keepdims=True))
+    pattern, kept = values.sum(axis=0) / np.maximum(there.sum(axis=0), 1), np.exp(-step / group.memory)
+    innovations = (np.roll(pattern, -1) - kept * pattern) / (group.level * np.sqrt(1 - kept**2))
+    return max(float(there.sum() / bins * (innovations**2).sum()) - (bins - 1), 0.0)
 
 
 def lasting(table: np.ndarray, seed: int = 0) -> tuple[float, float]:

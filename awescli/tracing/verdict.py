@@ -292,7 +292,8 @@ def _of_sensors(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
 
 def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     rivals = sorted({r.key for found in e.rivals.values() for r in found})
-    failed, gusts = e.search.failed, max(e.gusts.values(), default=0.0)
+    failed, gusts, again = e.search.failed, max(e.gusts.values(), default=0.0), e.gusts_repeat
+    gain = e.search.null.deviance - e.model.deviance if e.model.keys else 0.0
     left, lead = e.bounds_left, e.bounds_left.deviance - e.model.deviance if e.bounds_left else None
     gone, at_bound = (left.gone, ", ".join(left.parameters)) if left else ("one effect", "parameters")
     return (
@@ -349,10 +350,11 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
         ),
         Criterion(
             "gusts_do_not_repeat",
-            1.0 if e.gusts_repeat is None else e.gusts_repeat.least,
+            1.0 if again is None else again.least,
             c.repeats,
-            None if e.gusts_repeat is None or gusts < c.gusty else not e.gusts_repeat.repeats(c),
-            "probability that chance makes the gusts repeat so much from loop to loop",
+            None if again is None or gusts < c.gusty else not again.repeats(c) or again.worth < c.form * gain,
+            f"probability that chance makes the gusts repeat so much from loop to loop, where that is worth {100 * c.form:g} % of what the "
+            "answer gains",
             "permutation of the loops' phases",
         ),
     )

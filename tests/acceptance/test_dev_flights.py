@@ -140,3 +140,15 @@ def test_missing_rows_change_no_verdict(tmp_path):
     _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
     assert finding.verdict == "found" and finding.evidence.model.keys == ("sideslip_drag",)
     assert finding.model.table["sideslip_drag.k"].value == pytest.approx(EXPECTED["d05"][1]["k"], rel=0.05)
+
+
+@pytest.mark.campaign
+def test_stamps_that_wobble_change_no_verdict(tmp_path):
+    """Guards recorders that stamp rows when they come, 3 ms early or late: name and size as without."""
+    shutil.copytree(FLIGHTS / "d03", flight := tmp_path / "d03")
+    table = pl.read_csv(flight / "kite.csv")
+    stamps = table["epoch_ms"].to_numpy() + np.rint(3 * np.random.default_rng(3).standard_normal(table.height)).astype(int)
+    table.with_columns(epoch_ms=pl.Series(np.maximum.accumulate(stamps))).write_csv(flight / "kite.csv")
+    _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
+    assert finding.verdict == "found" and finding.evidence.model.keys == ("actuator_lag:rudder",)
+    assert finding.model.table["actuator_lag:rudder.tau"].value == pytest.approx(EXPECTED["d03"][1]["tau"], rel=0.05)

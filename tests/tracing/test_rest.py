@@ -5,9 +5,12 @@ import pytest
 from scipy import stats
 from tracing.traced import null_model
 
-from awescli.tracing.rest import BINS, Repetition, Rest, lasting, repeated, rest_of
+from awescli.estimation.processes.base import Group
+from awescli.tracing.rest import BINS, Repetition, Rest, lasting, paid, repeated, rest_of
 
 LOOPS = 10
+STEP = 0.8
+GUST = Group.known("gusts", ("gust_n",), 0.7, 6.0)
 
 
 def smooth(seed: int, rows: int = LOOPS) -> np.ndarray:
@@ -52,6 +55,28 @@ def test_loops_that_were_flown_in_part_count():
     chance = np.array([repeated(with_gaps(smooth(300 + seed), seed), seed) for seed in range(80)])
     assert stats.kstest(chance[:, 1], "uniform").pvalue > 0.01
     assert chance[:, 0].mean() < 0.1 and (chance[:, 1] < 0.01).sum() <= 3
+
+
+def gusts_in_loops(seed: int) -> np.ndarray:
+    """(LOOPS, BINS) of an Ornstein-Uhlenbeck process, STEP apart, from loop to loop without a break."""
+    kept, random, path = np.exp(-STEP / GUST.memory), np.random.default_rng(seed), [0.0]
+    for step in random.standard_normal(LOOPS * BINS) * GUST.level * np.sqrt(1 - kept**2):
+        path.append(kept * path[-1] + step)
+    return np.reshape(path[1:], (LOOPS, BINS))
+
+
+def test_what_a_process_pays_for_a_pattern_is_what_a_term_that_says_it_gains():
+    """Guards the worth of what repeats, against dense generalised least squares: the quadratic form of the pattern in the process's own
+    covariance. With gaps it is paid where it was seen; of chance it is next to nothing."""
+    times = STEP * np.arange(LOOPS * BINS)
+    covariance = GUST.level**2 * np.exp(-np.abs(np.subtract.outer(times, times)) / GUST.memory)
+    for size in (0.4, 0.8):
+        pattern = size * np.sin(2 * np.pi * np.arange(BINS) / BINS)
+        exact = np.tile(pattern, LOOPS) @ np.linalg.solve(covariance, np.tile(pattern, LOOPS))
+        tables = [pattern + gusts_in_loops(seed) for seed in range(100)]
+        assert np.mean([paid(table, STEP, GUST) for table in tables]) == pytest.approx(exact, rel=0.1)
+        assert np.mean([paid(with_gaps(t, i), STEP, GUST) for i, t in enumerate(tables)]) == pytest.approx(2 / 3 * exact, rel=0.2)
+    assert np.mean([paid(gusts_in_loops(seed), STEP, GUST) for seed in range(100)]) < 4
 
 
 def test_what_grows_or_breaks_is_seen_to_go_on():

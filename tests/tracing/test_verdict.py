@@ -260,6 +260,10 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
             "gusts_do_not_repeat", {"gusts": GUSTY, "gusts_repeat": Repetition({"gust_d": 0.19}, {"gust_d": 0.001}, 8)},
             {"gusts": GUSTY, "gusts_repeat": Repetition({"gust_d": 0.21}, {"gust_d": 0.001}, 8)},
         ),
+        (
+            "gusts_do_not_repeat", {"answer": LARGE, "gusts": GUSTY, "gusts_repeat": replace(AGAIN, worth=39.0)},
+            {"answer": LARGE, "gusts": GUSTY, "gusts_repeat": replace(AGAIN, worth=41.0)},
+        ),
     ],
 )  # fmt: skip
 def test_every_row_fails_beyond_its_threshold(name, good, bad):
