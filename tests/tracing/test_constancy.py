@@ -145,6 +145,14 @@ def test_what_integrating_out_adds_goes_with_no_channel(found):
     assert alike < 1 and without > 100
 
 
+@pytest.mark.parametrize("with_slope, without", [(134.0, 5.0), (1.0, 37.0)])
+def test_a_size_goes_with_a_channel_only_if_both_ways_say_so(found, monkeypatch, with_slope, without):
+    """Guards true effects in weak gusts (a pitot's scale was `unexplained`, said to go with tension by what was added, not by what was
+    seen): what integrating the nuisances out adds is known of a size, not of one that goes with a channel."""
+    monkeypatch.setattr(constancy, "_gain", lambda *of: with_slope if of[-1] is None else without)
+    assert set(gains_along(found[1].evidence.model).values()) == {min(with_slope, without)}
+
+
 def test_an_answer_without_effects_goes_with_nothing(found):
     _, finding = found
     assert gains_along(finding.null) == {}
