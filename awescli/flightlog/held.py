@@ -13,6 +13,12 @@ OFTEN = 0.3
 TOGETHER = 0.95
 """Share of their new values that two channels have in the same rows, if one sensor gave both: chance has it only where all rows are new."""
 
+COUNTED = ("tether_length",)
+"""What an encoder counts: at a steady speed it changes evenly, by one step, and each value is a coarse reading and no slow one."""
+
+ONE_STEP = 0.9
+"""Share of the changes of one size, from which they are an encoder's steps."""
+
 EQUAL = 0.4
 """Share of samples equal to the one before from which values stand, evenly or not: noise hardly ever repeats."""
 
@@ -34,6 +40,8 @@ def first_rows(stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[st
     for name, column in columns.items():
         changed = np.isfinite(column[1:]) & np.isfinite(column[:-1]) & beside & (column[1:] != column[:-1])
         stood = np.diff(np.flatnonzero(changed))
+        if name in COUNTED and stood.size and _steps(np.diff(column)[changed]):
+            continue
         if stood.size >= 2 and (stood >= 2).mean() >= OFTEN and (np.abs(stood - np.median(stood)) <= 1).mean() >= EVEN:
             changes[name] = changed
     found = {}
@@ -42,6 +50,12 @@ def first_rows(stamps: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[st
         if np.median(np.diff(np.flatnonzero(changed))) >= 2 or any(_together(changed, other) for other in others):
             found[name] = np.where(np.r_[False, changed], stamps, np.nan)
     return found
+
+
+def _steps(changes: np.ndarray) -> bool:
+    """Are changes an encoder's, all of one size?"""
+    size = np.abs(changes)
+    return bool(np.isclose(size, np.median(size), rtol=1e-3).mean() >= ONE_STEP)
 
 
 def _together(first: np.ndarray, second: np.ndarray) -> bool:

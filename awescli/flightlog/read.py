@@ -20,6 +20,7 @@ from awescli.flightlog.phases import phases
 from awescli.flightlog.px4_ulog import read_px4
 from awescli.flightlog.thinning import thinned
 from awescli.flightlog.umn_mat import STRUCT, read_umn
+from awescli.flightlog.winch_motion import with_smooth_winch
 
 NEEDED_BY_MODEL = ("p_n", "p_e", "p_d", "v_n", "v_e", "v_d", "phi", "theta", "psi", "p", "q", "r")
 """What no model of a rigid wing can do without, besides a surface that moves and the wind."""
@@ -29,13 +30,13 @@ NEEDED_ON_LINE = ("tether_length", "reel_out_speed")
 
 
 def read_flight(flight: Path, max_gap: float = 0.2) -> FlightLog:
-    """The flight in the folder `flight` (or described by the YAML file `flight`), with sensor faults marked invalid, at 50 Hz or a little
-    more where it was logged faster (`thinning`).
+    """The flight in the folder `flight` (or described by the YAML file `flight`), with sensor faults marked invalid, the winch's motion
+    smooth (`winch_motion`), at 50 Hz or a little more where it was logged faster (`thinning`).
 
     max_gap: longest gap that may be interpolated [s]. Raises BadInput, with its place and cure, for all that cannot be read.
     """
     found = find_flight(Path(flight))
-    return thinned(mark_faults(airborne(READERS[found.format](found, max_gap))))
+    return thinned(with_smooth_winch(mark_faults(airborne(READERS[found.format](found, max_gap)))))
 
 
 def airborne(log: FlightLog) -> FlightLog:

@@ -152,3 +152,16 @@ def test_stamps_that_wobble_change_no_verdict(tmp_path):
     _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
     assert finding.verdict == "found" and finding.evidence.model.keys == ("actuator_lag:rudder",)
     assert finding.model.table["actuator_lag:rudder.tau"].value == pytest.approx(EXPECTED["d03"][1]["tau"], rel=0.05)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", ["d01", "d05"])
+def test_a_noisy_winch_changes_no_verdict(name, tmp_path):
+    """Guards winches as they are: a length in whole decimetres, a speed with noise of 0.05 m/s (a `winch_tracking` that is not there)."""
+    shutil.copytree(FLIGHTS / name, flight := tmp_path / name)
+    table = pl.read_csv(flight / "kite.csv")
+    speed = table["reel_out_speed"].to_numpy() + 0.05 * np.random.default_rng(3).standard_normal(table.height)
+    table.with_columns(pl.col("tether_length").round(1), reel_out_speed=pl.Series(speed)).write_csv(flight / "kite.csv")
+    _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
+    assert finding.verdict == EXPECTED[name][0][0]
+    assert list(finding.evidence.model.keys) == list(json.loads((FLIGHTS / "KEY.json").read_text())[name]["effects"])

@@ -106,6 +106,13 @@ def test_a_coarse_reading_is_not_held():
         assert not uniform_log(raw(t, V_a=coarse)).fresh
 
 
+def test_an_encoder_at_a_steady_speed_is_coarse_and_not_held():
+    """Guards a length in whole decimetres that grows evenly: each value stands for six rows, and the first of them is half a step ahead."""
+    t = np.arange(3000) * 0.02
+    assert not uniform_log(raw(t, tether_length=np.round(250 + 0.8 * t, 1))).fresh
+    assert uniform_log(raw(t, tether_length=(250 + 0.8 * t + 0.01 * np.sin(t))[np.arange(3000) // 6 * 6])).fresh
+
+
 def test_a_sensor_a_little_slower_than_its_rows_shows_by_channels_that_repeat_together():
     """6.7 Hz in rows of 10 Hz: values stand in one row or two, attitude and velocity in the same ones; a coarse reading beside is left."""
     t = np.arange(2000) * 0.1

@@ -1,0 +1,111 @@
+"""A winch that is recorded with noise: the motion that length and speed share, and nothing where they contradict each other."""
+
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+import pytest
+from flightlog.synthetic import circle, write_folder
+
+from awescli.flightlog.log import FlightLog
+from awescli.flightlog.read import read_flight
+from awescli.flightlog.winch_motion import DIFFERENCE, _Banded, winch_motion, with_smooth_winch
+
+DT, N = 0.02, 4000
+TIME = DT * np.arange(N)
+LENGTH = 200 + 1.5 * TIME + 0.8 * np.sin(2 * np.pi * TIME / 9) + 0.1 * np.sin(2 * np.pi * TIME / 2.5)
+SPEED = 1.5 + 0.8 * 2 * np.pi / 9 * np.cos(2 * np.pi * TIME / 9) + 0.1 * 2 * np.pi / 2.5 * np.cos(2 * np.pi * TIME / 2.5)
+SEEN = [np.ones(N, bool)] * 2
+
+
+def noise(size: float, seed: int = 0) -> np.ndarray:
+    return size * np.random.default_rng(seed).standard_normal(N)
+
+
+def log_of(length: np.ndarray, speed: np.ndarray, valid: np.ndarray = SEEN[0]) -> FlightLog:
+    return FlightLog("x", 0.0, DT, TIME, {}, {"tether_length": length.copy(), "reel_out_speed": speed.copy()}, valid)
+
+
+def test_the_likelihood_is_that_of_dense_matrices():
+    """Guards the bands: cost, log determinant and the likeliest length against dense algebra, some samples not seen."""
+    n, random = 25, np.random.default_rng(1)
+    length, speed = 100 + np.cumsum(random.standard_normal(n)), random.standard_normal(n)
+    seen = random.random((2, n)) < 0.8
+    at, rate, jerk = np.eye(n)[seen[0]], np.zeros((n, n)), np.zeros((n - 3, n))
+    for i in range(1, n - 1):
+        rate[i, [i - 1, i + 1]] = -0.5 / DT, 0.5 / DT
+    rate = rate[seen[1] & np.r_[False, np.ones(n - 2, bool), False]]
+    for i in range(n - 3):
+        jerk[i, i : i + 4] = DIFFERENCE / DT**3
+    told = {}
+    for levels in ((0.1, 0.5, 30.0), (0.3, 0.2, 3000.0)):
+        w = 1 / np.square(levels)
+        A = w[0] * at.T @ at + w[1] * rate.T @ rate + w[2] * jerk.T @ jerk
+        inner = speed[1:-1][seen[1][1:-1]]
+        best = np.linalg.solve(A, w[0] * at.T @ length[seen[0]] + w[1] * rate.T @ inner)
+        cost = (
+            w[0] * ((length[seen[0]] - at @ best) ** 2).sum()
+            + w[1] * ((inner - rate @ best) ** 2).sum()
+            + w[2] * ((jerk @ best) ** 2).sum()
+        )
+        counts = len(at), len(rate), len(jerk)
+        deviance, found = _Banded.of(length, speed, DT, *seen).solve(np.array(levels))
+        assert np.allclose(found, best, atol=1e-6)
+        told[levels] = deviance, cost + np.linalg.slogdet(A)[1] - np.log(w) @ counts
+    (a, b), (c, d) = told.values()
+    assert a - c == pytest.approx(b - d, abs=1e-6)
+
+
+@pytest.mark.parametrize("of_length, of_speed", [(0.03, 0.02), (0.005, 0.1), (0.0, 0.05), (0.03, 0.0)])
+def test_noise_returns_and_the_motion_is_found(of_length, of_speed):
+    """Guards the levels (within a tenth) and what they are for: a tenth of either noise is left, or less than a line feels."""
+    motion = winch_motion(LENGTH + noise(of_length), SPEED + noise(of_speed, 1), DT, SEEN)
+    assert motion.noisy
+    for found, true in ((motion.noise_length, of_length), (motion.noise_speed, of_speed)):
+        assert found == pytest.approx(true, rel=0.1) if true else found < 0.001
+    assert (motion.length - LENGTH).std() < max(0.12 * of_length, 0.001) and (motion.speed - SPEED).std() < max(0.12 * of_speed, 0.005)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+def test_a_coarse_encoder_and_a_speed_from_its_differences(step):
+    """Guards the commonest winch of all: a length in whole centimetres or decimetres, and its differences as the speed."""
+    coarse = np.round(LENGTH / step) * step
+    for speed, left in ((SPEED, 0.005), (np.gradient(coarse, DT), 0.5 * step)):
+        log = with_smooth_winch(log_of(coarse, speed))
+        assert (log["tether_length"] - LENGTH).std() < 0.2 * step and (log["reel_out_speed"] - SPEED).std() < left
+        assert any("recorded its length with noise" in note for note in log.notes)
+
+
+def test_a_winch_without_noise_keeps_every_bit():
+    """Guards logs that are good: four decimals are no noise."""
+    log = log_of(np.round(LENGTH, 4), np.round(SPEED, 4))
+    assert with_smooth_winch(log) is log
+    alone = replace(log, inputs={"tether_length": LENGTH + noise(0.05)})
+    assert with_smooth_winch(alone) is alone
+
+
+@pytest.mark.parametrize("factor", [-1.0, 0.9, 1.2])
+def test_a_speed_that_is_not_that_of_the_length_is_left_for_the_checks(factor):
+    """Guards against hiding a mistake: a sign, a unit or a scale outlasts a second, and noise does not."""
+    log = log_of(LENGTH + noise(0.02), factor * SPEED)
+    assert with_smooth_winch(log) is log
+
+
+def test_what_is_not_valid_does_not_count():
+    """Guards gaps and dropouts: what a silent encoder says bends nothing beside it."""
+    silent = np.zeros(N, bool)
+    silent[1500:1600] = True
+    length, speed = LENGTH + noise(0.02), SPEED + noise(0.02, 1)
+    fine, log = (
+        with_smooth_winch(log_of(np.where(silent, x, length), np.where(silent, y, speed), ~silent))
+        for x, y in ((length, speed), (0.0, 0.0))
+    )
+    assert log.notes and np.allclose(log["tether_length"][~silent], fine["tether_length"][~silent], atol=1e-6)
+
+
+def test_a_flight_is_read_with_a_smooth_winch(tmp_path):
+    """Guards the reader: a folder whose winch is noted in whole decimetres gives the motion, before anything asks the log."""
+    flight = write_folder(tmp_path / "flight", circle(), lambda table: table.with_columns(pl.col("tether_length").round(1)))
+    log = read_flight(flight)
+    assert np.abs(log["tether_length"] - (250 + 0.8 * log.time))[50:-50].max() < 0.01
+    assert any("noise of 28" in note for note in log.notes)
