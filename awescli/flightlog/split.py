@@ -11,6 +11,9 @@ from awescli.flightlog.loops import Loops
 from awescli.flightlog.ranges import FARTHEST, LoopRanges, farthest, loop_ranges
 from awescli.notation.errors import BadInput
 
+WHOLE = 5.0
+"""[s] of valid samples in a row that each part needs somewhere: what is predicted in one go, where nothing else is asked."""
+
 PARTS = ("train", "validation", "test")
 ORDERS = ("balanced", "chronological", "interleaved")
 Order = Literal["balanced", "chronological", "interleaved"]
@@ -48,8 +51,9 @@ def split(
     balanced: train, validation, test, train, and the same backwards, in as few stretches as make the parts' ranges alike (see `_balanced`;
     without a `log` nothing is known of ranges, and the fewest are taken). chronological: first train, then validation, then test.
     interleaved: spread over the flight. turn: every loop takes the part of the one so many loops before it, the first ones those of the
-    last: so that on a short flight each loop is unseen once (cross-validation). Raises BadInput for fewer than three loops, shares that
-    are not positive, or an unknown order.
+    last: so that on a short flight each loop is unseen once (cross-validation); further by as many as it takes where that leaves a part of
+    the `log` without `WHOLE` seconds that are valid (its one loop has a sensor that is silent in the middle). Raises BadInput for fewer
+    than three loops, shares that are not positive, or an unknown order.
 
     What balanced costs: test loops lie between loops that were fitted and share slow disturbances with them, the wind above all. Their
     error is that of a model between flown states, on this flight; how it does later, on a longer line, is asked by chronological.
@@ -70,8 +74,9 @@ def split(
         part = _balanced(counts, loop_ranges(log, loops.bounds) if log is not None else ())
     else:
         part = np.repeat(np.arange(3), counts) if order == "chronological" else _dealt(counts)
-    part = np.roll(part, turn)
-    ranges = [_merged(loops.bounds[part == k]) for k in range(3)]
+    turns = [np.roll(part, turn + further) for further in range(count if log is not None else 1)]
+    parts = [[_merged(loops.bounds[part == k]) for k in range(3)] for part in turns]
+    ranges = next((found for found in parts if log is None or all(_whole(log, own) for own in found)), parts[0])
     return Split(*ranges, counts=(int(counts[0]), int(counts[1]), int(counts[2])), of=loops.kind)
 
 
@@ -96,6 +101,11 @@ def segments(ranges: Iterable[Range], length_samples: int, stride: int | None = 
             else:
                 starts.append(np.arange(low, low + room + 1, stride))
     return np.concatenate(starts).astype(int) if starts else np.empty(0, dtype=int)
+
+
+def _whole(log: FlightLog, ranges: Sequence[Range]) -> bool:
+    """Is there a stretch of `WHOLE` seconds without an invalid sample in some ranges?"""
+    return segments(ranges, int(round(WHOLE / log.dt)), valid=log.valid).size > 0
 
 
 def _counts(count: int, shares: np.ndarray) -> np.ndarray:
