@@ -87,13 +87,23 @@ def reason(table: Sequence[Criterion], nearest: str = "") -> str:
         limit = "" if isinstance(failed.value, str) else f" (at most {_short(failed.threshold)})"
         return f"{failed.says}: {_short(failed.value)}{limit}"
     significant = rows["effect_likelier"].passed and rows["effect_on_unseen_loops"].passed
+    sufficient = rows["rest_is_noise"].passed or (rows["floor"].passed and rows["floor_by_channel"].passed)
+    if answer == "unexplained" and sufficient and not significant:
+        return _why_nothing_explains(rows)
     if answer not in ("unexplained", "not_deterministic") or not nearest or not significant:
         return ""
-    sufficient = rows["rest_is_noise"].passed or (rows["floor"].passed and rows["floor_by_channel"].passed)
     objections = [said.format(row=rows[name]) for name, said in OBJECTIONS.items() if rows[name].passed is False]
     if not sufficient:
         objections.insert(0, f"more than noise is left beside it (chi-square {_short(rows['floor'].value)} on validation loops)")
     return f"{nearest} {'come' if ' and ' in nearest else 'comes'} nearest, but {' and '.join(objections)}."
+
+
+def _why_nothing_explains(rows: Mapping[str, Criterion]) -> str:
+    """Why a flight on which nothing but noise and gusts is left is unexplained all the same."""
+    if rows["gusts_do_not_repeat"].passed is False:
+        return "What would have to be gusts repeats from loop to loop, as no gust does."
+    sensor = rows["sensors_plausible"]
+    return f"Nothing but noise is left, but too much: {sensor.says} is {_short(sensor.value)}. Is the noise in the kite file too small?"
 
 
 def _short(value: float | str) -> str:

@@ -123,6 +123,14 @@ def test_what_gusts_may_gain_as_well_is_told_without_a_name():
     assert reason(rows(calm_air=False), "actuator_lag:rudder") == ""
 
 
+@pytest.mark.parametrize(
+    "passed, said", [({"sensors_plausible": False}, "Is the noise in the kite file"), ({"gusts_do_not_repeat": False}, "no gust")]
+)
+def test_unexplained_without_a_candidate_says_why(passed, said):
+    """Guards an `unexplained` of a clean flight with a pitot three times as noisy as declared, which said nothing at all."""
+    assert verdict(rows(**passed)) == "unexplained" and said in reason(rows(**passed))
+
+
 def test_a_flight_that_is_not_testable_says_which_criterion_failed():
     failed = [Criterion("null_follows", 3.14159, 2.0, False, "chi-square", "") if c.name == "null_follows" else c for c in rows()]
     assert reason(failed) == "chi-square: 3.14 (at most 2)"
