@@ -17,7 +17,6 @@ APART = 5.0
 INTERPOLATION = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
 """What a row differs from the cubic through its two neighbours on either side, as weights."""
 
-
 ALONG = 1.5
 """Times what chance makes of the phase by which it may leave a straight line: a clock of a steady rate, if not quite the nominal one."""
 
@@ -46,16 +45,20 @@ class RegularRows:
         return self.share + APART * self.error < 0.5 and bool(self.alone.mean() >= ALONE)
 
 
-def regular_rows(stamps: np.ndarray, dt: float, columns: Mapping[str, np.ndarray]) -> RegularRows | None:
-    """What motion says of stamps that are not regular; None where none of the columns moves, or there are too few rows.
+def regular_rows(stamps: np.ndarray, dt: float, columns: Mapping[str, np.ndarray], least: float = 0.0) -> RegularRows | None:
+    """What motion says of stamps that are not regular; None where they are, where no column moves, or where there are too few rows.
 
-    stamps: (N,) rising [s]; dt: interval of the rows [s]; columns: name -> (N,), measured channels. If stamps are true, a channel x misses
+    stamps: (N,) rising [s]; dt: interval of the rows [s]; columns: name -> (N,), measured channels; least: [s] standard deviation up to
+    which stamps are regular. If stamps are true, a channel x misses
     what its neighbours let expect by dx/dt (stamp - regular time); that product's coefficient, over all channels, is the share.
     """
     if stamps.size < 2 * WINDOW:
         return None
     times, alone = _clock(stamps, dt)
     off = stamps - times
+    wobble = float(off[alone].std()) if alone.any() else 0.0
+    if wobble <= least:
+        return None
     beside = (np.abs(np.diff(times) - dt) < dt / 2) & alone[1:] & alone[:-1]
     whole = beside[:-3] & beside[1:-2] & beside[2:-1] & beside[3:]
     products = squares = 0.0
@@ -68,7 +71,7 @@ def regular_rows(stamps: np.ndarray, dt: float, columns: Mapping[str, np.ndarray
         if variance > 0:
             products += float(meant[there] @ seen[there]) / variance
             squares += float(meant[there] @ meant[there]) / variance
-    return RegularRows(times, alone, float(off[alone].std()), products / squares, squares**-0.5) if squares > 0 else None
+    return RegularRows(times, alone, wobble, products / squares, squares**-0.5) if squares > 0 else None
 
 
 def _clock(stamps: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -85,6 +88,8 @@ def _clock(stamps: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     turn = np.rint(turns - phase)
     alone = np.diff(turn, prepend=-np.inf, append=np.inf) > 0
     clear, rows = np.flatnonzero(alone[1:] & alone[:-1]), np.arange(stamps.size)
+    if not clear.size:
+        return stamps, np.zeros(stamps.size, bool)
     # between two rows whose turn is clear each has its own, if they are as many as the turns
     as_many = np.diff(turn[clear]) == np.diff(clear)
     after = np.searchsorted(clear, rows, side="right")

@@ -172,8 +172,9 @@ def uniform_log(raw: RawFlight, max_gap: float = 0.2) -> FlightLog:
 def _as_taken(raw: RawFlight, keep: np.ndarray, dt: float, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """(rows, (N,) s at which they were taken): as stamped, unless motion shows that they were regular and only their stamps wobble."""
     stamps = raw.stamps[keep]
-    seen = regular_rows(stamps, dt, {n: x[keep] for n, x in raw.signals.items() if n in MEASURED and n not in raw.own_stamps})
-    if seen is None or seen.wobble <= STAMP_ROUNDING or not seen.clear:
+    columns = {n: x[keep] for n, x in raw.signals.items() if n in MEASURED and n not in raw.own_stamps}
+    seen = regular_rows(stamps, dt, columns, STAMP_ROUNDING)
+    if seen is None or not seen.clear:
         return keep, stamps
     unclear = int((~seen.alone).sum())
     more = f"; {unclear} of them, whose turn is not clear, were left out" if unclear else ""

@@ -37,6 +37,9 @@ def test_noise_alone_says_nothing():
     noise = {"p_n": np.random.default_rng(3).standard_normal(ROWS)}
     assert not regular_rows(stamps, DT, noise).clear and regular_rows(stamps, DT, {"p_n": np.ones(ROWS)}) is None
     assert regular_rows(stamps[:100], DT, {"p_n": stamps[:100]}) is None
+    pairs = np.sort(np.concatenate([stamps, stamps + 1e-6]))  # no row has a turn of its own
+    assert regular_rows(pairs, DT, {"p_n": pairs}) is None
+    assert regular_rows(stamps, DT, motion(stamps), least=0.004) is None and regular_rows(stamps, DT, motion(stamps), least=0.002)
 
 
 def test_missing_rows_and_a_slow_clock_are_followed():
