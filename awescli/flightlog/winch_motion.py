@@ -23,6 +23,13 @@ GUESS = (0.01, 0.02, 1.0)
 LEAST, MOST = (1e-5, 1e-5, 1e-2), (10.0, 100.0, 1e4)
 """Bounds of the search: less noise than that is none, and a drum that is steadier costs digits."""
 
+SHORTEST = 5.0
+"""[s] of a log from which anything is said of its winch."""
+
+FAINT = 1e-4
+"""Weight of a sample that was not recorded, beside one that was: on the line between its neighbours it keeps a long gap from being nothing
+at all, which no matrix can hold."""
+
 AVERAGE = 1.0
 """[s] over which noise averages out, and what does not is something else: a scale, a sign, another clock."""
 
@@ -47,12 +54,15 @@ class WinchMotion:
 
 def with_smooth_winch(log: FlightLog) -> FlightLog:
     """The log with the motion that length and speed share in their place, where they are noisy; as it is, otherwise."""
-    if "tether_length" not in log.inputs or "reel_out_speed" not in log.inputs or len(log) < 5 / log.dt:
+    if "tether_length" not in log.inputs or "reel_out_speed" not in log.inputs or len(log) < SHORTEST / log.dt:
         return log
     length, speed = log["tether_length"], log["reel_out_speed"]
     if _roughness(length) < LENGTH_NOISE and _roughness(speed) < SPEED_NOISE:
         return log
-    motion = winch_motion(length, speed, log.dt, [log.valid & log.is_new(n) for n in ("tether_length", "reel_out_speed")])
+    seen = [log.valid & log.is_new(n) for n in ("tether_length", "reel_out_speed")]
+    if min(at.sum() for at in seen) * log.dt < SHORTEST:
+        return log
+    motion = winch_motion(length, speed, log.dt, seen)
     if not motion.noisy:
         return log
     said = (
@@ -67,8 +77,10 @@ def winch_motion(length: np.ndarray, speed: np.ndarray, dt: float, seen: Sequenc
     """The likeliest length whose third derivative is white noise and that was recorded, as its rate was, with white noise: both levels of
     noise and that of the jerk by marginal likelihood (Wahba 1985; Rue & Held, Gaussian Markov Random Fields, ch. 3).
 
-    length (N,) [m], speed (N,) [m/s] at `dt` [s]; seen: two (N,) bool, where each was recorded.
+    length (N,) [m], speed (N,) [m/s] at `dt` [s]; seen: two (N,) bool, where each was recorded: between, it is on the line.
     """
+    rows = np.arange(len(length))
+    length, speed = (np.where(at, x, np.interp(rows, rows[at], x[at])) for x, at in zip((length, speed), seen, strict=True))
     both = uniform_filter1d((seen[0] & seen[1]).astype(float), min(LEVELS_FROM, len(length)), mode="constant")
     first = max(int(both.argmax()) - LEVELS_FROM // 2, 0)
     part = slice(first, first + LEVELS_FROM)
@@ -117,17 +129,17 @@ class _Banded:
     def of(cls, length: np.ndarray, speed: np.ndarray, dt: float, seen_length: np.ndarray, seen_speed: np.ndarray) -> "_Banded":
         n, rows = len(length), np.arange(len(length))
         ramp = np.polynomial.Polynomial.fit(rows, length, 1)(rows)  # taken off for the rounding's sake
-        y, v = np.where(seen_length, length - ramp, 0.0), speed - np.gradient(ramp, dt)
+        weight, y, v = np.where(seen_length, 1.0, FAINT), length - ramp, speed - np.gradient(ramp, dt)
         inner = rows[1:-1][seen_speed[1:-1]]
         right = np.zeros(n)
         for side in (-1, 1):
             np.add.at(right, inner + side, side * v[inner] / (2 * dt))
         at = np.zeros((4, n))
-        at[0] = seen_length
+        at[0] = weight
         rate = _products(np.array([-0.5, 0.0, 0.5]) / dt, inner - 1, n)
         jerk = _products(DIFFERENCE / dt**3, rows[:-3], n)
-        squares, counts = (float(y @ y), float(v[inner] @ v[inner])), (int(seen_length.sum()), len(inner), n - 3)
-        return cls(at, rate, jerk, y, right, squares, counts, ramp)
+        squares, counts = (float(y @ (weight * y)), float(v[inner] @ v[inner])), (int(seen_length.sum()), len(inner), n - 3)
+        return cls(at, rate, jerk, weight * y, right, squares, counts, ramp)
 
     def solve(self, levels: np.ndarray) -> tuple[float, np.ndarray]:
         """(-2 log likelihood but for a constant, the likeliest length (N,)) with noise of length and speed, and jerk."""

@@ -9,7 +9,7 @@ from flightlog.synthetic import circle, write_folder
 
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.read import read_flight
-from awescli.flightlog.winch_motion import DIFFERENCE, _Banded, winch_motion, with_smooth_winch
+from awescli.flightlog.winch_motion import DIFFERENCE, FAINT, _Banded, winch_motion, with_smooth_winch
 
 DT, N = 0.02, 4000
 TIME = DT * np.arange(N)
@@ -31,7 +31,7 @@ def test_the_likelihood_is_that_of_dense_matrices():
     n, random = 25, np.random.default_rng(1)
     length, speed = 100 + np.cumsum(random.standard_normal(n)), random.standard_normal(n)
     seen = random.random((2, n)) < 0.8
-    at, rate, jerk = np.eye(n)[seen[0]], np.zeros((n, n)), np.zeros((n - 3, n))
+    at, rate, jerk = np.diag(np.where(seen[0], 1.0, FAINT**0.5)), np.zeros((n, n)), np.zeros((n - 3, n))
     for i in range(1, n - 1):
         rate[i, [i - 1, i + 1]] = -0.5 / DT, 0.5 / DT
     rate = rate[seen[1] & np.r_[False, np.ones(n - 2, bool), False]]
@@ -42,13 +42,9 @@ def test_the_likelihood_is_that_of_dense_matrices():
         w = 1 / np.square(levels)
         A = w[0] * at.T @ at + w[1] * rate.T @ rate + w[2] * jerk.T @ jerk
         inner = speed[1:-1][seen[1][1:-1]]
-        best = np.linalg.solve(A, w[0] * at.T @ length[seen[0]] + w[1] * rate.T @ inner)
-        cost = (
-            w[0] * ((length[seen[0]] - at @ best) ** 2).sum()
-            + w[1] * ((inner - rate @ best) ** 2).sum()
-            + w[2] * ((jerk @ best) ** 2).sum()
-        )
-        counts = len(at), len(rate), len(jerk)
+        best = np.linalg.solve(A, w[0] * at.T @ at @ length + w[1] * rate.T @ inner)
+        cost = w[0] * ((at @ (length - best)) ** 2).sum() + w[1] * ((inner - rate @ best) ** 2).sum() + w[2] * ((jerk @ best) ** 2).sum()
+        counts = seen[0].sum(), len(rate), len(jerk)
         deviance, found = _Banded.of(length, speed, DT, *seen).solve(np.array(levels))
         assert np.allclose(found, best, atol=1e-6)
         told[levels] = deviance, cost + np.linalg.slogdet(A)[1] - np.log(w) @ counts
@@ -64,6 +60,18 @@ def test_noise_returns_and_the_motion_is_found(of_length, of_speed):
     for found, true in ((motion.noise_length, of_length), (motion.noise_speed, of_speed)):
         assert found == pytest.approx(true, rel=0.1) if true else found < 0.001
     assert (motion.length - LENGTH).std() < max(0.12 * of_length, 0.001) and (motion.speed - SPEED).std() < max(0.12 * of_speed, 0.005)
+
+
+@pytest.mark.parametrize("gap", [10.0, 60.0, 76.0])
+def test_a_long_gap_is_crossed_on_the_line(gap):
+    """Guards logs with minutes missing: nothing at all over 60 s was a matrix that could not be factorised, and a log that was not read."""
+    silent = (TIME > 2) & (TIME < 2 + gap)
+    log = with_smooth_winch(log_of(np.where(silent, 0.0, LENGTH + noise(0.03)), np.where(silent, 0.0, SPEED + noise(0.02, 1)), ~silent))
+    if gap < 76:
+        assert log.notes and np.abs(log["tether_length"] - LENGTH)[silent].max() < 5
+        assert (log["tether_length"] - LENGTH)[~silent].std() < 0.006
+    else:
+        assert not log.notes  # less than 5 s are left to say anything
 
 
 @pytest.mark.parametrize("step", [0.01, 0.1])
