@@ -85,13 +85,12 @@ def winch_motion(length: np.ndarray, speed: np.ndarray, dt: float, seen: Sequenc
     first = max(int(both.argmax()) - LEVELS_FROM // 2, 0)
     part = slice(first, first + LEVELS_FROM)
     some = _Banded.of(length[part], speed[part], dt, seen[0][part], seen[1][part])
-    found = minimize(
-        lambda logs: some.solve(np.exp(logs))[0], np.log(GUESS), method="Nelder-Mead", bounds=np.log(np.transpose([LEAST, MOST])),
-        options={"xatol": 0.02, "fatol": 0.5},
-    )  # fmt: skip
+    bounds, until = np.log(np.transpose([LEAST, MOST])), {"xatol": 0.02, "fatol": 0.5}
+    found = minimize(lambda logs: some.solve(np.exp(logs))[0], np.log(GUESS), method="Nelder-Mead", bounds=bounds, options=until)
     levels = np.exp(found.x)
-    whole = _Banded.of(length, speed, dt, *seen)
-    smooth = whole.solve(levels)[1]
+    deviance, smooth = _Banded.of(length, speed, dt, *seen).solve(levels)
+    if not np.isfinite(deviance):
+        return WinchMotion(length, speed, float(levels[0]), float(levels[1]), False)
     rate = np.gradient(smooth, dt)
     lasting = [_lasting(recorded - own, dt, at) for recorded, own, at in zip((length, speed), (smooth, rate), seen, strict=True)]
     felt = np.array([LENGTH_NOISE, SPEED_NOISE])
@@ -142,9 +141,13 @@ class _Banded:
         return cls(at, rate, jerk, weight * y, right, squares, counts, ramp)
 
     def solve(self, levels: np.ndarray) -> tuple[float, np.ndarray]:
-        """(-2 log likelihood but for a constant, the likeliest length (N,)) with noise of length and speed, and jerk."""
+        """(-2 log likelihood but for a constant, the likeliest length (N,)) with noise of length and speed, and jerk; infinite where a
+        drum so steady, and noise so large, cannot be told from a singular matrix."""
         w = 1 / np.asarray(levels) ** 2
-        factor = cholesky_banded(w[0] * self.at + w[1] * self.rate + w[2] * self.jerk, lower=True)
+        try:
+            factor = cholesky_banded(w[0] * self.at + w[1] * self.rate + w[2] * self.jerk, lower=True)
+        except np.linalg.LinAlgError:
+            return np.inf, self.ramp
         right = w[0] * self.right_at + w[1] * self.right_rate
         found = cho_solve_banded((factor, True), right)
         cost = w[:2] @ self.squares - right @ found

@@ -117,3 +117,9 @@ def test_a_flight_is_read_with_a_smooth_winch(tmp_path):
     log = read_flight(flight)
     assert np.abs(log["tether_length"] - (250 + 0.8 * log.time))[50:-50].max() < 0.01
     assert any("noise of 28" in note for note in log.notes)
+
+
+def test_what_cannot_be_factorised_is_no_likelihood_and_no_abort():
+    """Guards the reader: levels that leave nothing but rounding are infinitely unlikely, and the log is read as it is."""
+    deviance, _ = _Banded.of(LENGTH, SPEED, DT, *(~SEEN[0], ~SEEN[0])).solve(np.array([1e6, 1e6, 1e-9]))
+    assert deviance == np.inf
