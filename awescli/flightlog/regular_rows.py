@@ -49,8 +49,8 @@ def regular_rows(stamps: np.ndarray, dt: float, columns: Mapping[str, np.ndarray
     """What motion says of stamps that are not regular; None where they are, where no column moves, or where there are too few rows.
 
     stamps: (N,) rising [s]; dt: interval of the rows [s]; columns: name -> (N,), measured channels; least: [s] standard deviation up to
-    which stamps are regular. If stamps are true, a channel x misses
-    what its neighbours let expect by dx/dt (stamp - regular time); that product's coefficient, over all channels, is the share.
+    which stamps are regular. If stamps are true, a channel x misses what its neighbours let expect by dx/dt (stamp - regular time); that
+    product's coefficient, over all channels, is the share.
     """
     if stamps.size < 2 * WINDOW:
         return None

@@ -36,6 +36,9 @@ AVERAGE = 1.0
 LASTING = 0.75
 """Share of a noise that may outlast `AVERAGE`, for it to be called one."""
 
+BENT = 3.0
+"""Times its noise by which the motion may leave a signal for `AVERAGE` anywhere: a step of a coarse one does by 1.7, more bends it."""
+
 DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 """Third difference: what a smooth motion has none of, and white noise sqrt(20) times of."""
 
@@ -81,8 +84,10 @@ def winch_motion(length: np.ndarray, speed: np.ndarray, dt: float, seen: Sequenc
     """
     rows = np.arange(len(length))
     length, speed = (np.where(at, x, np.interp(rows, rows[at], x[at])) for x, at in zip((length, speed), seen, strict=True))
-    both = uniform_filter1d((seen[0] & seen[1]).astype(float), min(LEVELS_FROM, len(length)), mode="constant")
-    first = max(int(both.argmax()) - LEVELS_FROM // 2, 0)
+    # where the drum works hardest its jerk is that of all the flight, a quick reel-in among it
+    width = max(1, int(round(AVERAGE / dt)))
+    hardest = int(np.abs(np.diff(uniform_filter1d(speed, width))).argmax())
+    first = int(np.clip(hardest - LEVELS_FROM // 2, 0, max(len(length) - LEVELS_FROM, 0)))
     part = slice(first, first + LEVELS_FROM)
     some = _Banded.of(length[part], speed[part], dt, seen[0][part], seen[1][part])
     bounds, until = np.log(np.transpose([LEAST, MOST])), {"xatol": 0.02, "fatol": 0.5}
@@ -94,7 +99,9 @@ def winch_motion(length: np.ndarray, speed: np.ndarray, dt: float, seen: Sequenc
     rate = np.gradient(smooth, dt)
     lasting = [_lasting(recorded - own, dt, at) for recorded, own, at in zip((length, speed), (smooth, rate), seen, strict=True)]
     felt = np.array([LENGTH_NOISE, SPEED_NOISE])
-    noisy = bool((levels[:2] > felt).any() and all(lasting <= np.maximum(LASTING * levels[:2], felt)))
+    usual, most = np.transpose(lasting)
+    theirs = (usual <= np.maximum(LASTING * levels[:2], felt)) & (most <= BENT * levels[:2] + felt)
+    noisy = bool((levels[:2] > felt).any() and theirs.all())
     return WinchMotion(smooth, rate, float(levels[0]), float(levels[1]), noisy)
 
 
@@ -103,12 +110,12 @@ def _roughness(x: np.ndarray) -> float:
     return float(np.sqrt((np.convolve(x, DIFFERENCE, "valid") ** 2).mean() / 20))
 
 
-def _lasting(left: np.ndarray, dt: float, seen: np.ndarray) -> float:
-    """RMS of what is left of a signal after `AVERAGE`."""
+def _lasting(left: np.ndarray, dt: float, seen: np.ndarray) -> tuple[float, float]:
+    """(RMS, largest size) of what is left of a signal after `AVERAGE`."""
     width = max(1, int(round(AVERAGE / dt)))
     weight = uniform_filter1d(seen.astype(float), width)
     mean = uniform_filter1d(np.where(seen, left, 0.0), width)[seen] / weight[seen]
-    return float(np.sqrt((mean**2).mean())) if mean.size else 0.0
+    return float(np.sqrt((mean**2).mean())), float(np.abs(mean).max())
 
 
 @dataclass(frozen=True)

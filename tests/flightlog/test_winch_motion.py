@@ -123,3 +123,14 @@ def test_what_cannot_be_factorised_is_no_likelihood_and_no_abort():
     """Guards the reader: levels that leave nothing but rounding are infinitely unlikely, and the log is read as it is."""
     deviance, _ = _Banded.of(LENGTH, SPEED, DT, *(~SEEN[0], ~SEEN[0])).solve(np.array([1e6, 1e6, 1e-9]))
     assert deviance == np.inf
+
+
+def test_a_quick_reel_in_is_not_bent():
+    """Guards cycles: five minutes of steady reel-out and then a drum that turns within two seconds, in whole decimetres."""
+    time = DT * np.arange(20_000)
+    speed = 1.5 + 0.3 * np.sin(2 * np.pi * time / 9) - 4 * (1 + np.tanh((time - 370) / 0.8))
+    length = 200 + np.cumsum(speed) * DT
+    coarse = np.round(length, 1)
+    motion = winch_motion(coarse, speed + 0.02 * np.random.default_rng(0).standard_normal(len(time)), DT, [np.ones(len(time), bool)] * 2)
+    assert not motion.noisy or np.abs(motion.length - length).max() < 0.06
+    assert np.abs(motion.length - length)[1000:-1000].std() < 0.02
