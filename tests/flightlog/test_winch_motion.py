@@ -126,11 +126,12 @@ def test_what_cannot_be_factorised_is_no_likelihood_and_no_abort():
 
 
 def test_a_quick_reel_in_is_not_bent():
-    """Guards cycles: five minutes of steady reel-out and then a drum that turns within two seconds, in whole decimetres."""
+    """Guards cycles: minutes of steady reel-out and then a drum that turns within a second, in whole decimetres. Where the speed is of use
+    the motion follows; where it is the length's differences it would cut the corner by 0.2 m, and the log stays as it is."""
     time = DT * np.arange(20_000)
-    speed = 1.5 + 0.3 * np.sin(2 * np.pi * time / 9) - 4 * (1 + np.tanh((time - 370) / 0.8))
+    speed = 1.5 + 0.02 * np.sin(2 * np.pi * time / 9) - 4 * (1 + np.tanh((time - 370) / 0.4))
     length = 200 + np.cumsum(speed) * DT
-    coarse = np.round(length, 1)
-    motion = winch_motion(coarse, speed + 0.02 * np.random.default_rng(0).standard_normal(len(time)), DT, [np.ones(len(time), bool)] * 2)
-    assert not motion.noisy or np.abs(motion.length - length).max() < 0.06
-    assert np.abs(motion.length - length)[1000:-1000].std() < 0.02
+    coarse, seen = np.round(length, 1), [np.ones(len(time), bool)] * 2
+    motion = winch_motion(coarse, speed + 0.02 * np.random.default_rng(0).standard_normal(len(time)), DT, seen)
+    assert motion.noisy and np.abs(motion.length - length)[1000:-1000].max() < 0.05
+    assert not winch_motion(coarse, np.gradient(coarse, DT), DT, seen).noisy
