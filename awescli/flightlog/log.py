@@ -35,6 +35,14 @@ class WindRecord:
 
 
 @dataclass(frozen=True)
+class Unknown:
+    """What is not known of a signal: an error of standard deviation `std` [its unit] that lasts `memory` [s] (Ornstein-Uhlenbeck)."""
+
+    std: float
+    memory: float
+
+
+@dataclass(frozen=True)
 class FlightLog:
     """One flight on a uniform clock.
 
@@ -47,6 +55,7 @@ class FlightLog:
     causes: why samples are not valid ("gap", "V_a stuck", ...) -> (K, 2) half-open sample ranges; they may overlap.
     fresh: signal name -> (N,) bool, True where its sensor gave a new value; between them the signal is interpolated and says nothing.
     Signals that are not in it are new at every sample.
+    unknown: name of a recorded input -> what is not known of it, where it was read with noise (`surface_noise`).
     """
 
     name: str
@@ -62,6 +71,7 @@ class FlightLog:
     counters: Mapping[str, int] = field(default_factory=dict)
     causes: Mapping[str, np.ndarray] = field(default_factory=dict)
     fresh: Mapping[str, np.ndarray] = field(default_factory=dict)
+    unknown: Mapping[str, Unknown] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for table, known in ((self.measured, MEASURED), (self.inputs, INPUTS)):
@@ -77,6 +87,7 @@ class FlightLog:
         object.__setattr__(self, "counters", MappingProxyType(dict(self.counters)))
         object.__setattr__(self, "causes", MappingProxyType(dict(self.causes)))
         object.__setattr__(self, "fresh", MappingProxyType(dict(self.fresh)))
+        object.__setattr__(self, "unknown", MappingProxyType(dict(self.unknown)))
 
     def __len__(self) -> int:
         return self.time.shape[0]

@@ -18,6 +18,7 @@ from awescli.flightlog.mapped_csv import read_mapped
 from awescli.flightlog.mat5 import variables
 from awescli.flightlog.phases import phases
 from awescli.flightlog.px4_ulog import read_px4
+from awescli.flightlog.surface_noise import with_smooth_surfaces
 from awescli.flightlog.thinning import thinned
 from awescli.flightlog.umn_mat import STRUCT, read_umn
 from awescli.flightlog.winch_motion import with_smooth_winch
@@ -31,12 +32,12 @@ NEEDED_ON_LINE = ("tether_length", "reel_out_speed")
 
 def read_flight(flight: Path, max_gap: float = 0.2) -> FlightLog:
     """The flight in the folder `flight` (or described by the YAML file `flight`), with sensor faults marked invalid, the winch's motion
-    smooth (`winch_motion`), at 50 Hz or a little more where it was logged faster (`thinning`).
+    and that of noisy surfaces smooth (`winch_motion`, `surface_noise`), at 50 Hz or a little more where it was logged faster (`thinning`).
 
     max_gap: longest gap that may be interpolated [s]. Raises BadInput, with its place and cure, for all that cannot be read.
     """
     found = find_flight(Path(flight))
-    return thinned(with_smooth_winch(mark_faults(airborne(READERS[found.format](found, max_gap)))))
+    return thinned(with_smooth_surfaces(with_smooth_winch(mark_faults(airborne(READERS[found.format](found, max_gap))))))
 
 
 def airborne(log: FlightLog) -> FlightLog:

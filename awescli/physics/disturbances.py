@@ -1,4 +1,5 @@
-"""What acts on every kite beside its effects and is not known: gusts, and what the model does not say of forces, moments and the line.
+"""What acts on every kite beside its effects and is not known: gusts, what the model does not say of forces, moments and the line, and
+where surfaces are.
 
 Each is an input of a kite, null unless somebody fills it. An estimator integrates it out; for that each comes with two parameters,
 through which it is differentiated: between two nodes in time a disturbance runs linearly from its value at one to its value at the other.
@@ -8,6 +9,7 @@ Nodes are counted, and `even` and `odd` ones have a parameter each, weighted by 
 from collections.abc import Iterable
 
 from awescli.notation.parameters import Parameter
+from awescli.notation.quantities import CONTROL_SURFACES
 
 GUSTS = ("gust_n", "gust_e", "gust_d")
 """Velocity of the air [m/s], NED, added to the wind that the record and the effects say."""
@@ -20,12 +22,14 @@ MOMENTS = ("moment_x", "moment_y", "moment_z")
 """Angular acceleration [rad/s2], body axes, beside that of the moments."""
 LINE = "line_length"
 """[m] what the line is longer than the winch says: stretch, sag, slack, slip on the drum."""
-DISTURBANCES = (*GUSTS, *GUST_RATES, *FORCES, *MOMENTS, LINE)
+RECORDED = {name: f"{name}_recorded" for name in CONTROL_SURFACES}
+"""Control surface -> its disturbance: [rad] by which it is set otherwise than was recorded, where it was read with noise."""
+DISTURBANCES = (*GUSTS, *GUST_RATES, *FORCES, *MOMENTS, LINE, *RECORDED.values())
 PHASE = "phase"
 
 DISTURBANCE_UNITS = {
     **dict.fromkeys(GUSTS, "m/s"), **dict.fromkeys(GUST_RATES, "rad/s"), **dict.fromkeys(FORCES, "m/s2"),
-    **dict.fromkeys(MOMENTS, "rad/s2"), LINE: "m",
+    **dict.fromkeys(MOMENTS, "rad/s2"), LINE: "m", **dict.fromkeys(RECORDED.values(), "rad"),
 }  # fmt: skip
 
 

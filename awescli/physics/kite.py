@@ -16,7 +16,7 @@ from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.notation.scalars import Scalar, sqrt
 from awescli.physics.airflow import air_data, declared_wind, wind_vector
 from awescli.physics.declaration import KiteDeclaration, parameter_of
-from awescli.physics.disturbances import DISTURBANCES, FORCES, GUST_RATES, GUSTS, LINE, MOMENTS, PHASE, disturbances
+from awescli.physics.disturbances import DISTURBANCES, FORCES, GUST_RATES, GUSTS, LINE, MOMENTS, PHASE, RECORDED, disturbances
 from awescli.physics.disturbances import parameters as nuisance_parameters
 from awescli.physics.effects import EFFECTS
 from awescli.physics.effects.aerodynamics import COEFFICIENTS, body_axes, parse_monomial
@@ -240,7 +240,8 @@ class Kite:
         at.air_velocity, at.V_a, at.alpha, at.beta = air_data(R, at.v_ned, wind)
         at.dynamic_pressure = wind.density * at.V_a * at.V_a / 2
         # surfaces
-        at.deflections = self._through("actuate", setpoints, at)
+        meant = {**setpoints, **{s: setpoints[s] + beside[axis] for s, axis in RECORDED.items()}}
+        at.deflections = self._through("actuate", meant, at)
         # kite
         v = values
         body = Body(v["m"], 0.0, v["Jx"], v["Jy"], v["Jz"], v["Jxz"], (0.0, 0.0, 0.0))

@@ -165,3 +165,17 @@ def test_a_noisy_winch_changes_no_verdict(name, tmp_path):
     _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
     assert finding.verdict == EXPECTED[name][0][0]
     assert list(finding.evidence.model.keys) == list(json.loads((FLIGHTS / "KEY.json").read_text())[name]["effects"])
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", ["d01", "d03", "d05"])
+def test_a_noisy_rudder_changes_no_verdict(name, tmp_path):
+    """Guards potentiometers: a rudder read with noise of 0.3 deg (`unexplained`, `hinge_blowback:rudder` nearest)."""
+    shutil.copytree(FLIGHTS / name, flight := tmp_path / name)
+    table = pl.read_csv(flight / "kite.csv")
+    rudder = table["rudder_sp"].to_numpy() + 0.3 * np.random.default_rng(3).standard_normal(table.height)
+    table.with_columns(rudder_sp=pl.Series(rudder)).write_csv(flight / "kite.csv")
+    _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
+    assert finding.verdict == EXPECTED[name][0][0]
+    there = json.loads((FLIGHTS / "KEY.json").read_text())[name]["effects"]
+    assert [key.partition(":")[0] for key in finding.evidence.model.keys] == list(there)

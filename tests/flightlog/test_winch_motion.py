@@ -9,7 +9,8 @@ from flightlog.synthetic import circle, write_folder
 
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.read import read_flight
-from awescli.flightlog.winch_motion import DIFFERENCE, FAINT, _Banded, winch_motion, with_smooth_winch
+from awescli.flightlog.smooth_motion import DIFFERENCE, FAINT, SmoothMotion
+from awescli.flightlog.winch_motion import winch_motion, with_smooth_winch
 
 DT, N = 0.02, 4000
 TIME = DT * np.arange(N)
@@ -45,7 +46,7 @@ def test_the_likelihood_is_that_of_dense_matrices():
         best = np.linalg.solve(A, w[0] * at.T @ at @ length + w[1] * rate.T @ inner)
         cost = w[0] * ((at @ (length - best)) ** 2).sum() + w[1] * ((inner - rate @ best) ** 2).sum() + w[2] * ((jerk @ best) ** 2).sum()
         counts = seen[0].sum(), len(rate), len(jerk)
-        deviance, found = _Banded.of(length, speed, DT, *seen).solve(np.array(levels))
+        deviance, found = SmoothMotion.of(length, speed, DT, *seen).solve(np.array(levels))
         assert np.allclose(found, best, atol=1e-6)
         told[levels] = deviance, cost + np.linalg.slogdet(A)[1] - np.log(w) @ counts
     (a, b), (c, d) = told.values()
@@ -121,7 +122,7 @@ def test_a_flight_is_read_with_a_smooth_winch(tmp_path):
 
 def test_what_cannot_be_factorised_is_no_likelihood_and_no_abort():
     """Guards the reader: levels that leave nothing but rounding are infinitely unlikely, and the log is read as it is."""
-    deviance, _ = _Banded.of(LENGTH, SPEED, DT, *(~SEEN[0], ~SEEN[0])).solve(np.array([1e6, 1e6, 1e-9]))
+    deviance, _ = SmoothMotion.of(LENGTH, SPEED, DT, *(~SEEN[0], ~SEEN[0])).solve(np.array([1e6, 1e6, 1e-9]))
     assert deviance == np.inf
 
 
