@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from awescli.notation.phases import OWN, input_of
 from awescli.notation.quantities import IN_WORDS, STATES, SURFACES, UNITS
+from awescli.physics.disturbances import RECORDED
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ _INPUTS = {
     "gust_r": ("rad/s", "yaw gust: gradient of the lateral gust along the fuselage"),
     **{f"force_{axis}": ("m/s2", f"force per mass beside the modelled ones, body {axis}") for axis in "xyz"},
     **{f"moment_{axis}": ("rad/s2", f"angular acceleration beside the modelled moments, body {axis}") for axis in "xyz"},
+    **{axis: ("rad", f"{IN_WORDS[surface]} beside the recorded one") for surface, axis in RECORDED.items()},
     "line_length": ("m", "length of the line beside what the winch has paid out"),
     "reel_out_acceleration": ("m/s2", "rate of the reel-out speed"),
     "time": ("s", "the flight's clock, which runs on as it flies"),
