@@ -93,5 +93,9 @@ def test_a_gap_and_a_short_log_are_read():
     gap = (TIME > 30) & (TIME < 50)
     log = with_smooth_surfaces(log_of(np.where(gap, 0.0, RUDDER + noise(0.3 * DEG)), RUDDER, ~gap))
     assert (log["rudder"] - RUDDER)[~gap].std() < 0.1 * DEG
-    short = log_of(RUDDER + noise(0.3 * DEG), RUDDER, TIME < 15)
-    assert with_smooth_surfaces(short) is short
+    whole = log_of(RUDDER + noise(0.3 * DEG), RUDDER)
+    for seconds, read in ((15, False), (25, True)):
+        n = int(seconds / DT)
+        first = {name: whole[name][:n].copy() for name in "pqr"}
+        short = FlightLog("x", 0.0, DT, TIME[:n], first, {"rudder": whole["rudder"][:n].copy()}, SEEN[:n])
+        assert bool(with_smooth_surfaces(short).notes) == read
