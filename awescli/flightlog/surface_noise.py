@@ -52,10 +52,10 @@ SAME = 1e-7
 def with_smooth_surfaces(log: FlightLog) -> FlightLog:
     """The log with the smooth motion of its surfaces in their place, and what is not known of it, where they were read with noise; as it
     is, otherwise."""
-    rough = [n for n in CONTROL_SURFACES if n in log.inputs and roughness(log[n][log.valid]) >= LEAST_NOISE]
     rates = [log[n] for n in "pqr" if n in log]
-    if not rough or not rates or log.valid.sum() * log.dt < SHORTEST:
+    if not rates or log.valid.sum() * log.dt < SHORTEST:
         return log
+    rough = [n for n in CONTROL_SURFACES if n in log.inputs and roughness(log[n][log.valid]) >= LEAST_NOISE]
     inputs, notes, unknown = dict(log.inputs), [], {}
     for name in rough:
         motion = smooth_surface(log[name], log.dt, log.valid & log.is_new(name))

@@ -99,3 +99,5 @@ def test_a_gap_and_a_short_log_are_read():
         first = {name: whole[name][:n].copy() for name in "pqr"}
         short = FlightLog("x", 0.0, DT, TIME[:n], first, {"rudder": whole["rudder"][:n].copy()}, SEEN[:n])
         assert bool(with_smooth_surfaces(short).notes) == read
+    nothing = log_of(RUDDER, RUDDER, ~SEEN)
+    assert with_smooth_surfaces(nothing) is nothing
