@@ -32,11 +32,11 @@ SPACING = 0.05
 def record_relevelled(fitted: Fit) -> tuple[Process, ...]:
     """The processes of a fit with the record's likeliest level beside all that it has; others as they are."""
     processes = fitted.misfit.processes
-    if not fitted.flies.any() or not any(g.level > 0 for p in processes if p.name == WindRecord.name for g in p.groups):
+    if not fitted.flies.any() or not any(g.level > 0 for p in processes if _is_record(p) for g in p.groups):
         return processes
     misfit = fitted.misfit.with_processes(_asked(processes))
     found = relevelled(misfit, fitted.gram, fitted.own, fitted.counted)[0]
-    return tuple(p.at(new.levels) if p.name == WindRecord.name else p for p, new in zip(processes, found, strict=True))
+    return tuple(p.at(new.levels) if _is_record(p) else p for p, new in zip(processes, found, strict=True))
 
 
 def with_record_level(simulator: Simulator, log: FlightLog, parts: Split, horizon: float, known: Known) -> Known:
@@ -79,15 +79,18 @@ def _told(known: Known, which: np.ndarray, fitted: Fit, declared: Sequence[Proce
 
 def _tighter(declared: Sequence[Process], new: Sequence[Process]) -> float:
     """(declared level / new one)^2 - 1 of the record."""
-    levels = [(old.groups[0].level, q.groups[0].level) for old, q in zip(declared, new, strict=True) if old.name == WindRecord.name]
+    levels = [(old.groups[0].level, q.groups[0].level) for old, q in zip(declared, new, strict=True) if _is_record(old)]
     return max((old / now) ** 2 - 1 for old, now in levels) if levels else 0.0
 
 
 def _asked(processes: Sequence[Process]) -> tuple[Process, ...]:
     """The processes with levels held, but those of the record, about what was declared of it."""
     return tuple(
-        replace(
-            p, groups=tuple(replace(g, of_level=Prior(g.of_level.median, SPREAD if p.name == WindRecord.name else 0.0)) for g in p.groups)
-        )
+        replace(p, groups=tuple(replace(g, of_level=Prior(g.of_level.median, SPREAD if _is_record(p) else 0.0)) for g in p.groups))
         for p in processes
     )
+
+
+def _is_record(process: Process) -> bool:
+    """Is it the wind record's error?"""
+    return isinstance(process, WindRecord)

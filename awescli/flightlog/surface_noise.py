@@ -39,6 +39,10 @@ which have no noise, come to 1.3 to 2.6, a potentiometer's 0.1 deg on a kite's r
 LASTING = 0.75
 """Share of the noise that may outlast `AVERAGE`, for it to be called one."""
 
+BENT = 10.0
+"""Times the noise that a record may be off the motion anywhere: more, and a surface that steps, as flaps do from phase to phase, is bent. No
+rate may answer a flap. The quickest move of a development flight's rudder comes to 6 in 0.3 deg of noise, a step of 10 deg to 14."""
+
 COARSE = np.radians(0.2)
 """[rad] Steps from which on a record is coarse: what it rounds off goes with the motion, and comes again in every loop."""
 
@@ -81,7 +85,9 @@ def smooth_surface(signal: np.ndarray, dt: float, seen: np.ndarray) -> tuple[np.
     noise, jerk = likeliest(lambda levels: some.solve(np.array([levels[0], 1.0, levels[1]]))[0], GUESS, LEAST, MOST)
     deviance, motion = SmoothMotion.of(signal, np.zeros(len(rows)), dt, seen, never).solve(np.array([noise, 1.0, jerk]))
     left = signal - motion
-    if not np.isfinite(deviance) or noise < LEAST_NOISE or lasting(left, dt, seen)[0] > LASTING * noise:
+    if not np.isfinite(deviance) or noise < LEAST_NOISE:
+        return None
+    if lasting(left, dt, seen)[0] > LASTING * noise or np.abs(left[seen]).max() > BENT * noise:
         return None
     unknown = not_known(noise, jerk, dt, density(left[seen]))
     if unknown.memory < SLOWER * dt:

@@ -22,7 +22,7 @@ MOMENTS = ("moment_x", "moment_y", "moment_z")
 """Angular acceleration [rad/s2], body axes, beside that of the moments."""
 LINE = "line_length"
 """[m] what the line is longer than the winch says: stretch, sag, slack, slip on the drum."""
-RECORDED = {name: f"{name}_recorded" for name in CONTROL_SURFACES}
+RECORDED = {name: f"{name}_error" for name in CONTROL_SURFACES}
 """Control surface -> its disturbance: [rad] by which it is set otherwise than was recorded, where it was read with noise."""
 DISTURBANCES = (*GUSTS, *GUST_RATES, *FORCES, *MOMENTS, LINE, *RECORDED.values())
 PHASE = "phase"

@@ -1,4 +1,4 @@
-"""What is not known of surfaces that were read with noise: which there are, and that it leaves derivatives unbiased."""
+"""What is not known of surfaces that were read with noise: which there are, and where they act."""
 
 from dataclasses import replace
 

@@ -66,6 +66,13 @@ def test_little_noise_and_quick_motion_are_left(recorded):
     assert with_smooth_surfaces(log) is log
 
 
+@pytest.mark.parametrize("size", [0.1, 0.3])
+def test_a_surface_that_steps_is_not_bent(size):
+    """Guards flaps that change from phase to phase, which no rate answers: 4 deg of a step were smoothed away."""
+    log = log_of(np.where(TIME > 60, 10 * DEG, 0.0) + noise(size * DEG), RUDDER)
+    assert with_smooth_surfaces(log) is log
+
+
 def test_chance_answers_as_often_as_it_says():
     """Guards the test of independence: of a hundred noises that nothing answers, few come below 5 %."""
     log = log_of(RUDDER, RUDDER)
