@@ -40,8 +40,8 @@ LASTING = 0.75
 """Share of the noise that may outlast `AVERAGE`, for it to be called one."""
 
 BENT = 10.0
-"""Times the noise that a record may be off the motion anywhere: more, and a surface that steps, as flaps do from phase to phase, is bent. No
-rate may answer a flap. The quickest move of a development flight's rudder comes to 6 in 0.3 deg of noise, a step of 10 deg to 14."""
+"""Times the noise that a record may be off the motion anywhere: more, and a surface that steps, as flaps do from phase to phase, is bent.
+No rate may answer a flap. The quickest move of a development flight's rudder comes to 6 in 0.3 deg of noise, a step of 10 deg to 14."""
 
 COARSE = np.radians(0.2)
 """[rad] Steps from which on a record is coarse: what it rounds off goes with the motion, and comes again in every loop."""
