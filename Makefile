@@ -19,7 +19,7 @@ run: $(VENV)/.stamp-run
 	$(BIN)/awes run --stages stages.yaml
 
 test: $(VENV)/.stamp-test
-	$(BIN)/python -m pytest -q -m "not campaign" -n auto --maxprocesses 4 --dist loadfile
+	$(BIN)/python -m pytest -q -m "not campaign" -n auto --maxprocesses 4 --dist worksteal
 
 docs: $(VENV)/.stamp-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -18,7 +18,8 @@ from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame
 from awescli.tracing.models import FittedModel, Say
 from awescli.tracing.screen import Score, Screening, screen
-from awescli.tracing.search import mends, plausible
+from awescli.tracing.search import mends
+from awescli.tracing.shapes import plausible
 
 TIGHT = 0.1
 """Chi-square that a fit need not gain any more."""

@@ -20,7 +20,7 @@ from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame
 from awescli.tracing.models import FittedModel, Say, fit_instead
 from awescli.tracing.screen import CandidateColumns, Score, firm, informed
-from awescli.tracing.search import plausible, refined
+from awescli.tracing.shapes import plausible, refined
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame
 from awescli.tracing.lateness import TURNS, lateness
 from awescli.tracing.models import FittedModel, Say, fit_all_added, fit_in_gusts
-from awescli.tracing.search import plausible
+from awescli.tracing.shapes import plausible
 
 LOOKED_AT = 60.0
 """[s] of train that are looked at, spread over the flight: more tells no more than the model's own errors allow."""

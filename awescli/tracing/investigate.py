@@ -25,7 +25,7 @@ from awescli.tracing.evidence import AbsorbedEffect, BoundsLeft, Evidence
 from awescli.tracing.frame import Frame
 from awescli.tracing.instruments import InstrumentError
 from awescli.tracing.models import FittedModel, Say, fit_added, fit_beyond, fit_on, fit_without, fit_without_process, promised_beyond
-from awescli.tracing.rest import Rest, channels_of, gusts_of, repetition_of_gusts, rest_of
+from awescli.tracing.rest import Rest, channels_of, gusts_of, gusty, repetition_of_gusts, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, Tried, search
 from awescli.tracing.verdict import NULL, Criterion, probabilities, reason, table, verdict
@@ -174,7 +174,7 @@ def _investigated(
     evidence = replace(evidence, doubted=tuple(n for n in unusual_signs(frame.declared) if n in null.towards_zero))
     gusts = {g.name: g.level for g in gusts_of(evidence.model)}
     evidence = replace(evidence, gusts=gusts, gusts_repeat=repetition_of_gusts(frame, evidence.model))
-    windy = max(evidence.gusts.values(), default=0.0) >= criteria.gusty
+    windy = gusty(evidence.model, criteria)
     if evidence.model.keys:
         if windy:
             evidence = replace(evidence, error_ratio=_error_ratio(frame, null, evidence.model))
@@ -192,7 +192,8 @@ def _investigated(
     if lacks_terms(frame, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:
         progress("weighing empirical terms")
         most = len(evidence.model.keys) if sufficient else EMPIRICAL_ROUNDS
-        few, found = replace(criteria, competitors=EMPIRICAL_FINALISTS), evidence.model if sufficient else None
+        few = replace(criteria, competitors=EMPIRICAL_FINALISTS, competitors_in_gusts=EMPIRICAL_FINALISTS)
+        found = evidence.model if sufficient else None
         evidence = replace(evidence, empirical=search(frame, null, terms, rounds=most, beside=found, criteria=few, progress=progress))
     return _finding(frame, evidence, criteria)
 

@@ -11,7 +11,6 @@ from awescli.estimation.misfit import DIVERGED_COST, Misfit
 from awescli.estimation.problem import EstimationProblem, without_record
 from awescli.estimation.processes.base import Process
 from awescli.estimation.staged_fit import (
-    COARSE,
     LOOSE,
     MODEL_ERROR,
     ROUNDS,
@@ -36,9 +35,15 @@ QUICK = (2, 2.0)
 """Rounds of levels and tolerance [deviance] of a fit that tells candidates apart, with the slope of the model before (`laplace`) ..."""
 WHOLE = (5, 0.2)
 """... and of one that is fitted to the end."""
+TOLD_APART = 0.05
+"""[s] between nodes of gusts where candidates are told apart. With 0.1 s, which do where levels are looked for, quick gusts looked like a
+rudder that is 0.15 s late, worth 200 and 318: more than the wind shear and the stall that were there (JSBSim)."""
 NEAR = 4.0
 """Shift (its square, in standard deviations) that validation may ask of the parameters before it is judged anew there: the linearisation
-holds."""
+holds ..."""
+JUDGED = 3
+"""... and how often at most. What is promised beyond is not counted: of a stall in gusts, whose fit had ended at a kink, a linearisation
+promised 370 that was nowhere."""
 NOWHERE = 100.0
 """Times what a model leaves from which on a fit would only come back from afar: a rudder that had no rate limit, fitted from one of half a
 degree a second, began at 1800 times and took 20 steps back to where it had been."""
@@ -175,14 +180,18 @@ def _unseen(
     lower, upper = (np.array([getattr(fitted.parameters[n], end) for n in fitted.names]) for end in ("lower", "upper"))
     x, moved = fitted.solution.x, np.zeros(len(fitted.names))
     step, gained, wider = _asked_of(fitted, judged, moved)
-    if step @ fitted.solution.H @ step > NEAR:
-        target = np.clip(x + step, lower, upper)
+    for _ in range(JUDGED):
+        if step @ fitted.solution.H @ step <= NEAR:
+            break
+        target = np.clip(x + moved + step, lower, upper)
         there, moved = dict(zip(fitted.names, target, strict=True)), target - x
         judged = tuple(
             judge(p, f.parameters.with_values({own: there[fitted.names[i]] for own, i in zip(f.names, place, strict=True)}), j)
             for p, f, place, j in zip(problems, fitted.flights, fitted.places, judged, strict=True)
         )
         step, gained, wider = _asked_of(fitted, judged, moved)
+    else:
+        gained = 0.0
     deviance = sum(float(by_segment(f).sum()) for f in judged)
     return judged, moved + step, step, deviance + float(moved @ fitted.solution.H @ moved) - gained + wider
 
@@ -264,15 +273,17 @@ def fit_all_added(frame: Frame, base: FittedModel, keys: Sequence[str], strength
 
 
 def fit_on(
-    frame: Frame, model: FittedModel, values: Mapping[str, float] | None = None, free: Sequence[str] = (), reach: float = np.inf
-) -> FittedModel:
-    """The same model fitted to the end, from other `values`, with further strengths free; reach: as in `fit_added`."""
-    return _fitted(frame, model, model.keys, tuple(dict.fromkeys((*model.strengths, *free))), dict(values or {}), WHOLE, reach=reach)
+    frame: Frame, model: FittedModel, values: Mapping[str, float] | None = None, free: Sequence[str] = (), reach: float = np.inf,
+    how: tuple[int, float] = WHOLE,
+) -> FittedModel:  # fmt: skip
+    """The same model fitted to the end (how: or no further than tells candidates apart), from other `values`, with further strengths free;
+    reach: as in `fit_added`."""
+    return _fitted(frame, model, model.keys, tuple(dict.fromkeys((*model.strengths, *free))), dict(values or {}), how, reach=reach)
 
 
 def part_of(frame: Frame) -> Frame:
-    """The frame with no more than what tells candidates apart: of long flights a part, of gusts every tenth of a second."""
-    return replace(frame, seconds=SETTLED_ON, spacing=COARSE)
+    """The frame with no more than what tells candidates apart: of long flights a part, of gusts every twentieth of a second."""
+    return replace(frame, seconds=SETTLED_ON, spacing=TOLD_APART)
 
 
 def fit_on_part(frame: Frame, model: FittedModel) -> tuple[Frame, FittedModel]:

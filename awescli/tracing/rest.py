@@ -108,6 +108,11 @@ def gusts_of(model: FittedModel) -> list[Group]:
     return [g for g in groups if set(g.axes) <= set(GUSTS)]
 
 
+def gusty(model: FittedModel, criteria: Criteria = CRITERIA) -> bool:
+    """Is a model's air gusty?"""
+    return any(g.level >= criteria.gusty for g in gusts_of(model))
+
+
 def repetition_of_gusts(frame: Frame, model: FittedModel) -> Repetition | None:
     """How much of the smoothed gusts repeats from loop to loop: air does not know where in its loop a kite is; what repeats is no gust."""
     axes = [(g.name, axis) for g in gusts_of(model) for axis in g.axes]

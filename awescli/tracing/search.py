@@ -8,6 +8,7 @@ import numpy as np
 
 from awescli.estimation.gauss_newton import OutOfReach
 from awescli.notation.present import present
+from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame
@@ -15,17 +16,15 @@ from awescli.tracing.models import (
     FittedModel,
     Say,
     begins_nowhere,
-    bounded,
     fit_added,
-    fit_held,
     fit_on,
     fit_on_part,
     fit_swapped,
     fit_without,
-    part_of,
 )
-from awescli.tracing.rest import gusts_of
+from awescli.tracing.rest import gusty
 from awescli.tracing.screen import Score, Screening, holm, screen
+from awescli.tracing.shapes import plausible, refined
 
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
 """Shares of its one-step estimate from which a candidate is fitted, and whether without the help of model error; the next one where the fit
@@ -33,12 +32,8 @@ before failed."""
 HELPED = 0.5
 """Share of the best gain from which a candidate that model error helps is fitted to the end, for a quick fit may end before its level has
 come down (a delay that lacked a third of the gain of a lag then led it in the end); and below which no candidate is fitted any further."""
-AT_END = 1e-3
-"""Share of its range, of a lower end above zero itself, within which a strength sits at that end."""
 WORSE = 5.0
 """Deviance by which a fit with one effect more may end above the model without it: more, and the optimiser has failed."""
-UNSEEN = 0.05
-"""Share of the distance between the probes of a shape by which it may be uncertain, and not be chosen on unseen loops."""
 
 
 @dataclass(frozen=True)
@@ -175,21 +170,8 @@ def slight(frame: Frame, record: Sequence[Round], here: FittedModel, best: Fitte
     """Does the last effect of the model `best` gain so little beside what an earlier one gained that it may only say what the form of that
     one has left, or what gusts may gain that blow beside it? A term without a name claims nothing and is never in doubt."""
     gains = [t.gain for r in record for t in r.contenders if t.key == r.accepted]
-    windy = any(g.level >= criteria.gusty for g in gusts_of(best))
-    least = max(criteria.form * max(gains), criteria.clear_of_gusts if windy else 0.0) if gains else 0.0
+    least = max(criteria.form * max(gains), criteria.clear_of_gusts if gusty(best, criteria) else 0.0) if gains else 0.0
     return not make_effect(best.keys[-1], frame.declared).empirical and here.deviance - best.deviance < least
-
-
-def plausible(model: FittedModel, key: str) -> bool:
-    """No fitted strength of an effect sits at the end of its plausible range, null aside."""
-    for name in (n for n in model.strengths if n.startswith(f"{key}.")):
-        p = model.table[name]
-        near, null_at_lower = AT_END * (p.upper - p.lower), abs(p.lower) < 1e-12
-        # a range over decades begins where its smallest sizes are distinguished
-        above = min(near, AT_END * p.lower) if p.lower > 0 else near
-        if p.value > p.upper - near or (p.value < p.lower + above and not null_at_lower):
-            return False
-    return True
 
 
 def _detectable(screening: Screening) -> dict[str, tuple[str, float]]:
@@ -212,6 +194,8 @@ def _race(
     drops = criteria.close * leaders[0].drop if leaders else 0.0
     chosen = leaders[: criteria.competitors]
     chosen += [s for s in leaders[criteria.competitors : 2 * criteria.competitors] if s.drop > drops]
+    if gusty(here, criteria) and not here.keys:
+        chosen += [s for s in leaders[: criteria.competitors_in_gusts] if s not in chosen]
     # what points in a leader's direction competes with it, whatever its rank
     chosen += [s for s in scores if s not in chosen and any(screening.cosine(s, c) > criteria.alike for c in chosen[:2])][:3]
     # and so does what acts on the same surface, axis or clock: what an actuator does is seldom nearly linear
@@ -244,12 +228,14 @@ def _reach(here: FittedModel, best: float, criteria: Criteria) -> float:
 def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score, significant: bool, reach: float = np.inf) -> Tried:
     """The model with a candidate added, from the first start from which the fit succeeds; one that is not significant is begun once, for
     its failure would say nothing. A fit that comes nowhere near a deviance of `reach` is given up: not one that may do so because a shape
-    is held where it was probed; an abrupt effect is begun elsewhere then, too."""
+    is held where it was probed; an abrupt effect is begun elsewhere then, too. One that was seen with a shape that it may do without is
+    begun without, and then with it: a lag that was seen with a limit of its rate gained a third less with that limit than without."""
     effect = make_effect(score.key, frame.declared)
     starts, ended = STARTS if here.rest else STARTS[1:], "given up"
     first = np.inf if any(len(effect.probes.get(shape, ())) > 1 for shape in effect.shapes) else reach
     for share, alone in starts if significant else starts[:1]:
-        strengths, shapes = score.start(screening.rows, share)
+        strengths, seen = score.start(screening.rows, share)
+        shapes = {**seen, **_without(effect)}
         try:
             model = fit_added(frame, here, score.key, strengths, shapes, alone, first)
             if _failed(here, model) and model.flies >= here.flies:
@@ -260,11 +246,17 @@ def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score
                 continue
             break
         if not _failed(here, model):
-            if not plausible(model, score.key) or model.unseen > here.unseen:
+            if shapes != seen or not plausible(model, score.key) or model.unseen > here.unseen:
                 model = _reshaped(frame, here, model, strengths, shapes, alone, reach)
             return _of(Tried(score, significant), here, model)
         ended = "failed"
     return Tried(score, significant, ended)
+
+
+def _without(effect: Effect) -> dict[str, float]:
+    """Full name -> null of the shapes that an effect may do without, as their probes say that have it among them."""
+    null = {p.name: p.value for p in effect.parameters}
+    return {f"{effect.key}.{n}": null[n] for n in effect.shapes if null[n] in effect.probes.get(n, ())}
 
 
 def _of(tried: Tried, here: FittedModel, model: FittedModel) -> Tried:
@@ -284,7 +276,7 @@ def _reshaped(
     effect, best = make_effect(model.keys[-1], frame.declared), model
     for shape in (s for s in effect.shapes if s in effect.probes):
         name = f"{effect.key}.{shape}"
-        for value in (v for v in effect.probes[shape] if v != shapes.get(name)):
+        for value in (v for v in effect.probes[shape] if v != shapes.get(name) and not begins_nowhere(model, name, v)):
             try:
                 other = fit_added(frame, here, effect.key, strengths, {**shapes, name: value}, alone, reach)
             except OutOfReach:
@@ -333,60 +325,6 @@ def _best(
             finish(t)
     tried = tuple(replace(_of(t, here, m), finalist=True) if (m := finished.get(t.key)) else t for t in tried)
     return min(standing(), key=lambda m: m.deviance, default=None), tried
-
-
-def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA, partly: FittedModel | None = None) -> FittedModel:
-    """The model with the shapes of its last effect fitted too. One that stands where it was probed is as uncertain as the strength, and
-    stays free unless that does worse; one at null is freed only where the model is decisively likelier for it. partly: the model as fitted
-    to a part of the flight, which says first whether that may be so."""
-    effect = make_effect(model.keys[-1], frame.declared)
-    null, held = {p.name: p.value for p in effect.parameters}, None
-    for shape in effect.shapes:
-        name, probes = f"{effect.key}.{shape}", effect.probes.get(shape, ())
-        if model.table[name].value != null[shape]:
-            model = _freed(frame, model, name, [p for p in probes if p != null[shape]], criteria)
-            model = _held_where_null(frame, model, name, null[shape], criteria)
-            continue
-        for start in (s for s in (*probes, *effect.refinements.get(shape, ())) if s != null[shape] and not begins_nowhere(model, name, s)):
-            held = held or (fit_on(part_of(frame), partly) if partly else None)
-            if held and not _promising(part_of(frame), held, name, start, model.segments / held.segments, criteria):
-                continue
-            trial = fit_on(frame, model, {name: start}, free=(name,))
-            if trial.deviance < model.deviance - criteria.decisive and trial.unseen < model.unseen:
-                model = trial
-    return model
-
-
-def _promising(part: Frame, model: FittedModel, name: str, start: float, times: float, criteria: Criteria) -> bool:
-    """May a shape that leaves its null, from `start`, gain half of what is decisive on the whole of a flight that is `times` its part?"""
-    freed = fit_on(part, model, {name: start}, free=(name,))
-    return times * (model.deviance - freed.deviance) > criteria.decisive / 2
-
-
-def _freed(frame: Frame, model: FittedModel, name: str, probes: Sequence[float], criteria: Criteria) -> FittedModel:
-    """The model with a probed shape free, from the likeliest place: the time of a loss of lift has an optimum of its own in every loop, and
-    where it lies in none of those that are fitted, unseen loops choose it, by halves of the distance between its probes."""
-    starts = dict.fromkeys((model.table[name].value, *(p for p in probes if not begins_nowhere(model, name, p))))
-    best = min((fit_on(frame, model, {name: start}, free=(name,)) for start in starts), key=lambda m: m.deviance)
-    apart = step = float(np.min(np.diff(sorted(probes)), initial=np.inf))
-    place = best.fit.names.index(name)
-    uncertain = np.isfinite(apart) and np.sqrt(best.fit.covariance[place, place]) > UNSEEN * apart
-    unseen = uncertain and name not in bounded(best.fit)
-    while unseen and (step := step / 2) > UNSEEN * apart:
-        there = best.table[name]
-        either = {min(max(there.value + side, there.lower), there.upper) for side in (-step, step)} - {there.value}
-        best = min((best, *(fit_on(frame, best, {name: value}) for value in sorted(either))), key=lambda m: m.deviance)
-    return best if best.deviance < model.deviance + criteria.decisive and best.unseen < model.unseen + criteria.decisive else model
-
-
-def _held_where_null(frame: Frame, model: FittedModel, name: str, null: float, criteria: Criteria) -> FittedModel:
-    """The model with a shape that has come to its null held there, where that is as likely: a lag that was probed with a limit of its rate,
-    and has none, ended with that limit at the end of its range and counted as an implausible size."""
-    p = model.table[name]
-    if name not in model.strengths or abs(p.value - null) > AT_END * (p.upper - p.lower):
-        return model
-    held = fit_held(frame, model, {name: null})
-    return held if held.deviance < model.deviance + criteria.decisive else model
 
 
 def crowded(tried: Sequence[Tried]) -> bool:

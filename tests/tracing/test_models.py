@@ -142,6 +142,28 @@ def test_what_integrating_out_adds_has_its_say_on_unseen_loops():
     assert (H + B.T @ B) @ (after - before) == pytest.approx(0.5 * np.arange(1.0, N + 1))
 
 
+@pytest.mark.parametrize("near_after, times, counted", [(1, 1, True), (2, 2, True), (99, models.JUDGED, False)])
+def test_what_is_promised_far_from_where_loops_were_judged_is_not_counted(monkeypatch, near_after, times, counted):
+    """Guards a stall in gusts (JSBSim): its onset was fitted next to a kink, and a linearisation promised 370 of deviance on unseen loops
+    that were nowhere. They are judged where they ask to be until that is near."""
+    fitted, judged, _, _, _ = linear(3)
+    judged.names, judged.parameters = fitted.names, fitted.parameters
+    fitted.flights = (SimpleNamespace(names=fitted.names, parameters=fitted.parameters),)
+    asked = []
+
+    def _asked_of(fitted, judged, moved):
+        asked.append(moved)
+        return (np.zeros(N) if len(asked) > near_after else 3.0 * np.ones(N)), 370.0, 1.0
+
+    monkeypatch.setattr(models, "_asked_of", _asked_of)
+    monkeypatch.setattr(models, "judge", lambda problem, table, before: judged)
+    monkeypatch.setattr(models, "by_segment", lambda f: np.array([1000.0]))
+    _, shift, _, deviance = models._unseen(fitted, [None], (judged,))
+    moved = asked[-1]
+    assert len(asked) == times + 1
+    assert deviance == pytest.approx(1000.0 + moved @ fitted.solution.H @ moved - (370.0 if counted else 0.0) + 1.0)
+
+
 def test_what_unseen_loops_ask_is_the_slope_of_their_deviance():
     """Guards the same on a flight in gusts, against differences of the deviance of validation, nuisances fitted anew everywhere: right to
     a hundredth of what a standard deviation asks, and not without that slope."""

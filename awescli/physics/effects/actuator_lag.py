@@ -32,7 +32,7 @@ class ActuatorLag(Effect):
     states = ("deflection", "speed")
     start_spread = (0.05, 0.5)
     units = ("target", "target/s")
-    probes = {"tau": (0.06, 0.15, 0.3), "rate": (FASTEST, 0.8, 0.008)}
+    probes = {"tau": (0.06, 0.15, 0.3), "rate": (FASTEST, 0.8, 0.06, 0.005)}
     shapes = ("rate", "inertia")
     refinements = {"inertia": (0.15,)}
 

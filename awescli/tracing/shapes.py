@@ -1,0 +1,107 @@
+"""Sizes and shapes of the last effect of a model: is the size one that anything has; and shapes, which give no size but a form, are held
+where they were probed until the effect is worth a fit to the end."""
+
+import numpy as np
+
+from awescli.physics.effects.base import Effect
+from awescli.physics.kite import make_effect
+from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.frame import Frame
+from awescli.tracing.models import QUICK, WHOLE, FittedModel, begins_nowhere, bounded, fit_held, fit_on, part_of
+
+AT_END = 1e-3
+"""Share of its range, of a lower end above zero itself, within which a strength sits at that end."""
+UNSEEN = 0.05
+"""Share of the distance between the probes of a shape by which it may be uncertain, and not be chosen on unseen loops."""
+MOMENT = "s"
+"""Unit of a shape that is a moment of the flight."""
+
+
+def plausible(model: FittedModel, key: str) -> bool:
+    """No fitted strength of an effect sits at the end of its plausible range, null aside."""
+    for name in (n for n in model.strengths if n.startswith(f"{key}.")):
+        p = model.table[name]
+        near, null_at_lower = AT_END * (p.upper - p.lower), abs(p.lower) < 1e-12
+        # a range over decades begins where its smallest sizes are distinguished
+        above = min(near, AT_END * p.lower) if p.lower > 0 else near
+        if p.value > p.upper - near or (p.value < p.lower + above and not null_at_lower):
+            return False
+    return True
+
+
+def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA, partly: FittedModel | None = None) -> FittedModel:
+    """The model with the shapes of its last effect fitted too. One that stands where it was probed is as uncertain as the strength, and
+    stays free unless that does worse; one at null is freed only where the model is decisively likelier for it. partly: the model as fitted
+    to a part of the flight, which says first whether that may be so."""
+    effect = make_effect(model.keys[-1], frame.declared)
+    null, held = {p.name: p.value for p in effect.parameters}, None
+    for shape in effect.shapes:
+        name, probes = f"{effect.key}.{shape}", effect.probes.get(shape, ())
+        if model.table[name].value != null[shape]:
+            held = held or (fit_on(part_of(frame), partly) if partly else None)
+            model = _freed(frame, model, effect, shape, criteria, held)
+            model = _held_where_null(frame, model, name, null[shape], criteria)
+            continue
+        for start in (s for s in (*probes, *effect.refinements.get(shape, ())) if s != null[shape] and not begins_nowhere(model, name, s)):
+            held = held or (fit_on(part_of(frame), partly) if partly else None)
+            if held and not _promising(part_of(frame), held, name, start, model.segments / held.segments, criteria):
+                continue
+            trial = fit_on(frame, model, {name: start}, free=(name,))
+            if trial.fit.ended and trial.deviance < model.deviance - criteria.decisive and trial.unseen < model.unseen:
+                model = trial
+    return model
+
+
+def _likeliest(model: FittedModel) -> tuple[bool, float]:
+    """What the likeliest of some models has least of: a fit that came to no end says nothing."""
+    return not model.fit.ended, model.deviance
+
+
+def _promising(part: Frame, model: FittedModel, name: str, start: float, times: float, criteria: Criteria) -> bool:
+    """May a shape that leaves its null, from `start`, gain half of what is decisive on the whole of a flight that is `times` its part?"""
+    freed = fit_on(part, model, {name: start}, free=(name,))
+    return times * (model.deviance - freed.deviance) > criteria.decisive / 2
+
+
+def _freed(
+    frame: Frame, model: FittedModel, effect: Effect, shape: str, criteria: Criteria, partly: FittedModel | None = None
+) -> FittedModel:
+    """The model with a probed shape of its last effect free, from the likeliest place. partly: the model as fitted to a part of the flight,
+    where that place is sought then."""
+    name = f"{effect.key}.{shape}"
+    if partly:
+        place = _freed_anywhere(part_of(frame), partly, effect, shape, QUICK).table[name].value
+        best = fit_on(frame, model, {name: place}, free=(name,))
+    else:
+        best = _freed_anywhere(frame, model, effect, shape, WHOLE)
+    gained = best.deviance < model.deviance + criteria.decisive and best.unseen < model.unseen + criteria.decisive
+    return best if best.fit.ended and gained else model
+
+
+def _freed_anywhere(frame: Frame, model: FittedModel, effect: Effect, shape: str, how: tuple[int, float]) -> FittedModel:
+    """The likeliest of the models with a shape free, from where it stands and from its probes: the time of a loss of lift has an optimum of
+    its own in every loop, and where it lies in none of those that are fitted, unseen loops choose it, by halves of the distance between its
+    probes."""
+    name, null = f"{effect.key}.{shape}", next(p.value for p in effect.parameters if p.name == shape)
+    probes = [p for p in effect.probes.get(shape, ()) if p != null]
+    starts = dict.fromkeys((model.table[name].value, *(p for p in probes if not begins_nowhere(model, name, p))))
+    best = min((fit_on(frame, model, {name: start}, free=(name,), how=how) for start in starts), key=_likeliest)
+    apart = step = float(np.min(np.diff(sorted(probes)), initial=np.inf))
+    place = best.fit.names.index(name)
+    uncertain = np.isfinite(apart) and np.sqrt(best.fit.covariance[place, place]) > UNSEEN * apart
+    unseen = uncertain and best.table[name].unit == MOMENT and name not in bounded(best.fit)
+    while unseen and (step := step / 2) > UNSEEN * apart:
+        there = best.table[name]
+        either = {min(max(there.value + side, there.lower), there.upper) for side in (-step, step)} - {there.value}
+        best = min((best, *(fit_on(frame, best, {name: value}, how=how) for value in sorted(either))), key=_likeliest)
+    return best
+
+
+def _held_where_null(frame: Frame, model: FittedModel, name: str, null: float, criteria: Criteria) -> FittedModel:
+    """The model with a shape that has come to its null held there, where that is as likely: a lag that was probed with a limit of its rate,
+    and has none, ended with that limit at the end of its range and counted as an implausible size."""
+    p = model.table[name]
+    if name not in model.strengths or abs(p.value - null) > AT_END * (p.upper - p.lower):
+        return model
+    held = fit_held(frame, model, {name: null})
+    return held if held.deviance < model.deviance + criteria.decisive else model
