@@ -130,7 +130,7 @@ def test_a_missing_effect_is_named_in_gusts():
     best, *others = finding.evidence.search.rounds[0].contenders
     whole, *apart = (spacing(t.fitted.problems[0].processes) for t in (best, *others))
     assert whole == finding.frame.flights[0].log.dt and not best.partly
-    assert others and all(t.partly for t in others) and set(apart) == {staged_fit.COARSE}
+    assert others and all(t.partly for t in others) and set(apart) == {models.TOLD_APART}
     size = account["effects"][0]["parameters"]["EA"]
     assert abs(size["value"] - 6e5) < 3.5 * size["std"] and size["std"] < 0.05 * 6e5
     assert account["chi2"]["train_after"] == pytest.approx(1.0, abs=0.1)
