@@ -67,9 +67,9 @@ def _freed(
     frame: Frame, model: FittedModel, effect: Effect, shape: str, criteria: Criteria, partly: FittedModel | None = None
 ) -> FittedModel:
     """The model with a probed shape of its last effect free, from the likeliest place. partly: the model as fitted to a part of the flight,
-    where that place is sought then."""
+    where that place is sought then, but for a moment, which may lie in the rest."""
     name = f"{effect.key}.{shape}"
-    if partly:
+    if partly and (model.table[name].unit != MOMENT or partly.segments == model.segments):
         place = _freed_anywhere(part_of(frame), partly, effect, shape, QUICK).table[name].value
         best = fit_on(frame, model, {name: place}, free=(name,))
     else:

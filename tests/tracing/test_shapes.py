@@ -88,13 +88,15 @@ def test_a_fit_that_came_to_no_end_takes_no_place(monkeypatch):
     assert shapes._freed(None, model, STALL, "alpha_0", CRITERIA) is model
 
 
-def test_where_a_shape_is_freed_from_is_chosen_on_a_part(monkeypatch):
-    """Guards the time in gusts: each of the five places from which a stall's onset was freed took half a minute on the whole flight."""
+@pytest.mark.parametrize("unit, segments, first", [("rad", 1, "part"), ("s", 1, "whole"), ("s", SEGMENTS, "part")])
+def test_where_a_shape_is_freed_from_is_chosen_on_a_part(monkeypatch, unit, segments, first):
+    """Guards the time in gusts: each of the five places from which a stall's onset was freed took half a minute on the whole flight. A
+    moment of the flight may lie in what the part leaves out."""
     asked = []
 
     def model(segments, value, gain):
         found = fitted(gain)
-        found.segments, found.table = segments, {"lift_stall.alpha_0": SimpleNamespace(value=value, unit="rad")}
+        found.segments, found.table = segments, {"lift_stall.alpha_0": SimpleNamespace(value=value, unit=unit)}
         found.fit.names, found.fit.covariance, found.fit.parameters = ["lift_stall.alpha_0"], np.zeros((1, 1)), None
         return found
 
@@ -106,10 +108,10 @@ def test_where_a_shape_is_freed_from_is_chosen_on_a_part(monkeypatch):
     monkeypatch.setattr(shapes, "fit_on", fit_on)
     monkeypatch.setattr(shapes, "part_of", lambda frame: "part")
     monkeypatch.setattr(shapes, "begins_nowhere", lambda model, name, value: False)
-    whole, part = model(SEGMENTS, 0.06, 0.0), model(1, 0.06, 0.0)
-    found = shapes._freed("whole", whole, STALL, "alpha_0", CRITERIA, part)
-    assert asked == [*(("part", start) for start in (0.06, 0.09, 0.12, 0.16)), ("whole", 0.095)]
-    assert found.table["lift_stall.alpha_0"].value == pytest.approx(0.1)
+    found = shapes._freed("whole", model(SEGMENTS, 0.06, 0.0), STALL, "alpha_0", CRITERIA, model(segments, 0.06, 0.0))
+    onto_whole = [("whole", 0.095)] if first == "part" else []
+    assert asked == [*((first, start) for start in (0.06, 0.09, 0.12, 0.16)), *onto_whole]
+    assert found.table["lift_stall.alpha_0"].value == pytest.approx(0.1 if onto_whole else 0.095)
 
 
 @pytest.mark.parametrize("rate, there", [(0.0021, True), (0.002, False), (1.0, True), (49.99, False)])
