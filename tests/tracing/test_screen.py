@@ -134,10 +134,10 @@ def test_variants_are_the_grid_of_shapes_and_probes():
     """Guards how an effect is tried: smooth ones once, shapes and probes on their grids, shapes never as a strength."""
     assert [v.at for v in variants(make_effect("sideslip_drag", DEVELOPMENT))] == [{}]
     lag = variants(make_effect("actuator_lag:rudder", DEVELOPMENT))
-    assert len(lag) == 9 and all(v.secant and v.moving == ("actuator_lag:rudder.tau",) for v in lag)
+    assert len(lag) == 12 and all(v.secant and v.moving == ("actuator_lag:rudder.tau",) for v in lag)
     stall = variants(make_effect("lift_stall", DEVELOPMENT))
     assert len(stall) == 4 and all(not v.secant and v.moving == ("lift_stall.k",) for v in stall)
-    assert len({v.label for v in (*lag, *stall)}) == 13
+    assert len({v.label for v in (*lag, *stall)}) == 16
 
 
 def test_samples_that_do_not_count_have_no_say():
