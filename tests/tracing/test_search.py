@@ -278,8 +278,8 @@ def test_a_lag_at_the_end_of_its_range_is_tried_with_other_rate_limits(monkeypat
 
 @pytest.mark.parametrize("level, most", [(0.1, 5), (0.5, 9)])
 def test_in_gusts_all_that_is_significant_is_fitted(monkeypatch, level, most):
-    """Guards stall, loss of lift and wind shear in gusts (JSBSim): significant as sixth to twelfth of the screening, they were not fitted,
-    and the five before them, which had promised up to four times as much, came to nothing."""
+    """Guards stall, loss of lift and wind shear in gusts (JSBSim): significant as seventh to thirteenth of the screening, they were not
+    fitted, and the five before them, which had promised up to four times as much, came to nothing."""
     here = SimpleNamespace(keys=(), rest={}, fit=BASE.fit, segments=SEGMENTS, deviance=BASE.deviance, problems=BASE.problems)
     drops = [400.0, 90.0, 80.0, 70.0, 60.0, 50.0, 40.0, 30.0, 20.0]
     scores = [SimpleNamespace(key=f"e{i}", p_value=1e-9, drop=drop) for i, drop in enumerate(drops)]
