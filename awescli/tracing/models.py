@@ -37,7 +37,7 @@ WHOLE = (5, 0.2)
 """... and of one that is fitted to the end."""
 TOLD_APART = 0.05
 """[s] between nodes of gusts where candidates are told apart. With 0.1 s, which do where levels are looked for, quick gusts looked like a
-rudder that is 0.15 s late, worth 200 and 318: more than the wind shear and the stall that were there (JSBSim)."""
+rudder that is late, worth 198 and 318: more than the wind shear and the stall that were there (JSBSim)."""
 NEAR = 4.0
 """Shift (its square, in standard deviations) that validation may ask of the parameters before it is judged anew there: the linearisation
 holds ..."""
