@@ -229,7 +229,7 @@ def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score
     """The model with a candidate added, from the first start from which the fit succeeds; one that is not significant is begun once, for
     its failure would say nothing. A fit that comes nowhere near a deviance of `reach` is given up: not one that may do so because a shape
     is held where it was probed; an abrupt effect is begun elsewhere then, too. One that was seen with a shape that it may do without is
-    begun without, and then with it: a lag that was seen with a limit of its rate gained a third less with that limit than without."""
+    begun without, and then with it: a lag that was seen with a limit of its rate gained a quarter less with that limit than without."""
     effect = make_effect(score.key, frame.declared)
     starts, ended = STARTS if here.rest else STARTS[1:], "given up"
     first = np.inf if any(len(effect.probes.get(shape, ())) > 1 for shape in effect.shapes) else reach
