@@ -12,7 +12,7 @@ import numpy as np
 
 from awescli.estimation.information_filter import Information
 from awescli.estimation.links import Gram
-from awescli.estimation.misfit import Misfit, NuisanceValues
+from awescli.estimation.misfit import Further, Misfit, NuisanceValues
 from awescli.estimation.smoother import Nuisances
 
 PROBE = 0.5
@@ -99,11 +99,15 @@ def differences(
     return np.array(log_det)
 
 
-def estimates(misfit: Misfit, x: np.ndarray, own: NuisanceValues, gram: Gram, which: np.ndarray, draws: Nuisances) -> np.ndarray | None:
-    """(m, n) the gradient as each of m draws of the nuisances sees it; None where one loses a segment."""
+def estimates(
+    misfit: Misfit, x: np.ndarray, own: NuisanceValues, gram: Gram, which: np.ndarray, draws: Nuisances, extra: Further | None = None,
+    columns: int = 0,
+) -> np.ndarray | None:  # fmt: skip
+    """(m, n) the gradient as each of m draws of the nuisances sees it; None where one loses a segment. extra, columns: further columns
+    behind those of the globals (`Misfit.parts`), which `gram` has, too."""
     mask, (rest_x, rest) = np.isin(np.arange(len(gram)), which), gram.gradients()
     sides = (own.moved(draws, side * PROBE, mask, case) for case in range(draws.path.shape[-1]) for side in (1.0, -1.0))
-    seen, every_x, every = misfit.gradients(x, sides), [], []
+    seen, every_x, every = misfit.gradients(x, sides, extra, columns), [], []
     for ahead, behind in zip(seen, seen, strict=True):
         if any(not (alive[which] > misfit.observed.segments.steps).all() for _, _, alive in (ahead, behind)):
             return None

@@ -177,17 +177,21 @@ class Misfit:
                 yield which, *some.links(x, NuisanceValues(own.starts[which], own.path[which]), names, extra, room.array)
 
     @RUNAWAY
-    def linear(self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str] | None = None) -> Linear:
-        """What the segments say, part by part."""
+    def linear(
+        self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str] | None = None, extra: Further | None = None, columns: int = 0
+    ) -> Linear:  # fmt: skip
+        """What the segments say, part by part. extra, columns: as in `parts`."""
         grams, squares, alive = [], [], []
-        for _, links, trajectories in self.parts(x, own, parameters):
+        for _, links, trajectories in self.parts(x, own, parameters, extra, columns):
             grams.append(links.gram())
             squares.append((links.r**2).sum(axis=(1, 2)))
             alive.append(trajectories.alive)
         return Linear(joined(grams), np.concatenate(squares), np.concatenate(alive))
 
     @RUNAWAY
-    def information(self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str], extra: Further, columns: int) -> Information:
+    def information(
+        self, x: np.ndarray, own: NuisanceValues, parameters: Sequence[str], extra: Further | None, columns: int
+    ) -> Information:  # fmt: skip
         """What the segments that fly say of `parameters` and of further columns, without the way back to nuisances: of many columns not
         even the Gram matrices of a flight are kept."""
         alive: list[np.ndarray] = []
@@ -202,14 +206,16 @@ class Misfit:
 
         return eliminate_parts(grams(), self.axes, own.path, self.begins, self.observed.segments.dt, flies)
 
-    def gradients(self, x: np.ndarray, owns: Iterable[NuisanceValues]) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    def gradients(
+        self, x: np.ndarray, owns: Iterable[NuisanceValues], extra: Further | None = None, columns: int = 0
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """For each of many nuisances: `Links.gradients` of all segments, (K, L, q) and (K, n), and (K,) samples before a segment diverged.
-        Where segments are few, those of several nuisances run side by side: they fill the lanes then."""
+        Where segments are few, those of several nuisances run side by side: they fill the lanes then. extra, columns: as in `parts`."""
         K, waiting = len(self.observed.segments), iter(owns)
-        while some := list(islice(waiting, max(self._at_once(len(self.names)) // K, 1))):
+        while some := list(islice(waiting, max(self._at_once(len(self.names) + 2 * columns) // K, 1))):
             many = replace(self, observed=self.observed.pick(np.tile(np.arange(K), len(some)))) if len(some) > 1 else self
             own = NuisanceValues(np.concatenate([o.starts for o in some]), np.concatenate([o.path for o in some]))
-            found = [(*links.gradients(), trajectories.alive) for _, links, trajectories in many.parts(x, own)]
+            found = [(*links.gradients(), trajectories.alive) for _, links, trajectories in many.parts(x, own, None, extra, columns)]
             whole = [np.concatenate(each) for each in zip(*found, strict=True)]
             for i in range(len(some)):
                 of_x, of_globals, alive = (a[i * K : (i + 1) * K] for a in whole)

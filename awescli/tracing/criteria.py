@@ -112,9 +112,6 @@ class Criteria:
     # how much is tried?
     competitors: int = 5
     """Candidates that are fitted in a round ..."""
-    competitors_in_gusts: int = 30
-    """... in gusty air, until an effect is found: a linear test does not see what an effect does to the level of the gusts. Those that
-    promised most there came to nothing, with a stall, a loss of lift and a wind shear seventh to thirteenth behind them (JSBSim) ..."""
     close: float = 0.3
     """... and those whose predicted gain is at least this share of the largest, up to twice as many."""
     alike: float = 0.9

@@ -192,7 +192,7 @@ def _investigated(
     if lacks_terms(frame, evidence.model, terms, criteria) if sufficient else evidence.model.keys or not windy:
         progress("weighing empirical terms")
         most = len(evidence.model.keys) if sufficient else EMPIRICAL_ROUNDS
-        few = replace(criteria, competitors=EMPIRICAL_FINALISTS, competitors_in_gusts=EMPIRICAL_FINALISTS)
+        few = replace(criteria, competitors=EMPIRICAL_FINALISTS)
         found = evidence.model if sufficient else None
         evidence = replace(evidence, empirical=search(frame, null, terms, rounds=most, beside=found, criteria=few, progress=progress))
     return _finding(frame, evidence, criteria)

@@ -3,29 +3,39 @@ present model with its processes.
 
 Over a second a model stays near the flight, its model error at work, and what a candidate would do is nearly linear; over five seconds it
 is not where the effect is large.
+
+In gusty air a candidate may lower the squared residual by no more than what it makes gusts easier to see: the log determinant rises by as
+much (`laplace`). The scores of the likeliest variants are then those of the likelihood in which gusts are integrated out.
 """
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from awescli.estimation.fit import relaxed
+from awescli.estimation.laplace import estimates
 from awescli.estimation.misfit import Misfit, NuisanceValues
-from awescli.estimation.problem import EstimationProblem, build
-from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.estimation.problem import build
+from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import OUTPUTS
 from awescli.physics.kite import make_effect
 from awescli.simulation.rollout import Columns
 from awescli.simulation.scores import error
 from awescli.tracing.candidates import Variant, variants
 from awescli.tracing.criteria import CRITERIA
-from awescli.tracing.frame import Frame, TracedFlight
+from awescli.tracing.frame import Frame
 from awescli.tracing.models import FittedModel
+from awescli.tracing.rest import gusty
 
 SHORT = 1.0
 """[s] of the segments that are screened."""
+PROBES = 4
+"""Draws of the gusts that say how the log determinant changes with a candidate ..."""
+UNSURE = 1.0
+"""... and standard error of what they say, in standard deviations of the candidate, beyond which they say nothing of it."""
 
 
 @dataclass(frozen=True)
@@ -92,20 +102,74 @@ def firm(A: np.ndarray) -> np.ndarray:
 
 def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
     """Score every candidate effect of `keys` at a fitted model: over the whole horizon where it follows the flight by itself."""
-    horizon = SHORT if model.rest else frame.horizon
-    every = [v for key in keys for v in variants(make_effect(key, frame.declared))]
-    columns, n_free = CandidateColumns(every), len(model.fit.names)
-    whole, gradient = informed(frame, model, keys, columns, horizon)
-    # a parameter at its bound absorbs nothing any more
-    held = model.at_bound
-    free = np.array([i for i, name in enumerate(model.fit.names) if name not in held], int)
-    absorbed = np.linalg.solve(whole[np.ix_(free, free)], whole[free, n_free:])
-    joint = whole[n_free:, n_free:] - whole[n_free:, free] @ absorbed
-    left = gradient[n_free:] - absorbed.T @ gradient[free]
-    rows = model.problems[0].simulator.kite.parameters
-    rows = {**{p.name: p for k in keys for p in _rows(frame, k)}, **rows}
+    columns = CandidateColumns([v for key in keys for v in variants(make_effect(key, frame.declared))])
+    flights = _flights(frame, model, keys, SHORT if model.rest else frame.horizon)
+    said = Said.of(model, *_informed(model, flights, columns))
+    rows = {**{p.name: p for k in keys for p in _rows(frame, k)}, **model.problems[0].simulator.kite.parameters}
     abrupt = {key for key in keys if make_effect(key, frame.declared).abrupt}
-    return _scored(every, columns, joint, left, np.diag(whole)[n_free:], rows, abrupt)
+    found = _scored(columns, said, rows, abrupt)
+    if not gusty(model):
+        return found
+    likeliest = CandidateColumns(_likeliest(columns, said))
+    drawn = _drawn(model, flights, likeliest)
+    if drawn is None:
+        return found
+    integrated = _scored(likeliest, said.of_columns(columns.places(likeliest)).integrated(drawn), rows, abrupt)
+    return replace(integrated, untestable=found.untestable)
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """One flight's misfit of a model with candidates at null, parameter values x, nuisances at their best, and the places of its parameters
+    among those of all flights."""
+
+    misfit: Misfit
+    x: np.ndarray
+    own: NuisanceValues
+    place: np.ndarray
+
+    def named(self, columns: "CandidateColumns") -> tuple[Misfit, np.ndarray, dict[str, Any]]:
+        """(The misfit with the plain tangents of `columns` behind its parameters; their values; how further columns are asked for.)"""
+        misfit, rows = replace(self.misfit, names=(*self.misfit.names, *columns.names)), self.misfit.simulator.kite.parameters
+        x, count = np.r_[self.x, [rows[n].value for n in columns.names]], len(columns.labels)
+        return misfit, x, {"extra": (lambda some, own: columns.further(some, x, own)) if count else None, "columns": count}
+
+
+@dataclass(frozen=True)
+class Said:
+    """What flights say of n columns, what the free parameters absorb taken off. joint: (n, n) their information, b: (n,) gradient; whole:
+    (n,) information of each without anything taken off; absorbed: (f, n) what each free parameter takes of them, free: their places;
+    noise: (n, n) covariance of what draws made of b."""
+
+    joint: np.ndarray
+    b: np.ndarray
+    whole: np.ndarray
+    absorbed: np.ndarray
+    free: np.ndarray
+    noise: np.ndarray
+
+    @classmethod
+    def of(cls, model: FittedModel, whole: np.ndarray, gradient: np.ndarray) -> "Said":
+        """whole, gradient: of the parameters of a model and of columns behind them (`informed`)."""
+        n, held = len(model.fit.names), model.at_bound
+        # a parameter at its bound absorbs nothing any more
+        free = np.array([i for i, name in enumerate(model.fit.names) if name not in held], int)
+        absorbed = np.linalg.solve(whole[np.ix_(free, free)], whole[free, n:])
+        joint, b = whole[n:, n:] - whole[n:, free] @ absorbed, gradient[n:] - absorbed.T @ gradient[free]
+        return cls(joint, b, np.diag(whole)[n:], absorbed, free, np.zeros_like(joint))
+
+    def of_columns(self, places: Sequence[int]) -> "Said":
+        """Of some of the columns."""
+        both = np.ix_(places, places)
+        return Said(self.joint[both], self.b[places], self.whole[places], self.absorbed[:, places], self.free, self.noise[both])
+
+    def integrated(self, drawn: np.ndarray) -> "Said":
+        """With -1/2 of the gradient of the log determinant, of the model's parameters and of the columns, as m draws see it (m, p + n)."""
+        first = drawn.shape[1] - len(self.b)
+        slopes = drawn[:, first:] - drawn[:, self.free] @ self.absorbed
+        noise = np.cov(slopes.T).reshape(self.joint.shape) / len(slopes)
+        sure = np.diag(noise) < UNSURE**2 * np.diag(self.joint)
+        return replace(self, b=self.b + np.where(sure, slopes.mean(axis=0), 0.0), noise=np.where(np.outer(sure, sure), noise, 0.0))
 
 
 def informed(
@@ -113,36 +177,55 @@ def informed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(H, b) of all free parameters of a model, prior included, and behind them of the columns of candidates `keys`, from all flights in
     segments of `horizon` seconds."""
+    return _informed(model, _flights(frame, model, keys, horizon), columns)
+
+
+def _informed(model: FittedModel, flights: Sequence[_Placed], columns: "CandidateColumns") -> tuple[np.ndarray, np.ndarray]:
     names, n_free, n = model.fit.names, len(model.fit.names), len(columns)
     away, slope = model.fit.prior.deviations(names, model.fit.solution.x)
     whole, gradient = np.diag(np.r_[slope**2, np.zeros(n)]), np.r_[-slope * away, np.zeros(n)]
-    for flight, problem, fitted, place in zip(frame.flights, model.problems, model.fit.flights, model.fit.places, strict=True):
-        H, b = _says(flight, problem, fitted.parameters, model.keys, keys, columns, horizon)
-        at = np.r_[place, n_free + np.arange(len(H) - len(place))]
-        whole[np.ix_(at, at)] += H
-        gradient[at] += b
+    for flight in flights:
+        misfit, x, how = flight.named(columns)
+        said = misfit.information(x, flight.own, misfit.names, **how)
+        at = np.r_[flight.place, n_free + np.arange(n)]
+        whole[np.ix_(at, at)] += said.H
+        gradient[at] += said.b
     return whole, gradient
+
+
+def _drawn(model: FittedModel, flights: Sequence[_Placed], columns: "CandidateColumns") -> np.ndarray | None:
+    """(m, p + n) -1/2 of the gradient of the log determinant, of a model's parameters and of columns of candidates behind them, as m draws
+    of the gusts of all flights see it; None where a draw loses a segment or runs away."""
+    n_free, n = len(model.fit.names), len(columns)
+    drawn = np.zeros((PROBES, n_free + n))
+    for flight in flights:
+        misfit, x, how = flight.named(columns)
+        said = misfit.linear(x, flight.own, **how)
+        flies = np.flatnonzero(said.alive > misfit.observed.segments.steps)
+        draws = misfit.eliminated(said.gram, flight.own, flies).samples(PROBES, seed=0)
+        seen = estimates(misfit, x, flight.own, said.gram, flies, draws, **how)
+        if seen is None or not np.isfinite(seen).all():
+            return None
+        drawn[:, np.r_[flight.place, n_free + np.arange(n)]] += seen
+    return drawn
 
 
 def _rows(frame: Frame, key: str) -> Sequence[Parameter]:
     return make_effect(key, frame.declared).rows()
 
 
-def _says(
-    flight: TracedFlight, problem: EstimationProblem, table: ParameterTable, added: Sequence[str], keys: Sequence[str],
-    columns: "CandidateColumns", horizon: float,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """(H, b) of the model's parameters and all candidates' columns, from one flight in segments of `horizon` seconds."""
-    simulator = flight.simulator((*added, *keys))
-    rows = simulator.kite.parameters
-    simulator = simulator.holding(rows.with_values({n: table[n].value for n in rows if n in table}))
-    short = build(simulator, problem.log, problem.split, min(horizon, problem.horizon), problem.outputs, by_range=problem.by_range)
-    short = replace(short.with_factors(problem.factors), processes=problem.processes, names=problem.names)
-    misfit, x = short.misfit(), table.vector(problem.names)
-    own = relaxed(misfit, x, misfit.own())
-    names = (*misfit.names, *columns.names)
-    info = misfit.information(x, own, names, lambda some, own: columns.further(some, x, own), len(columns.labels))
-    return info.H, info.b
+def _flights(frame: Frame, model: FittedModel, keys: Sequence[str], horizon: float) -> list[_Placed]:
+    """All flights in segments of `horizon` seconds, flown by a fitted model with candidates `keys` at null."""
+    found = []
+    for flight, problem, fitted, place in zip(frame.flights, model.problems, model.fit.flights, model.fit.places, strict=True):
+        simulator, table = flight.simulator((*model.keys, *keys)), fitted.parameters
+        rows = simulator.kite.parameters
+        simulator = simulator.holding(rows.with_values({n: table[n].value for n in rows if n in table}))
+        short = build(simulator, problem.log, problem.split, min(horizon, problem.horizon), problem.outputs, by_range=problem.by_range)
+        short = replace(short.with_factors(problem.factors), processes=problem.processes, names=problem.names)
+        misfit, x = short.misfit(), table.vector(problem.names)
+        found.append(_Placed(misfit, x, relaxed(misfit, x, misfit.own()), np.asarray(place)))
+    return found
 
 
 class CandidateColumns:
@@ -156,6 +239,7 @@ class CandidateColumns:
             group = next((g for g in self.passes if all(o.key != v.key for o in g)), None)
             self.passes.append([v]) if group is None else group.append(v)
         self.secants = [v for v in every if v.secant]
+        self.every = tuple(every)
         self.labels = (
             *((v.label, m) for group in self.passes for v in group for m in v.moving),
             *((v.label, v.moving[0]) for v in self.secants),
@@ -164,6 +248,10 @@ class CandidateColumns:
 
     def __len__(self) -> int:
         return len(self.names) + len(self.labels)
+
+    def places(self, other: "CandidateColumns") -> list[int]:
+        """Of all columns of `other` among these."""
+        return [self._place[name] for name in (*other.names, *other.labels)]
 
     def place(self, variant: Variant) -> list[int]:
         """Of a variant's columns among all."""
@@ -189,27 +277,36 @@ class CandidateColumns:
         return np.concatenate(found, axis=-1) if found else np.zeros((*misfit.observed.measured.shape, 0))
 
 
-def _scored(
-    every: Sequence[Variant], columns: CandidateColumns, joint: np.ndarray, gradient: np.ndarray, whole: np.ndarray,
-    rows: dict[str, Parameter], abrupt: Collection[str],
-) -> Screening:  # fmt: skip
+def _likeliest(columns: CandidateColumns, said: Said) -> list[Variant]:
+    """The variant of every candidate that promises most, whatever its sign."""
+    drops: dict[str, tuple[float, Variant]] = {}
+    for variant in columns.every:
+        where = columns.place(variant)
+        drop = float(said.b[where] @ np.linalg.solve(firm(said.joint[np.ix_(where, where)]), said.b[where]))
+        if variant.key not in drops or drop > drops[variant.key][0]:
+            drops[variant.key] = drop, variant
+    return [variant for _, variant in drops.values()]
+
+
+def _scored(columns: CandidateColumns, said: Said, rows: dict[str, Parameter], abrupt: Collection[str]) -> Screening:
     found: dict[str, list[Score]] = {}
     untestable = []
-    for variant in every:
+    for variant in columns.every:
         local = columns.place(variant)
-        diagonal = np.maximum(np.diag(joint)[local], 1e-300)
+        diagonal = np.maximum(np.diag(said.joint)[local], 1e-300)
         reach = [_reach(rows[m], variant, m) for m in variant.moving][: len(local)]
-        kept = [i for i in range(len(local)) if CRITERIA.detectable / np.sqrt(diagonal[i]) < reach[i] and whole[local[i]] > 1e-12]
+        kept = [i for i in range(len(local)) if CRITERIA.detectable / np.sqrt(diagonal[i]) < reach[i] and said.whole[local[i]] > 1e-12]
         if not kept:
             untestable.append(variant.key)
             continue
         where = [local[i] for i in kept]
-        A, s = firm(joint[np.ix_(where, where)]), gradient[where]
+        A, s = firm(said.joint[np.ix_(where, where)]), said.b[where]
         size = np.linalg.solve(A, s)
-        drop, std = float(s @ size), np.sqrt(np.diag(np.linalg.inv(A)))
+        drop, std = float(s @ np.linalg.solve(A + said.noise[np.ix_(where, where)], s)), np.sqrt(np.diag(np.linalg.inv(A)))
         moving = tuple(variant.moving[i] for i in kept)
         p_value = float(stats.chi2.sf(drop, len(where)))
-        score = Score(variant, moving, drop, size, std, p_value, float((whole[local] / diagonal)[kept].min()), tuple(where))
+        inflation = float((said.whole[local] / diagonal)[kept].min())
+        score = Score(variant, moving, drop, size, std, p_value, inflation, tuple(where))
         if variant.secant and size[0] <= 0 and variant.key in abrupt:
             # a linear test says nothing of it: it is to be fitted all the same
             score = replace(score, drop=0.0, p_value=1.0)
@@ -217,7 +314,7 @@ def _scored(
             found.setdefault(variant.key, []).append(score)
     best = [max(group, key=lambda s: s.drop) for group in found.values()]
     untestable = [k for k in dict.fromkeys(untestable) if k not in found]
-    return Screening(tuple(sorted(best, key=lambda s: -s.drop)), tuple(untestable), joint, rows)
+    return Screening(tuple(sorted(best, key=lambda s: -s.drop)), tuple(untestable), said.joint, rows)
 
 
 def _reach(p: Parameter, variant: Variant, name: str) -> float:

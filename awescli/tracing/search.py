@@ -194,8 +194,6 @@ def _race(
     drops = criteria.close * leaders[0].drop if leaders else 0.0
     chosen = leaders[: criteria.competitors]
     chosen += [s for s in leaders[criteria.competitors : 2 * criteria.competitors] if s.drop > drops]
-    if gusty(here, criteria) and not here.keys:
-        chosen += [s for s in leaders[: criteria.competitors_in_gusts] if s not in chosen]
     # what points in a leader's direction competes with it, whatever its rank
     chosen += [s for s in scores if s not in chosen and any(screening.cosine(s, c) > criteria.alike for c in chosen[:2])][:3]
     # and so does what acts on the same surface, axis or clock: what an actuator does is seldom nearly linear

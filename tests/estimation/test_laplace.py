@@ -16,6 +16,7 @@ from awescli.estimation.processes.roll_gusts import RollGusts
 from awescli.flightlog.split import Split
 from awescli.notation.present import present
 from awescli.simulation.gusts import dryden, roll_gust
+from awescli.simulation.rollout import Columns
 
 LEVEL = 0.8
 
@@ -129,6 +130,28 @@ def test_products_with_the_residual_are_the_gradient_to_what_is_free(problem):
             assert before + behind == pytest.approx(slope(gusted(node, axis)), rel=1e-4, abs=1e-3), (node, axis)
     for i in range(len(names)):
         assert of_globals[:, i] == pytest.approx(slope(lambda by, i=i: (x + by * np.eye(2)[i], own)), rel=1e-3), names[i]
+
+
+def test_further_columns_have_the_slopes_of_globals(problem):
+    """Guards the slope of candidates, which are columns behind the globals: that of a parameter is the same whether it is a global or such
+    a column."""
+    every, names = np.arange(3), ("CLa", "Cmq", "CtD")
+    at = coarse(problem, 0.25)
+    whole = replace(at.misfit(names=names), observed=at.fitted.pick(every))
+    fewer, x = replace(whole, names=names[:1]), problem.kite.parameters.vector(names)
+    own = relaxed(whole, x, whole.own())
+
+    def extra(some, own):
+        segments, outputs = some.segments(own), some.observed.outputs
+        return some.simulator.sensitivities(segments, Columns((), names[1:]), outputs, some.values(x[:1]))[1]
+
+    found = []
+    for misfit, how in ((whole, {}), (fewer, {"extra": extra, "columns": 2})):
+        there = x[: len(misfit.names)]
+        gram = misfit.linear(there, own, **how).gram
+        draws = misfit.eliminated(gram, own, every).samples(2, seed=0)
+        found.append(estimates(misfit, there, own, gram, every, draws, **how))
+    assert found[1] == pytest.approx(found[0], rel=1e-6) and np.abs(found[0]).min() > 0
 
 
 def test_an_estimate_is_the_second_difference_of_the_cost(problem):

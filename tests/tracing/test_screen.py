@@ -13,7 +13,7 @@ from awescli.physics.kite import make_effect
 from awescli.tracing.candidates import variants
 from awescli.tracing.frame import Frame, TracedFlight
 from awescli.tracing.models import fit_null
-from awescli.tracing.screen import CandidateColumns, holm, informed, screen
+from awescli.tracing.screen import CandidateColumns, Said, holm, informed, screen
 
 KEYS = ("sideslip_drag", "parasitic_drag", "actuator_lag:rudder", "pitch_curvature", "airspeed_scale", "position_latency",
         "surface_bias:roll", "tether_drag", "lift_stall", "heading_bias")  # fmt: skip
@@ -75,6 +75,49 @@ def test_the_projection_is_least_squares_of_everything_at_once():
         assert s.std == pytest.approx(np.sqrt(np.diag(np.linalg.inv(H[np.ix_(at, at)]))[n:]), rel=1e-4)
         tested += 1
     assert tested >= 6
+
+
+GUSTS = ("turbulence", (("sigma", 1.0), ("L", 150.0)))
+
+
+def test_what_only_makes_gusts_easier_to_see_is_not_significant(monkeypatch):
+    """Guards the score in gusts: a stall lowers the squared residual by 40 where there is none, for it makes gusts easier to see, and the
+    log determinant takes that back."""
+    frame, null = null_model((GUSTS,), seed=42)
+    found = screen(frame, null, KEYS)
+    assert len(found.scores) >= 8 and not holm([s.p_value for s in found.scores], 0.01).any()
+    monkeypatch.setattr("awescli.tracing.screen.gusty", lambda model: False)
+    without = screen(frame, null, KEYS).scores[0]
+    assert without.key == "lift_stall" and without.drop > 30
+    # what no draw can say, for a segment is lost, is left as it is
+    monkeypatch.setattr("awescli.tracing.screen.gusty", lambda model: True)
+    monkeypatch.setattr("awescli.tracing.screen.estimates", lambda *given, **how: None)
+    assert screen(frame, null, KEYS).scores[0].drop == without.drop
+
+
+def test_what_is_there_stays_significant_in_gusts():
+    """Guards the same against a test that sees nothing: a pitot's scale leads in gusts, with its size."""
+    frame, null = null_model((GUSTS, *small("airspeed_scale")), seed=42)
+    best, *others = screen(frame, null, KEYS).scores
+    assert best.key == "airspeed_scale" and best.p_value < 1e-6 and all(s.drop < best.drop / 2 for s in others)
+    there = {p.name: -p.value for p in make_effect(best.key, frame.declared).parameters}
+    for name, value in small("airspeed_scale")[0][1]:
+        there[name] += value
+    for name, size, std in zip(best.moving, best.size, best.std, strict=True):
+        assert size == pytest.approx(there[name.rpartition(".")[2]], abs=4 * std) and abs(there[name.rpartition(".")[2]]) > 0
+
+
+def test_what_draws_say_counts_as_surely_as_they_say_it():
+    """Guards the noise of the draws: what they agree on moves the gradient; what they disagree on weighs less; of what they leave more
+    uncertain than the candidate itself they say nothing; and what free parameters absorb is theirs."""
+    absorbed = np.array([[0.5, 0.0, 0.0]])
+    said = Said(np.diag([4.0, 4.0, 4.0]), np.array([10.0, 10.0, 10.0]), np.full(3, 8.0), absorbed, np.array([0]), np.zeros((3, 3)))
+    drawn = np.array([[2.0, -5.0, -4.0, 40.0], [2.0, -5.0, -8.0, -50.0], [2.0, -5.0, -4.0, 40.0], [2.0, -5.0, -8.0, -50.0]])
+    found = said.integrated(drawn)
+    assert found.b == pytest.approx([10.0 - 5.0 - 0.5 * 2.0, 10.0 - 6.0, 10.0])
+    assert np.diag(found.noise) == pytest.approx([0.0, 16 / 3 / 4, 0.0]) and not found.noise[2].any() and not found.noise[:, 2].any()
+    parts = said.of_columns([2, 1])
+    assert parts.absorbed.tolist() == [[0.0, 0.0]] and len(parts.b) == 2
 
 
 def test_a_one_sided_effect_is_found_through_its_probe():

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from kites import DEVELOPMENT
-from tracing.fits import SEGMENTS, fitted
+from tracing.fits import fitted
 from tracing.traced import traced
 
 from awescli.estimation.gauss_newton import OutOfReach
@@ -274,24 +274,6 @@ def test_a_lag_at_the_end_of_its_range_is_tried_with_other_rate_limits(monkeypat
     score = SimpleNamespace(key=key, start=lambda rows, share: ({f"{key}.tau": 0.3}, shapes))
     found = searching._entered(SimpleNamespace(declared=DEVELOPMENT), BASE, SimpleNamespace(rows={}), score, True)
     assert begun == tried and found.plausible and found.gain == (90.0 if len(tried) > 1 else 30.0)
-
-
-@pytest.mark.parametrize("level, keys, most", [(0.1, (), 5), (0.5, (), 9), (0.5, ("lift_stall",), 5)])
-def test_in_gusts_all_that_is_significant_is_fitted(monkeypatch, level, keys, most):
-    """Guards stall, loss of lift and wind shear in gusts (JSBSim): significant as seventh to thirteenth of the screening, they were not
-    fitted, and the five before them, which had promised up to four times as much, came to nothing. Beside an effect that is found, the
-    first ones do."""
-    here = SimpleNamespace(keys=keys, rest={}, fit=BASE.fit, segments=SEGMENTS, deviance=BASE.deviance, problems=BASE.problems)
-    drops = [400.0, 90.0, 80.0, 70.0, 60.0, 50.0, 40.0, 30.0, 20.0]
-    scores = [SimpleNamespace(key=f"e{i}", p_value=1e-9, drop=drop) for i, drop in enumerate(drops)]
-    chance = SimpleNamespace(key="chance", p_value=0.3, drop=1.0)
-    screening = SimpleNamespace(scores=(*scores, chance), rows={}, cosine=lambda a, b: 0.0)
-    monkeypatch.setattr("awescli.tracing.rest.gusts_of", lambda model: [SimpleNamespace(level=level)])
-    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(abrupt=False, target=key))
-    monkeypatch.setattr(searching, "fit_on_part", lambda frame, model: (frame, model))
-    monkeypatch.setattr(searching, "_entered", lambda frame, here, screening, score, sure, reach: searching.Tried(score, sure, "converged"))
-    tried = searching._race(SimpleNamespace(declared=None), here, screening, 0.0, CRITERIA, lambda text: None)
-    assert [t.key for t in tried if t.outcome == "converged"] == [f"e{i}" for i in range(most)]
 
 
 @pytest.mark.parametrize("at, within", [(45.0, 0.3), (52.0, 1.0)])
