@@ -17,8 +17,10 @@ from scipy import stats
 
 from awescli.estimation.fit import relaxed
 from awescli.estimation.laplace import estimates
+from awescli.estimation.links import Gram
 from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.problem import build
+from awescli.estimation.smoother import Nuisances
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import OUTPUTS
 from awescli.physics.kite import make_effect
@@ -34,8 +36,9 @@ SHORT = 1.0
 """[s] of the segments that are screened."""
 PROBES = 4
 """Draws of the gusts that say how the log determinant changes with a candidate ..."""
-UNSURE = 1.0
-"""... and standard error of what they say, in standard deviations of the candidate, beyond which they say nothing of it."""
+UNSURE = 3.0
+"""... and standard error of what they say, in standard deviations of the candidate, beyond which they say nothing of it: up to that a score
+counts as surely as it is known."""
 
 
 @dataclass(frozen=True)
@@ -120,13 +123,23 @@ def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
 
 @dataclass(frozen=True)
 class _Placed:
-    """One flight's misfit of a model with candidates at null, parameter values x, nuisances at their best, and the places of its parameters
-    among those of all flights."""
+    """One flight's misfit of a model with candidates at null, parameter values x, nuisances at their best, the places of its parameters
+    among those of all flights, and the names of the model's own states."""
 
     misfit: Misfit
     x: np.ndarray
     own: NuisanceValues
     place: np.ndarray
+    states: tuple[str, ...]
+
+    def draws(self, gram: Gram, which: np.ndarray) -> Nuisances:
+        """Of the nuisances of segments `which`. States that a candidate brings are at rest: at null nothing depends on them, and to first
+        order in the candidate the log determinant neither; drawn, they would only be noise."""
+        drawn = self.misfit.eliminated(gram, self.own, which).samples(PROBES, seed=0)
+        brought = [i for i, name in enumerate(self.misfit.simulator.kite.state_names) if name not in self.states]
+        states = drawn.states.copy()
+        states[:, 0, brought] = 0.0
+        return replace(drawn, states=states)
 
     def named(self, columns: "CandidateColumns") -> tuple[Misfit, np.ndarray, dict[str, Any]]:
         """(The misfit with the plain tangents of `columns` behind its parameters; their values; how further columns are asked for.)"""
@@ -202,8 +215,7 @@ def _drawn(model: FittedModel, flights: Sequence[_Placed], columns: "CandidateCo
         misfit, x, how = flight.named(columns)
         said = misfit.linear(x, flight.own, **how)
         flies = np.flatnonzero(said.alive > misfit.observed.segments.steps)
-        draws = misfit.eliminated(said.gram, flight.own, flies).samples(PROBES, seed=0)
-        seen = estimates(misfit, x, flight.own, said.gram, flies, draws, **how)
+        seen = estimates(misfit, x, flight.own, said.gram, flies, flight.draws(said.gram, flies), **how)
         if seen is None or not np.isfinite(seen).all():
             return None
         drawn[:, np.r_[flight.place, n_free + np.arange(n)]] += seen
@@ -224,7 +236,7 @@ def _flights(frame: Frame, model: FittedModel, keys: Sequence[str], horizon: flo
         short = build(simulator, problem.log, problem.split, min(horizon, problem.horizon), problem.outputs, by_range=problem.by_range)
         short = replace(short.with_factors(problem.factors), processes=problem.processes, names=problem.names)
         misfit, x = short.misfit(), table.vector(problem.names)
-        found.append(_Placed(misfit, x, relaxed(misfit, x, misfit.own()), np.asarray(place)))
+        found.append(_Placed(misfit, x, relaxed(misfit, x, misfit.own()), np.asarray(place), problem.kite.state_names))
     return found
 
 

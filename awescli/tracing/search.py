@@ -128,7 +128,8 @@ def search(
         detectable = detectable or _detectable(screening)
         lead = (model.fit.deviance - beside.fit.deviance) / (rounds - number) if beside else 0.0
         tried = _race(frame, model, screening, lead, criteria, progress)
-        best, tried = _best(frame, model, tried, criteria, progress)
+        least = asked(frame, record, model, tried[0].key, criteria) if tried else 0.0
+        best, tried = _best(frame, model, tried, criteria, progress, least)
         if best is not None and crowded(tried):
             model, best, tried = _base_revisited(frame, model, best, tried, criteria, progress)
             null = null if record else model
@@ -169,9 +170,15 @@ def finer_than_samples(model: FittedModel) -> bool:
 def slight(frame: Frame, record: Sequence[Round], here: FittedModel, best: FittedModel, criteria: Criteria = CRITERIA) -> bool:
     """Does the last effect of the model `best` gain so little beside what an earlier one gained that it may only say what the form of that
     one has left, or what gusts may gain that blow beside it? A term without a name claims nothing and is never in doubt."""
+    return here.deviance - best.deviance < asked(frame, record, best, best.keys[-1], criteria)
+
+
+def asked(frame: Frame, record: Sequence[Round], model: FittedModel, key: str, criteria: Criteria = CRITERIA) -> float:
+    """Deviance that a further name must gain, in the air that a model sees."""
     gains = [t.gain for r in record for t in r.contenders if t.key == r.accepted]
-    least = max(criteria.form * max(gains), criteria.clear_of_gusts if gusty(best, criteria) else 0.0) if gains else 0.0
-    return not make_effect(best.keys[-1], frame.declared).empirical and here.deviance - best.deviance < least
+    if not gains or make_effect(key, frame.declared).empirical:
+        return 0.0
+    return max(criteria.form * max(gains), criteria.clear_of_gusts if gusty(model, criteria) else 0.0)
 
 
 def _detectable(screening: Screening) -> dict[str, tuple[str, float]]:
@@ -293,9 +300,10 @@ def _failed(before: FittedModel, after: FittedModel) -> bool:
 
 
 def _best(
-    frame: Frame, here: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress: Say
+    frame: Frame, here: FittedModel, tried: tuple[Tried, ...], criteria: Criteria, progress: Say, least: float = 0.0
 ) -> tuple[FittedModel | None, tuple[Tried, ...]]:
-    """(the likeliest model of those that are admissible, fitted to the end, shapes included; what was tried, with those that were)."""
+    """(the likeliest model of those that are admissible, fitted to the end, shapes included; what was tried, with those that were). least:
+    deviance that a name must gain: shapes of one that gains less than half of it are not asked."""
     leaders = sorted((t for t in tried if t.model is not None and t.gain > criteria.decisive), key=lambda t: -t.gain)
     sound = [t for t in leaders if t.plausible]
     lead = sound[0].gain if sound else 0.0
@@ -307,7 +315,8 @@ def _best(
 
     def finish(t: Tried) -> None:
         progress(f"fitting with {t.key} to the end")
-        finished[t.key] = refined(frame, fit_on(frame, t.fitted), criteria, t.fitted if t.partly else None)
+        whole = fit_on(frame, t.fitted)
+        finished[t.key] = refined(frame, whole, criteria, t.fitted if t.partly else None) if t.gain >= HELPED * least else whole
 
     def standing() -> list[FittedModel]:
         return [m for m in finished.values() if admissible(here, m, criteria) and plausible(m, m.keys[-1])]

@@ -1,8 +1,12 @@
 """Sizes and shapes of the last effect of a model: is the size one that anything has; and shapes, which give no size but a form, are held
 where they were probed until the effect is worth a fit to the end."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
+from awescli.estimation.gauss_newton import OutOfReach
+from awescli.notation.present import present
 from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
@@ -70,22 +74,34 @@ def _freed(
     where that place is sought then, but for a moment, which may lie in the rest."""
     name = f"{effect.key}.{shape}"
     if partly and (model.table[name].unit != MOMENT or partly.segments == model.segments):
-        place = _freed_anywhere(part_of(frame), partly, effect, shape, QUICK).table[name].value
+        place = _freed_anywhere(part_of(frame), partly, effect, shape, QUICK, criteria).table[name].value
         best = fit_on(frame, model, {name: place}, free=(name,))
     else:
-        best = _freed_anywhere(frame, model, effect, shape, WHOLE)
+        best = _freed_anywhere(frame, model, effect, shape, WHOLE, criteria)
     gained = best.deviance < model.deviance + criteria.decisive and best.unseen < model.unseen + criteria.decisive
     return best if best.fit.ended and gained else model
 
 
-def _freed_anywhere(frame: Frame, model: FittedModel, effect: Effect, shape: str, how: tuple[int, float]) -> FittedModel:
+def _freed_anywhere(
+    frame: Frame, model: FittedModel, effect: Effect, shape: str, how: tuple[int, float], criteria: Criteria
+) -> FittedModel:  # fmt: skip
     """The likeliest of the models with a shape free, from where it stands and from its probes: the time of a loss of lift has an optimum of
     its own in every loop, and where it lies in none of those that are fitted, unseen loops choose it, by halves of the distance between its
-    probes."""
+    probes. A fit that comes nowhere near the best is given up."""
     name, null = f"{effect.key}.{shape}", next(p.value for p in effect.parameters if p.name == shape)
     probes = [p for p in effect.probes.get(shape, ()) if p != null]
-    starts = dict.fromkeys((model.table[name].value, *(p for p in probes if not begins_nowhere(model, name, p))))
-    best = min((fit_on(frame, model, {name: start}, free=(name,), how=how) for start in starts), key=_likeliest)
+
+    def likelier(best: FittedModel | None, before: FittedModel, starts: Iterable[float]) -> FittedModel:
+        for start in starts:
+            reach = best.fit.deviance + criteria.finalists if best and best.fit.ended else np.inf
+            try:
+                other = fit_on(frame, before, {name: start}, free=(name,), reach=reach, how=how)
+            except OutOfReach:
+                continue
+            best = min(best or other, other, key=_likeliest)
+        return present(best, f"a fit with {name} free")
+
+    best = likelier(None, model, dict.fromkeys((model.table[name].value, *(p for p in probes if not begins_nowhere(model, name, p)))))
     apart = step = float(np.min(np.diff(sorted(probes)), initial=np.inf))
     place = best.fit.names.index(name)
     uncertain = np.isfinite(apart) and np.sqrt(best.fit.covariance[place, place]) > UNSEEN * apart
@@ -93,7 +109,7 @@ def _freed_anywhere(frame: Frame, model: FittedModel, effect: Effect, shape: str
     while unseen and (step := step / 2) > UNSEEN * apart:
         there = best.table[name]
         either = {min(max(there.value + side, there.lower), there.upper) for side in (-step, step)} - {there.value}
-        best = min((best, *(fit_on(frame, best, {name: value}, how=how) for value in sorted(either))), key=_likeliest)
+        best = likelier(best, best, sorted(either))
     return best
 
 

@@ -239,6 +239,22 @@ def test_what_the_form_of_an_effect_leaves_gets_no_name(monkeypatch, key, gain, 
     assert searching.slight(SimpleNamespace(declared=DEVELOPMENT), record, BASE, best) is (doubted or further)
 
 
+@pytest.mark.parametrize("gain, asked", [(70.0, False), (80.0, True)])
+def test_shapes_of_what_would_get_no_name_are_not_asked(monkeypatch, gain, asked):
+    """Guards the time in gusts: beside a stall that was found, shapes of a rudder's lag were fitted for a minute, with less than half of
+    what a further name must gain there. What it gains on all of the flight is known all the same: rivals are measured by it."""
+    model, whole, shaped = fitted(gain), fitted(30.0), fitted(160.0)
+    for each in (model, whole, shaped):
+        each.keys = ("lag",)
+    monkeypatch.setattr(searching, "fit_on", lambda frame, model: whole)
+    monkeypatch.setattr(searching, "refined", lambda frame, model, criteria, partly: shaped)
+    monkeypatch.setattr(searching, "admissible", lambda *given: True)
+    monkeypatch.setattr(searching, "plausible", lambda model, key: True)
+    fits = (searching.Tried(SimpleNamespace(key="lag"), True, "converged", model, gain),)
+    best, tried = searching._best(SimpleNamespace(declared=None), BASE, fits, CRITERIA, lambda text: None, CRITERIA.clear_of_gusts)
+    assert best is (shaped if asked else whole) and [t.gain for t in tried] == [160.0 if asked else 30.0]
+
+
 def test_what_got_no_name_is_remembered():
     """Guards the lead of an answer: nothing is known better than what its form leaves (`rivals`)."""
     first, second = (searching.Tried(SimpleNamespace(key=key), True, "converged", fitted(g), g) for key, g in (("a", 237.0), ("b", 17.0)))

@@ -8,6 +8,7 @@ from kites import DEVELOPMENT
 from tracing.fits import SEGMENTS, fitted
 from tracing.traced import null_model
 
+from awescli.estimation.gauss_newton import OutOfReach
 from awescli.notation.parameters import Parameter
 from awescli.physics.kite import make_effect
 from awescli.tracing import shapes
@@ -60,7 +61,7 @@ def test_a_shape_that_has_come_to_an_end_of_its_range_is_sought_no_further(monke
         found.fit.names, found.fit.parameters, found.fit.covariance = (name,), found.table, np.array([[4.0]])
         return found
 
-    def fit_on(frame, before, values, free=(), how=None):
+    def fit_on(frame, before, values, free=(), how=None, reach=None):
         asked.append(values[name])
         return model(ended, 10.0) if len(asked) == 1 else model(values[name], 0.0)
 
@@ -78,14 +79,40 @@ def test_a_fit_that_came_to_no_end_takes_no_place(monkeypatch):
     promised from there; and as no fit that has not ended is an answer, the stall was none."""
     model, converged, stopped = fitted(215.0), fitted(216.0), fitted(440.0)
     for each, ended in ((model, True), (converged, True), (stopped, False)):
-        each.fit = SimpleNamespace(ended=ended, names=["lift_stall.alpha_0"], covariance=np.zeros((1, 1)), parameters=None)
+        each.fit.ended, each.fit.names, each.fit.covariance, each.fit.parameters = ended, ["lift_stall.alpha_0"], np.zeros((1, 1)), None
         each.table = {"lift_stall.alpha_0": SimpleNamespace(value=0.07, unit="rad")}
     results = {0.07: converged, 0.06: stopped, 0.09: stopped, 0.12: stopped, 0.16: stopped}
-    monkeypatch.setattr(shapes, "fit_on", lambda frame, model, values, free, how: results[values["lift_stall.alpha_0"]])
+    monkeypatch.setattr(shapes, "fit_on", lambda frame, model, values, free, how, reach: results[values["lift_stall.alpha_0"]])
     monkeypatch.setattr(shapes, "begins_nowhere", lambda model, name, value: False)
     assert shapes._freed(None, model, STALL, "alpha_0", CRITERIA) is converged
     results[0.07] = stopped
     assert shapes._freed(None, model, STALL, "alpha_0", CRITERIA) is model
+
+
+@pytest.mark.parametrize("first_ended", [True, False])
+def test_a_probe_from_which_nothing_can_come_is_given_up(monkeypatch, first_ended):
+    """Guards the time in gusts: a loss of lift is timed from six probes, of which five are nowhere near. What is given up is no model, and
+    how far others must come is said by a fit that came to its end."""
+    reaches = []
+
+    def fit_on(frame, model, values, free, how, reach):
+        reaches.append(reach)
+        if reach < np.inf and values["lift_stall.alpha_0"] > 0.1:
+            raise OutOfReach
+        found = fitted(50.0)
+        found.fit.ended = first_ended or len(reaches) > 1
+        found.fit.names, found.fit.covariance, found.fit.parameters = ["lift_stall.alpha_0"], np.zeros((1, 1)), None
+        found.table = {"lift_stall.alpha_0": SimpleNamespace(value=values["lift_stall.alpha_0"], unit="rad")}
+        return found
+
+    model = fitted(0.0)
+    model.table = {"lift_stall.alpha_0": SimpleNamespace(value=0.05, unit="rad")}
+    monkeypatch.setattr(shapes, "fit_on", fit_on)
+    monkeypatch.setattr(shapes, "begins_nowhere", lambda model, name, value: False)
+    found = shapes._freed(None, model, STALL, "alpha_0", CRITERIA)
+    near = 50.0 + CRITERIA.finalists
+    assert found.table["lift_stall.alpha_0"].value == (0.05 if first_ended else 0.06)
+    assert reaches == [np.inf, *([near] * 4 if first_ended else [np.inf, *[near] * 3])]
 
 
 @pytest.mark.parametrize("unit, segments, first", [("rad", 1, "part"), ("s", 1, "whole"), ("s", SEGMENTS, "part")])
@@ -100,7 +127,7 @@ def test_where_a_shape_is_freed_from_is_chosen_on_a_part(monkeypatch, unit, segm
         found.fit.names, found.fit.covariance, found.fit.parameters = ["lift_stall.alpha_0"], np.zeros((1, 1)), None
         return found
 
-    def fit_on(frame, before, values, free, how=None):
+    def fit_on(frame, before, values, free, how=None, reach=None):
         start = values["lift_stall.alpha_0"]
         asked.append((frame, start))
         return model(before.segments, start + 0.005, 20.0 if start == 0.09 else 10.0)
