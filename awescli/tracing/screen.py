@@ -107,18 +107,18 @@ def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
     """Score every candidate effect of `keys` at a fitted model: over the whole horizon where it follows the flight by itself."""
     columns = CandidateColumns([v for key in keys for v in variants(make_effect(key, frame.declared))])
     flights = _flights(frame, model, keys, SHORT if model.rest else frame.horizon)
-    said = Said.of(model, *_informed(model, flights, columns))
+    projected = Projected.of(model, *_informed(model, flights, columns))
     rows = {**{p.name: p for k in keys for p in _rows(frame, k)}, **model.problems[0].simulator.kite.parameters}
     abrupt = {key for key in keys if make_effect(key, frame.declared).abrupt}
-    found = _scored(columns, said, rows, abrupt)
+    found = _scored(columns, projected, rows, abrupt)
     if not gusty(model):
         return found
-    likeliest = CandidateColumns(_likeliest(columns, said))
+    likeliest = CandidateColumns(_likeliest(columns, projected))
     drawn = _drawn(model, flights, likeliest)
     if drawn is None:
         return found
-    integrated = _scored(likeliest, said.of_columns(columns.places(likeliest)).integrated(drawn), rows, abrupt)
-    return replace(integrated, untestable=found.untestable)
+    integrated = projected.of_columns(columns.places(likeliest)).integrated(drawn)
+    return replace(_scored(likeliest, integrated, rows, abrupt), untestable=found.untestable)
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class _Placed:
 
 
 @dataclass(frozen=True)
-class Said:
+class Projected:
     """What flights say of n columns, what the free parameters absorb taken off. joint: (n, n) their information, b: (n,) gradient; whole:
     (n,) information of each without anything taken off; absorbed: (f, n) what each free parameter takes of them, free: their places;
     noise: (n, n) covariance of what draws made of b."""
@@ -162,7 +162,7 @@ class Said:
     noise: np.ndarray
 
     @classmethod
-    def of(cls, model: FittedModel, whole: np.ndarray, gradient: np.ndarray) -> "Said":
+    def of(cls, model: FittedModel, whole: np.ndarray, gradient: np.ndarray) -> "Projected":
         """whole, gradient: of the parameters of a model and of columns behind them (`informed`)."""
         n, held = len(model.fit.names), model.at_bound
         # a parameter at its bound absorbs nothing any more
@@ -171,12 +171,12 @@ class Said:
         joint, b = whole[n:, n:] - whole[n:, free] @ absorbed, gradient[n:] - absorbed.T @ gradient[free]
         return cls(joint, b, np.diag(whole)[n:], absorbed, free, np.zeros_like(joint))
 
-    def of_columns(self, places: Sequence[int]) -> "Said":
+    def of_columns(self, places: Sequence[int]) -> "Projected":
         """Of some of the columns."""
         both = np.ix_(places, places)
-        return Said(self.joint[both], self.b[places], self.whole[places], self.absorbed[:, places], self.free, self.noise[both])
+        return Projected(self.joint[both], self.b[places], self.whole[places], self.absorbed[:, places], self.free, self.noise[both])
 
-    def integrated(self, drawn: np.ndarray) -> "Said":
+    def integrated(self, drawn: np.ndarray) -> "Projected":
         """With -1/2 of the gradient of the log determinant, of the model's parameters and of the columns, as m draws see it (m, p + n)."""
         first = drawn.shape[1] - len(self.b)
         slopes = drawn[:, first:] - drawn[:, self.free] @ self.absorbed
@@ -215,7 +215,7 @@ def _drawn(model: FittedModel, flights: Sequence[_Placed], columns: "CandidateCo
         misfit, x, how = flight.named(columns)
         said = misfit.linear(x, flight.own, **how)
         flies = np.flatnonzero(said.alive > misfit.observed.segments.steps)
-        seen = estimates(misfit, x, flight.own, said.gram, flies, flight.draws(said.gram, flies), **how)
+        seen = estimates(misfit, x, flight.own, said.gram, flies, flight.draws(said.gram, flies), **how) if len(flies) else None
         if seen is None or not np.isfinite(seen).all():
             return None
         drawn[:, np.r_[flight.place, n_free + np.arange(n)]] += seen
@@ -289,35 +289,35 @@ class CandidateColumns:
         return np.concatenate(found, axis=-1) if found else np.zeros((*misfit.observed.measured.shape, 0))
 
 
-def _likeliest(columns: CandidateColumns, said: Said) -> list[Variant]:
+def _likeliest(columns: CandidateColumns, projected: Projected) -> list[Variant]:
     """The variant of every candidate that promises most, whatever its sign."""
     drops: dict[str, tuple[float, Variant]] = {}
     for variant in columns.every:
         where = columns.place(variant)
-        drop = float(said.b[where] @ np.linalg.solve(firm(said.joint[np.ix_(where, where)]), said.b[where]))
+        drop = float(projected.b[where] @ np.linalg.solve(firm(projected.joint[np.ix_(where, where)]), projected.b[where]))
         if variant.key not in drops or drop > drops[variant.key][0]:
             drops[variant.key] = drop, variant
     return [variant for _, variant in drops.values()]
 
 
-def _scored(columns: CandidateColumns, said: Said, rows: dict[str, Parameter], abrupt: Collection[str]) -> Screening:
+def _scored(columns: CandidateColumns, projected: Projected, rows: dict[str, Parameter], abrupt: Collection[str]) -> Screening:
     found: dict[str, list[Score]] = {}
     untestable = []
     for variant in columns.every:
         local = columns.place(variant)
-        diagonal = np.maximum(np.diag(said.joint)[local], 1e-300)
+        diagonal = np.maximum(np.diag(projected.joint)[local], 1e-300)
         reach = [_reach(rows[m], variant, m) for m in variant.moving][: len(local)]
-        kept = [i for i in range(len(local)) if CRITERIA.detectable / np.sqrt(diagonal[i]) < reach[i] and said.whole[local[i]] > 1e-12]
+        kept = [i for i in range(len(local)) if CRITERIA.detectable / np.sqrt(diagonal[i]) < reach[i] and projected.whole[local[i]] > 1e-12]
         if not kept:
             untestable.append(variant.key)
             continue
         where = [local[i] for i in kept]
-        A, s = firm(said.joint[np.ix_(where, where)]), said.b[where]
+        A, s = firm(projected.joint[np.ix_(where, where)]), projected.b[where]
         size = np.linalg.solve(A, s)
-        drop, std = float(s @ np.linalg.solve(A + said.noise[np.ix_(where, where)], s)), np.sqrt(np.diag(np.linalg.inv(A)))
+        drop, std = float(s @ np.linalg.solve(A + projected.noise[np.ix_(where, where)], s)), np.sqrt(np.diag(np.linalg.inv(A)))
         moving = tuple(variant.moving[i] for i in kept)
         p_value = float(stats.chi2.sf(drop, len(where)))
-        inflation = float((said.whole[local] / diagonal)[kept].min())
+        inflation = float((projected.whole[local] / diagonal)[kept].min())
         score = Score(variant, moving, drop, size, std, p_value, inflation, tuple(where))
         if variant.secant and size[0] <= 0 and variant.key in abrupt:
             # a linear test says nothing of it: it is to be fitted all the same
@@ -326,7 +326,7 @@ def _scored(columns: CandidateColumns, said: Said, rows: dict[str, Parameter], a
             found.setdefault(variant.key, []).append(score)
     best = [max(group, key=lambda s: s.drop) for group in found.values()]
     untestable = [k for k in dict.fromkeys(untestable) if k not in found]
-    return Screening(tuple(sorted(best, key=lambda s: -s.drop)), tuple(untestable), said.joint, rows)
+    return Screening(tuple(sorted(best, key=lambda s: -s.drop)), tuple(untestable), projected.joint, rows)
 
 
 def _reach(p: Parameter, variant: Variant, name: str) -> float:

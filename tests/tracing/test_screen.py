@@ -14,7 +14,7 @@ from awescli.physics.kite import make_effect
 from awescli.tracing.candidates import variants
 from awescli.tracing.frame import Frame, TracedFlight
 from awescli.tracing.models import fit_null
-from awescli.tracing.screen import CandidateColumns, Said, _flights, holm, informed, screen
+from awescli.tracing.screen import CandidateColumns, Projected, _flights, holm, informed, screen
 
 KEYS = ("sideslip_drag", "parasitic_drag", "actuator_lag:rudder", "pitch_curvature", "airspeed_scale", "position_latency",
         "surface_bias:roll", "tether_drag", "lift_stall", "heading_bias")  # fmt: skip
@@ -112,12 +112,12 @@ def test_what_draws_say_counts_as_surely_as_they_say_it():
     """Guards the noise of the draws: what they agree on moves the gradient; what they disagree on weighs less; of what they leave more
     uncertain than the candidate itself they say nothing; and what free parameters absorb is theirs."""
     absorbed = np.array([[0.5, 0.0, 0.0]])
-    said = Said(np.diag([4.0, 4.0, 4.0]), np.array([10.0, 10.0, 10.0]), np.full(3, 8.0), absorbed, np.array([0]), np.zeros((3, 3)))
+    projected = Projected(4.0 * np.eye(3), np.full(3, 10.0), np.full(3, 8.0), absorbed, np.array([0]), np.zeros((3, 3)))
     drawn = np.array([[2.0, -5.0, -4.0, 140.0], [2.0, -5.0, -8.0, -150.0], [2.0, -5.0, -4.0, 140.0], [2.0, -5.0, -8.0, -150.0]])
-    found = said.integrated(drawn)
+    found = projected.integrated(drawn)
     assert found.b == pytest.approx([10.0 - 5.0 - 0.5 * 2.0, 10.0 - 6.0, 10.0])
     assert np.diag(found.noise) == pytest.approx([0.0, 16 / 3 / 4, 0.0]) and not found.noise[2].any() and not found.noise[:, 2].any()
-    parts = said.of_columns([2, 1])
+    parts = projected.of_columns([2, 1])
     assert parts.absorbed.tolist() == [[0.0, 0.0]] and len(parts.b) == 2
 
 
