@@ -50,8 +50,8 @@ def refined(frame: Frame, model: FittedModel, criteria: Criteria = CRITERIA, par
             held = held or (fit_on(part_of(frame), partly) if partly else None)
             if held and not _promising(part_of(frame), held, name, start, model.segments / held.segments, criteria):
                 continue
-            trial = fit_on(frame, model, {name: start}, free=(name,))
-            if trial.fit.ended and trial.deviance < model.deviance - criteria.decisive and trial.unseen < model.unseen:
+            trial = _begun(frame, model, name, start, criteria)
+            if trial and trial.fit.ended and trial.deviance < model.deviance - criteria.decisive and trial.unseen < model.unseen:
                 model = trial
     return model
 
@@ -63,8 +63,16 @@ def _likeliest(model: FittedModel) -> tuple[bool, float]:
 
 def _promising(part: Frame, model: FittedModel, name: str, start: float, times: float, criteria: Criteria) -> bool:
     """May a shape that leaves its null, from `start`, gain half of what is decisive on the whole of a flight that is `times` its part?"""
-    freed = fit_on(part, model, {name: start}, free=(name,))
-    return times * (model.deviance - freed.deviance) > criteria.decisive / 2
+    freed = _begun(part, model, name, start, criteria)
+    return freed is not None and times * (model.deviance - freed.deviance) > criteria.decisive / 2
+
+
+def _begun(frame: Frame, model: FittedModel, name: str, start: float, criteria: Criteria) -> FittedModel | None:
+    """The model with a shape free, from `start`; None where that comes nowhere near."""
+    try:
+        return fit_on(frame, model, {name: start}, free=(name,), reach=model.fit.deviance + criteria.finalists)
+    except OutOfReach:
+        return None
 
 
 def _freed(

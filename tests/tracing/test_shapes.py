@@ -18,17 +18,20 @@ from awescli.tracing.models import fit_added
 STALL = make_effect("lift_stall", DEVELOPMENT)
 
 
-@pytest.mark.parametrize("gain, tried", [(4.9, ["part", "part"]), (5.1, ["part", "part", "whole"])])
+@pytest.mark.parametrize("gain, tried", [(4.9, ["part", "part"]), (5.1, ["part", "part", "whole"]), (None, ["part", "part"])])
 def test_a_shape_is_freed_first_on_what_told_candidates_apart(monkeypatch, gain, tried):
     """Guards the time in gusts: the inertia of a lag that has none was fitted on the whole flight, every node of its gusts, for nothing.
-    What gains half of what is decisive on a part of the flight, for as much as the whole has more of it, is fitted to the whole."""
+    What gains half of what is decisive on a part of the flight, for as much as the whole has more of it, is fitted to the whole; what comes
+    nowhere near is given up."""
     asked, effect = [], SimpleNamespace(
         key="actuator_lag:rudder", shapes=("inertia",), probes={}, refinements={"inertia": (0.25,)},
         parameters=(Parameter("tau", 0.0, "s", 0.0, 1.0), Parameter("inertia", 0.0, "-", 0.0, 1.0)),
     )  # fmt: skip
 
-    def fit_on(frame, model, values=None, free=()):
+    def fit_on(frame, model, values=None, free=(), reach=None):
         asked.append("part" if model.segments < SEGMENTS else "whole")
+        if values and gain is None:
+            raise OutOfReach
         better = fitted(gain / 2 if values else 0.0)
         better.keys, better.table, better.segments = model.keys, model.table, model.segments
         return better
