@@ -9,11 +9,12 @@ import numpy as np
 
 from awescli.estimation.coloured import coloured_information
 from awescli.estimation.fit import Fit, JointFit, Share, fit_together
-from awescli.estimation.levels import noise_factors, opened, relevelled
+from awescli.estimation.levels import noise_factors, opened, prior_deviance, relevelled
 from awescli.estimation.misfit import DIVERGED_COST, Misfit, NuisanceValues
 from awescli.estimation.problem import EstimationProblem
 from awescli.estimation.processes.base import Group, Process
 from awescli.notation.parameters import ParameterTable
+from awescli.physics.disturbances import MOMENTS
 
 MODEL_ERROR = "model_error"
 WIDE = 0.5
@@ -144,7 +145,32 @@ def _settled(
         problems = [p.with_processes(_closed(p.processes, (MODEL_ERROR,), SLIGHT)) if gusty(p) else p for p, _ in looked]
         owns = [new.misfit().carried(own, old.misfit()) for new, (old, own) in zip(problems, looked, strict=True)]
         result, problems = fit_coarsely_first(problems, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+        if any(_may_turn(p) for p in problems):
+            result, problems = _turned(result, problems, labels, per_flight, prior, on_iteration)
     return result, problems
+
+
+def _may_turn(problem: EstimationProblem) -> bool:
+    """Is a model error of moments left in gusty air, without all gusts that turn a kite?"""
+    there, kinds = levels_of(problem.processes), {p.name: p for p in problem.processes}
+    moments = any(g.name in there and set(g.axes) <= set(MOMENTS) for p in problem.processes if p.name == MODEL_ERROR for g in p.groups)
+    return gusty(problem) and moments and any(g.level == 0 for name in TURNING if name in kinds for g in kinds[name].groups)
+
+
+def _turned(
+    result: JointFit, problems: list[EstimationProblem], labels: Sequence[str], per_flight: Sequence[str], prior: bool,
+    on_iteration: OnIteration,
+) -> tuple[JointFit, list[EstimationProblem]]:  # fmt: skip
+    """A fit and its problems, or those with gusts that turn the kite in place of a model error of moments, where they are likelier. Looked
+    for beside what an effect had left, they found no room; the model error that stayed for them was then "more than noise"."""
+    turned = [
+        p.with_processes(opened(_closed(p.processes, (MODEL_ERROR,), SLIGHT), TURNING, 1.0)) if _may_turn(p) else p for p in problems
+    ]
+    owns = [q.misfit().carried(f.own, f.misfit) for q, f in zip(turned, result.flights, strict=True)]
+    tables = [f.parameters for f in result.flights]
+    other, found = fit_levels(turned, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    now, then = (fit.deviance + sum(prior_deviance(p.processes) for p in those) for fit, those in ((result, problems), (other, found)))
+    return (other, found) if other.ended and then < now - UNCHANGED else (result, problems)
 
 
 def fit_output_error(
