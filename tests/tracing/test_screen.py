@@ -14,7 +14,7 @@ from awescli.physics.kite import make_effect
 from awescli.tracing.candidates import variants
 from awescli.tracing.frame import Frame, TracedFlight
 from awescli.tracing.models import fit_null
-from awescli.tracing.screen import CandidateColumns, Projected, _flights, holm, informed, screen
+from awescli.tracing.screen import CandidateColumns, Projected, _drawn, _flights, holm, informed, screen
 
 KEYS = ("sideslip_drag", "parasitic_drag", "actuator_lag:rudder", "pitch_curvature", "airspeed_scale", "position_latency",
         "surface_bias:roll", "tether_drag", "lift_stall", "heading_bias")  # fmt: skip
@@ -106,6 +106,14 @@ def test_what_is_there_stays_significant_in_gusts():
         there[name] += value
     for name, size, std in zip(best.moving, best.size, best.std, strict=True):
         assert size == pytest.approx(there[name.rpartition(".")[2]], abs=4 * std) and abs(there[name.rpartition(".")[2]]) > 0
+
+
+def test_flights_that_are_screened_together_add_up():
+    """Guards several flights in gusts: what draws say of two that are alike is twice what they say of one, in the same places."""
+    frame, null = null_model((GUSTS,), seed=42)
+    flights, columns = _flights(frame, null, KEYS[:2], frame.horizon), CandidateColumns(variants(make_effect(KEYS[0], frame.declared)))
+    one, two = (_drawn(null, each, columns) for each in (flights, 2 * flights))
+    assert two == pytest.approx(2 * one) and one[:, -1].all()
 
 
 def test_what_draws_say_counts_as_surely_as_they_say_it():
