@@ -71,7 +71,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "imu_bias": {"bx": 0.02, "by": -0.03, "bz": 0.3},
     "hinge_blowback": {"k": 1.5e-4},
     "airspeed_lag": {"tau": 0.2},
-    "pitot_position_error": {"k_a": 0.3, "k_b": 1.0},
+    "pitot_position_error": {"k_a": 0.3, "k_b": 0.1, "k_bb": 1.0},
     "attitude_latency": {"tau": 0.06},
     "antenna_arm": {"x": 0.4, "z": -0.3},
     "reynolds_drag": {"n": 0.17},

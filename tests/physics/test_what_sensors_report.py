@@ -69,16 +69,17 @@ def test_a_pitot_behind_tubes_is_first_order(calm):
 
 
 def test_a_pitot_in_disturbed_flow():
-    """Guards the two terms: 3 % more per 0.1 rad of angle of attack, and as much to either side for sideslip."""
+    """Guards the three terms: 3 % more per 0.1 rad of angle of attack, as much to either side for sideslip, and 1 % per 0.1 rad of it."""
     kite = Kite(DEVELOPMENT, HEIGHTS, ("pitot_position_error",))
-    kite = kite.with_values({"pitot_position_error.k_a": 0.3, "pitot_position_error.k_b": 1.0})
+    kite = kite.with_values({"pitot_position_error.k_a": 0.3, "pitot_position_error.k_b": 0.1, "pitot_position_error.k_bb": 1.0})
     factors = []
     for v in (5.0, -5.0):
         still = {"wind_speed_0": 0.0, "wind_speed_1": 0.0, "wind_speed_2": 0.0, "v": v, "u": 40.0, "w": 4.0}
         point = at_point(kite, **still)
         factors.append(dict(zip(OUTPUTS, kite.outputs(*point), strict=True))["V_a"] / np.sqrt(40**2 + 4**2 + 5**2))
-    expected = 1 + 0.3 * np.arctan2(4, 40) + np.arctan2(5, np.hypot(40, 4)) ** 2
-    assert factors == pytest.approx([expected, expected]) and 0.02 < expected - 1 < 0.06
+    alpha, beta = np.arctan2(4, 40), np.arctan2(5, np.hypot(40, 4))
+    even = 1 + 0.3 * alpha + beta**2
+    assert factors == pytest.approx([even + 0.1 * beta, even - 0.1 * beta]) and 0.02 < even - 1 < 0.06
 
 
 def test_a_late_attitude_is_an_earlier_one(calm):
