@@ -8,7 +8,7 @@ from awescli.reporting.words import effect_words, number, percent
 
 NO_GAP = 0.02
 """Excess of the chi-square per degree of freedom over 1 below which there is no gap to explain shares of."""
-NOT_FITTED, GIVEN_UP = "not fitted", "given up"
+NOT_FITTED, GIVEN_UP, SET_ASIDE = "not fitted", "given up", "set aside"
 
 
 def ranking(evidence: Evidence) -> Body:
@@ -24,7 +24,7 @@ def ranking(evidence: Evidence) -> Body:
         taken, rival = among(c, accepted, known), among(c, rivals, known)
         state = Chip("accepted", "good") if taken else Chip("rival", "bad") if rival else ""
         said = effect_words(c["name"], c.get("acts_on", ""))
-        fitted = c.get("outcome") not in (NOT_FITTED, GIVEN_UP, "failed")
+        fitted = c.get("outcome") not in (NOT_FITTED, GIVEN_UP, SET_ASIDE, "failed")
         gain, share = (c["test_gain"], c["explained_share"]) if fitted else (None, None)
         rows.append((
             Cell(str(place), place), Cell((said, " ", state) if state else said, c["name"]),
@@ -62,6 +62,8 @@ def because(evidence: Evidence, c: dict[str, Any], taken: bool, rival: bool) -> 
     if c.get("outcome") == GIVEN_UP:
         best = f"less than half of the best gain ({number(_best(evidence, 'deviance_gain'))})"
         return f"Its score of {number(c['score'])} is significant, but its fit came to {best}, and was given up."
+    if c.get("outcome") == SET_ASIDE:
+        return f"It gains a deviance of {number(gain)}, and so may a controller that answers gusts better than the log shows them."
     if not c["plausible_size"]:
         return f"It {led}, but only at the end of its plausible range."
     return _less(evidence, c, gain)

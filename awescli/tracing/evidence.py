@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from awescli.notation.quantities import SURFACES
 from awescli.tracing.classes import Rival
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.models import FittedModel
@@ -65,6 +66,11 @@ class Evidence:
     error_ratio: float = 1.0
     null_error: float | None = None
     identified_error: float | None = None
+
+    @property
+    def of_surfaces(self) -> bool:
+        """Does an effect of the answer act between the record of a surface and the kite?"""
+        return any(key.partition(":")[2] in SURFACES for key in self.model.keys)
 
     @property
     def empirical_lead(self) -> float:

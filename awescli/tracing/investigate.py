@@ -27,7 +27,8 @@ from awescli.tracing.instruments import InstrumentError
 from awescli.tracing.models import FittedModel, Say, fit_added, fit_beyond, fit_on, fit_without, fit_without_process, promised_beyond
 from awescli.tracing.rest import Rest, channels_of, gusts_of, gusty, repetition_of_gusts, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
-from awescli.tracing.search import Search, Tried, search
+from awescli.tracing.search import Search, search
+from awescli.tracing.tried import Tried
 from awescli.tracing.verdict import NULL, Criterion, probabilities, reason, table, verdict
 from awescli.tracing.when import InFlight, in_flights
 
@@ -180,7 +181,8 @@ def _investigated(
             evidence = replace(evidence, error_ratio=_error_ratio(frame, null, evidence.model))
         evidence = replace(evidence, steadiness=steadiness(evidence.model), along=gains_along(evidence.model))
         if verdict(table(evidence, criteria)) == "found":  # what is no answer by itself has no rivals
-            near = rivals(frame, evidence.model, keys, library.gains, *_ranked(library), library.passed_over, progress=progress)
+            open_ = [k for k in keys if k not in library.set_aside]
+            near = rivals(frame, evidence.model, open_, library.gains, *_ranked(library), library.passed_over, progress=progress)
             evidence = replace(evidence, rivals=near)
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, absorbed=absorbed_effects(frame, null, keys, criteria))

@@ -3,13 +3,14 @@ over what was accepted."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
 from awescli.estimation.gauss_newton import OutOfReach
-from awescli.notation.present import present
 from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
+from awescli.tracing.answered_gusts import SET_ASIDE, beside_answers, of_surface, set_aside
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame
 from awescli.tracing.models import (
@@ -25,6 +26,7 @@ from awescli.tracing.models import (
 from awescli.tracing.rest import gusty
 from awescli.tracing.screen import Score, Screening, holm, screen
 from awescli.tracing.shapes import plausible, refined
+from awescli.tracing.tried import Tried
 
 STARTS = ((1.0, True), (1.0, False), (0.3, False))
 """Shares of its one-step estimate from which a candidate is fitted, and whether without the help of model error; the next one where the fit
@@ -36,38 +38,7 @@ WORSE = 5.0
 """Deviance by which a fit with one effect more may end above the model without it: more, and the optimiser has failed."""
 
 
-@dataclass(frozen=True)
-class Tried:
-    """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
-    the fit, "not fitted", "given up" or "failed"; gain: deviance by which the model leads the one before, unseen: the same on validation
-    alone, both of all segments where it was fitted to a share of them; plausible: no strength at the end of its range; partly: fitted to
-    no more than what tells candidates apart (`fit_on_part`); finalist: fitted to the end."""
-
-    score: Score
-    significant: bool
-    outcome: str = "not fitted"
-    model: FittedModel | None = None
-    gain: float = 0.0
-    unseen: float = 0.0
-    plausible: bool = True
-    partly: bool = False
-    finalist: bool = False
-
-    @property
-    def key(self) -> str:
-        return self.score.key
-
-    @property
-    def undecided(self) -> bool:
-        """A finalist whose fit came to no end: it has proved nothing."""
-        return self.finalist and not self.fitted.fit.ended
-
-    @property
-    def fitted(self) -> FittedModel:
-        """The fit of a candidate that was fitted."""
-        return present(self.model, f"the fit of {self.key}")
-
-
+Candidate = TypeVar("Candidate", Score, Tried)
 CROWD = 2
 """So many candidates beside the best may gain half as much as it: rivals do."""
 
@@ -109,6 +80,11 @@ class Search:
         return max((t.gain for r in self.rounds[1:] if not r.accepted for t in r.contenders), default=0.0) if self.final.keys else 0.0
 
     @property
+    def set_aside(self) -> tuple[str, ...]:
+        """Effects of surfaces whose gain may be a controller's answer to gusts."""
+        return tuple(dict.fromkeys(t.key for r in self.rounds for t in r.tried if t.outcome == SET_ASIDE))
+
+    @property
     def failed(self) -> tuple[str, ...]:
         """Significant candidates that could not be fitted."""
         return tuple(dict.fromkeys(t.key for r in self.rounds for t in r.tried if t.significant and t.outcome == "failed"))
@@ -135,6 +111,8 @@ def search(
             null = null if record else model
         if best is not None and (mends(frame, best.keys) or finer_than_samples(best) or slight(frame, record, model, best, criteria)):
             best = None
+        if record and gusty(model, criteria):
+            tried = set_aside(frame, tried, criteria)
         record.append(Round(model.light(), tried, best.keys[-1] if best else "", screening.untestable))
         if best is None:
             break
@@ -200,6 +178,7 @@ def _race(
     leaders = [s for s, sure in zip(scores, significant, strict=True) if sure]
     drops = criteria.close * leaders[0].drop if leaders else 0.0
     chosen = leaders[: criteria.competitors]
+    chosen += [s for s in _apart(frame, here, leaders, criteria)[0][: criteria.competitors] if s not in chosen]
     chosen += [s for s in leaders[criteria.competitors : 2 * criteria.competitors] if s.drop > drops]
     # what points in a leader's direction competes with it, whatever its rank
     chosen += [s for s in scores if s not in chosen and any(screening.cosine(s, c) > criteria.alike for c in chosen[:2])][:3]
@@ -211,16 +190,26 @@ def _race(
         chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).abrupt]
     part, few = fit_on_part(frame, here) if chosen else (frame, here)
     times, found = here.segments / few.segments, []
-    best = few.fit.deviance - lead / times
+    groups = _apart(frame, here, scores, criteria)
+    best = [few.fit.deviance - lead / times] * len(groups)
     for s, sure in zip(scores, significant, strict=True):
         if s not in chosen:
             found.append(Tried(s, bool(sure)))
             continue
         progress(f"fitting with {s.key}")
-        entered = _entered(part, few, screening, s, bool(sure), _reach(few, best, criteria))
+        group = next(i for i, those in enumerate(groups) if s in those)
+        entered = _entered(part, few, screening, s, bool(sure), _reach(few, best[group], criteria))
         found.append(replace(entered, gain=times * entered.gain, unseen=times * entered.unseen, partly=few is not here))
-        best = min(best, entered.fitted.fit.deviance if entered.model and entered.plausible else best)
+        best[group] = min(best[group], entered.fitted.fit.deviance if entered.model and entered.plausible else best[group])
     return tuple(found)
+
+
+def _apart(frame: Frame, here: FittedModel, those: Sequence[Candidate], criteria: Criteria) -> tuple[list[Candidate], ...]:
+    """Candidates that compete with each other: in gusty air effects of surfaces do so apart from the others, first."""
+    if not gusty(here, criteria):
+        return (list(those),)
+    surfaces = [t for t in those if of_surface(frame, t.key)]
+    return [t for t in those if t not in surfaces], surfaces
 
 
 def _reach(here: FittedModel, best: float, criteria: Criteria) -> float:
@@ -305,12 +294,7 @@ def _best(
     """(the likeliest model of those that are admissible, fitted to the end, shapes included; what was tried, with those that were). least:
     deviance that a name must gain: shapes of one that gains less than half of it are not asked."""
     leaders = sorted((t for t in tried if t.model is not None and t.gain > criteria.decisive), key=lambda t: -t.gain)
-    sound = [t for t in leaders if t.plausible]
-    lead = sound[0].gain if sound else 0.0
-    # what stands at the end of a range may only do so because a shape of it is held
-    finalists = [t for t in leaders if not t.plausible and t.gain > lead and make_effect(t.key, frame.declared).shapes]
-    reach = lead - criteria.in_reach(criteria.finalists, lead)
-    finalists += [t for t in sound if t.gain > reach or (t.gain > HELPED * lead and t.fitted.rest)]
+    finalists = [t for those in _apart(frame, here, leaders, criteria) for t in _finalists(frame, those, criteria)]
     finished: dict[str, FittedModel] = {}
 
     def finish(t: Tried) -> None:
@@ -321,7 +305,7 @@ def _best(
     def standing() -> list[FittedModel]:
         return [m for m in finished.values() if admissible(here, m, criteria) and plausible(m, m.keys[-1])]
 
-    for t in (finalists := finalists[: criteria.competitors]):
+    for t in finalists:
         finish(t)
     astray = any(not t.partly and here.deviance - finished[t.key].deviance < t.gain - WORSE for t in finalists)
     for t in (t for t in leaders if t.key not in finished):
@@ -331,7 +315,20 @@ def _best(
         if (t.partly and t.gain > most) or (astray and t.plausible and most == np.inf):
             finish(t)
     tried = tuple(replace(_of(t, here, m), finalist=True) if (m := finished.get(t.key)) else t for t in tried)
+    if gusty(here, criteria) and (best := beside_answers(frame, here, standing(), tried, criteria)):
+        return best, set_aside(frame, tried, criteria)
     return min(standing(), key=lambda m: m.deviance, default=None), tried
+
+
+def _finalists(frame: Frame, leaders: Sequence[Tried], criteria: Criteria) -> list[Tried]:
+    """Those of some that compete, likeliest first, that are fitted to the end."""
+    sound = [t for t in leaders if t.plausible]
+    lead = sound[0].gain if sound else 0.0
+    # what stands at the end of a range may only do so because a shape of it is held
+    found = [t for t in leaders if not t.plausible and t.gain > lead and make_effect(t.key, frame.declared).shapes]
+    reach = lead - criteria.in_reach(criteria.finalists, lead)
+    found += [t for t in sound if t.gain > reach or (t.gain > HELPED * lead and t.fitted.rest)]
+    return found[: criteria.competitors]
 
 
 def crowded(tried: Sequence[Tried]) -> bool:

@@ -20,8 +20,8 @@ from awescli.tracing.investigate import Finding
 from awescli.tracing.models import FittedModel
 from awescli.tracing.residuals import residual_study
 from awescli.tracing.rest import Rest
-from awescli.tracing.search import Tried
 from awescli.tracing.separate import separate
+from awescli.tracing.tried import Tried
 from awescli.tracing.when import InFlight
 
 MOST = 1e15

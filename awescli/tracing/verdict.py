@@ -177,7 +177,8 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     gain, unseen = before.deviance - after.deviance, before.unseen - after.unseen
     least = c.decisive + c.per_parameter * (len(after.strengths) - len(before.strengths))
     there = bool(after.keys)
-    asked = there and gain < c.clear_of_gusts and max(e.gusts.values(), default=0.0) >= c.gusty
+    clear = c.clear_of_gusts if e.of_surfaces else c.in_gusts
+    asked = there and gain < clear and max(e.gusts.values(), default=0.0) >= c.gusty
     most = max(e.along, key=lambda channel: e.along[channel], default="")
     return (
         Criterion(
@@ -201,7 +202,7 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             e.error_ratio if asked else "not asked",
             1 - c.predicts,
             e.error_ratio <= 1 - c.predicts if asked else None,
-            f"its prediction error on validation loops over that before, where gusts may gain as much (< {c.clear_of_gusts:g})",
+            f"its prediction error on validation loops over that before, where gusts may gain as much (< {clear:g})",
             "set on development flights",
         ),
         Criterion(

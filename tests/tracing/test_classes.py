@@ -10,7 +10,7 @@ from tracing.traced import traced
 from awescli.tracing import classes
 from awescli.tracing.classes import rivals
 from awescli.tracing.investigate import _ranked
-from awescli.tracing.search import Tried
+from awescli.tracing.tried import Tried
 
 TWINS = ("load_cell_scale", "mass_offset")
 

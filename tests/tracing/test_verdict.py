@@ -207,7 +207,8 @@ def passed(e: Evidence) -> dict:
 GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
 LARGE = model(600.0, ("sideslip_drag",), validation=100.0)
 AGAIN = Repetition({"force_z": 0.5}, {"force_z": 0.001}, 8)
-SMALL, CLEAR = (model(deviance, ("sideslip_drag",), validation=250.0) for deviance in (850.1, 850.0))
+SMALL, CLEAR = (model(deviance, ("sideslip_drag",), validation=250.0) for deviance in (970.1, 970.0))
+LATE, CLEARLY_LATE = (model(deviance, ("actuator_lag:rudder",), validation=250.0) for deviance in (850.1, 850.0))
 
 
 def test_a_table_has_every_row_with_its_threshold_and_source():
@@ -256,7 +257,10 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
             "no_better_empirical_term", {"answer": GOOD, "empirical": Search(NULL_MODEL, model(891.0, ("custom_term:f_x*beta",)), ())},
             {"answer": GOOD, "empirical": Search(NULL_MODEL, model(889.0, ("custom_term:f_x*beta",)), ())},
         ),
-        ("effect_predicts", {"answer": SMALL, "gusts": GUSTY, "error_ratio": 0.89}, {"answer": SMALL, "gusts": GUSTY, "error_ratio": 0.91}),
+        *(
+            ("effect_predicts", {"answer": a, "gusts": GUSTY, "error_ratio": 0.89}, {"answer": a, "gusts": GUSTY, "error_ratio": 0.91})
+            for a in (SMALL, LATE)
+        ),
         ("effect_leads", {"answer": GOOD, "beside": 109.0}, {"answer": GOOD, "beside": 111.0}),
         ("effect_steady", {"answer": GOOD, "steadiness": 2e-4}, {"answer": GOOD, "steadiness": 5e-5}),
         ("effect_constant", {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 99.0}}, {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 101.0}}),
@@ -283,8 +287,9 @@ def test_what_a_flight_does_not_allow_to_test_is_neither_passed_nor_failed():
     found = passed(evidence())
     assert found["null_as_identified"] is None and found["rest_repeats"] is None and found["gusts_do_not_repeat"] is None
     assert found["effect_predicts"] is None
-    for calm_or_clear in ({"answer": SMALL, "gusts": {"vertical gusts": 0.1}}, {"answer": CLEAR, "gusts": GUSTY}):
-        assert passed(evidence(**calm_or_clear, error_ratio=1.1))["effect_predicts"] is None
+    calm = {"vertical gusts": 0.1}
+    for answer, gusts in ((SMALL, calm), (LATE, calm), (CLEAR, GUSTY), (CLEARLY_LATE, GUSTY)):
+        assert passed(evidence(answer, gusts=gusts, error_ratio=1.1))["effect_predicts"] is None
     # what does not repeat may be as large as it likes, and what is too little to be seen repeats by chance
     for rest in (Rest(50.0, 1.0, {}, {}, replace(AGAIN, p={"force_z": 0.02}), MANY), Rest(19.0, 1.0, {}, {}, AGAIN, MANY)):
         assert passed(evidence(GOOD, rest=rest))["rest_is_small"] is None

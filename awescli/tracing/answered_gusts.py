@@ -1,0 +1,66 @@
+"""Effects of control surfaces in gusty air, where the surfaces answer gusts.
+
+A fit takes the record of a surface as given. In a closed loop that is sound where the controller answers what the log's own sensors say:
+then their noise is in the surface, too. One that feels the kite better than its log says with the surface where the kite really is, u =
+-K x, and the error of the estimated state goes with it, E[u (x - x_estimated)] = -K P. What acts between surface and kite is biased by that
+(Ljung, System Identification, 1999, ch. 13), and the more so the more gusts there are: a rudder that follows at once seemed 28 to 53 ms
+late (`benchmarks/felt_by_controllers.py`). What other effects do goes with the states alone, whose estimates have no part in their error:
+E[x_estimated (x - x_estimated)] = 0.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from awescli.notation.quantities import SURFACES
+from awescli.physics.kite import make_effect
+from awescli.tracing.criteria import Criteria
+from awescli.tracing.frame import Frame
+from awescli.tracing.models import FittedModel, fit_added, fit_on
+from awescli.tracing.tried import Tried
+
+SET_ASIDE = "set aside"
+"""Outcome of a candidate whose gain is no more than what a controller that answers gusts may make of it."""
+
+
+def of_surface(frame: Frame, key: str) -> bool:
+    """Does an effect act between the record of a surface and the kite?"""
+    return make_effect(key, frame.declared).target in SURFACES
+
+
+def doubtful(frame: Frame, tried: Tried, criteria: Criteria) -> bool:
+    """May what a candidate gains be the controller's answer to gusts?"""
+    return tried.model is not None and of_surface(frame, tried.key) and tried.gain < criteria.clear_of_gusts
+
+
+def set_aside(frame: Frame, tried: Sequence[Tried], criteria: Criteria) -> tuple[Tried, ...]:
+    """What was tried, without the fits of the doubtful."""
+    return tuple(replace(t, outcome=SET_ASIDE, model=None) if doubtful(frame, t, criteria) else t for t in tried)
+
+
+def beside_answers(
+    frame: Frame, here: FittedModel, standing: Sequence[FittedModel], tried: Sequence[Tried], criteria: Criteria
+) -> FittedModel | None:
+    """The likeliest of the models that stand whose last effect is not doubtful, where it gains what an effect must gain in gusty air,
+    alone and beside the likeliest of the doubtful: None where there is none. Where gusts only make a surface seem late, both gains add up;
+    where it is late, what else looks like that has nothing left to gain beside it."""
+    aside = [t for t in tried if doubtful(frame, t, criteria)]
+    clear = [m for m in standing if m.keys[-1] not in {t.key for t in aside}]
+    best = min(clear, key=lambda m: m.deviance, default=None)
+    if best is None or here.deviance - best.deviance < criteria.in_gusts:
+        return None
+    first = max(aside, key=lambda t: t.gain, default=None)
+    if first is None or first.gain < criteria.decisive:
+        return best
+    least = here.deviance - first.gain - criteria.in_gusts
+    both = _both(frame, best, first)
+    if both.deviance > least:  # a quick fit leaves levels as they are
+        both = fit_on(frame, both)
+    return best if both.deviance <= least else None
+
+
+def _both(frame: Frame, best: FittedModel, other: Tried) -> FittedModel:
+    """A model with a further candidate, from where that came alone."""
+    effect, table, free = make_effect(other.key, frame.declared), other.fitted.table, set(other.fitted.strengths)
+    values = {p.name: table[p.name].value for p in effect.rows()}
+    strengths = {n: v for n, v in values.items() if n in free}
+    return fit_added(frame, best, other.key, strengths, {n: v for n, v in values.items() if n not in free})

@@ -1,0 +1,81 @@
+"""What does a controller that feels the kite better than its log make of a rudder's time constant?
+
+    python benchmarks/felt_by_controllers.py CACHE [--family F] [--kind K]
+
+A flight of a KM1-like kite by JSBSim in gusts, with nothing missing, flown twice: by a law that sees the kite as it is, and by the same law
+that sees what the sensors of the log say, their noise included. To each the lag of a rudder is fitted that has none. A record of the
+rudder counts as given: what it says of gusts, because the law answered them, is not in the likelihood. Where it says more than the log's
+own gyros, estimates of what acts between rudder and kite are biased (feedback: Ljung, System Identification, 1999, section 13.4). The table
+goes to benchmarks/results/felt_by_controllers.md.
+"""
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from unittest.mock import patch
+
+import awescli  # noqa: F401  (thread settings before numpy)
+from awescli.artifacts import write_text
+
+RESULTS = Path(__file__).parent / "results" / "felt_by_controllers.md"
+KEY, GUESS = "actuator_lag:rudder", 0.03
+FELT = ("p", "q", "r", "phi", "theta", "psi", "p_n", "p_e", "p_d")
+"""States of which the log has a sensor."""
+
+
+def flown(kind: str, family: int, cache: Path, felt: Mapping[str, str]) -> Path:
+    """Folder of a flight in the field of a kind whose strengths are all zero. felt: state -> property by which the law sees it, where that
+    is not the truth."""
+    import foreign_world
+    from foreign_flights import KITE, Case, declared_text, drawn, start_of, written
+    from foreign_world import Foreign, fly
+
+    from awescli.physics.declaration import read_kite
+
+    case, kite = Case(kind, "full", family, 0, "field"), read_kite(KITE)
+    registered, folder = case.registered(), cache / f"felt-{family}-{kind}-{'sensors' if felt else 'truth'}"
+    draw, nothing = drawn(case, registered), dict.fromkeys(registered.values("full"), 0.0)
+    foreign = Foreign(kite, registered.world, nothing, draw.scene, draw.sensors, draw.turbulence)
+    with patch.dict(foreign_world._TRUTH, felt):  # noqa: SLF001  (what the law is given is read by it)
+        flight = fly(foreign, draw.steering, start_of(kite, draw), rate=draw.rate, seed=case.seed)
+    for name, text in written(flight, draw.scene, registered, case.seed, nothing).items():
+        write_text(folder / name, text)
+    write_text(folder / "kite.yaml", declared_text(kite, registered, case.seed))
+    return folder
+
+
+def row(said: str, folder: Path) -> str:
+    """A flight's line of the table."""
+    from awescli.flightlog.loops import find_loops
+    from awescli.flightlog.read import read_flight
+    from awescli.flightlog.split import split
+    from awescli.physics.declaration import read_kite
+    from awescli.tracing.frame import Frame, TracedFlight
+    from awescli.tracing.models import fit_added, fit_null, fit_on
+
+    log, declared = read_flight(folder), read_kite(folder / "kite.yaml")
+    frame = Frame((TracedFlight(log, split(find_loops(log), log=log), declared),), 5.0, tuple(log.measured), ())
+    null, tau = fit_null(frame, {}, (1.0, 2.5)), f"{KEY}.tau"
+    late = fit_on(frame, fit_added(frame, null, KEY, {tau: GUESS}, {}))
+    return f"| {said} | {1000 * late.table[tau].value:.0f} ms | {null.deviance - late.deviance:.0f} | {null.unseen - late.unseen:.0f} |"
+
+
+def main(arguments=None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("cache", type=Path, help="folder for the flights, outside of the repository")
+    parser.add_argument("--family", type=int, default=41, help="of seeds")
+    parser.add_argument("--kind", default="heading_bias", help="of foreign_kinds.yaml, whose conditions are flown without what it lacks")
+    options = parser.parse_args(arguments)
+    command = f"`python benchmarks/felt_by_controllers.py CACHE --family {options.family} --kind {options.kind}`"
+    head = "| the law sees | lag of a rudder that has none | deviance it gains | on unseen loops |"
+    lines = ["# A controller that feels the kite better than its log", "", command, "", head, "|" + "---|" * 4]
+    for said, felt in (("the truth", {}), ("the log's sensors", {name: f"sensor/{name}" for name in FELT})):
+        lines.append(row(said, flown(options.kind, options.family, options.cache, felt)))
+        print(lines[-1], flush=True)
+    write_text(RESULTS, "\n".join(lines) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

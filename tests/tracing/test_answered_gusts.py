@@ -1,0 +1,109 @@
+"""Effects of surfaces in gusty air: what a controller that answers gusts makes of a lag is no name, and stands in no other's way."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from kites import DEVELOPMENT
+from tracing.fits import fitted
+
+from awescli.notation.parameters import Parameter
+from awescli.tracing import answered_gusts
+from awescli.tracing import search as searching
+from awescli.tracing.answered_gusts import SET_ASIDE, beside_answers, set_aside
+from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.search import Round, Search
+from awescli.tracing.tried import Tried
+
+FRAME, BASE = SimpleNamespace(declared=DEVELOPMENT), fitted(0.0)
+LAG, BIAS = "actuator_lag:rudder", "heading_bias"
+
+
+def tried(key: str, gain: float, **how) -> Tried:
+    model = fitted(gain)
+    row = Parameter(f"{key}.tau", 0.03, "s", 0.0, 1.0)
+    rows = {row.name: row, f"{key}.rate": Parameter(f"{key}.rate", 50.0, "rad/s"), f"{key}.inertia": Parameter(f"{key}.inertia", 0.1, "-")}
+    model.keys, model.strengths, model.table = (key,), (row.name,), rows
+    return Tried(SimpleNamespace(key=key, p_value=1e-9, drop=gain), True, "converged", model, gain, **how)
+
+
+@pytest.mark.parametrize("lag, both, named", [
+    (62.0, 121.0, True), (120.0, 175.0, True), (62.0, 85.0, False), (120.0, 140.0, False), (5.0, 57.0, True),
+])  # fmt: skip
+def test_what_gains_as_much_beside_a_lag_is_found_in_its_place(monkeypatch, lag, both, named):
+    """Guards a heading bias in JSBSim's gusts: it gained 57, and a rudder that follows at once seemed 35 ms late, worth 62; both together
+    gained 121. What has next to nothing to gain beside a rudder's lag may be that lag. A lag that gains nothing is not asked."""
+    begun, ends = [], []
+
+    def fit_added(frame, base, key, strengths, shapes):
+        begun.append((base.keys, key, strengths, shapes))
+        return fitted(both - 20.0)
+
+    def fit_on(frame, model):
+        ends.append(model)
+        return fitted(both)
+
+    monkeypatch.setattr(answered_gusts, "fit_added", fit_added)
+    monkeypatch.setattr(answered_gusts, "fit_on", fit_on)
+    found = [tried(LAG, lag), tried(BIAS, 57.0)]
+    best = beside_answers(FRAME, BASE, [t.model for t in found], found, CRITERIA)
+    assert (best is found[1].model) is named and (best is None) is not named
+    started = ((BIAS,), LAG, {f"{LAG}.tau": 0.03}, {f"{LAG}.rate": 50.0, f"{LAG}.inertia": 0.1})
+    assert begun == ([started] if lag > CRITERIA.decisive else [])
+    # a quick fit that says enough is not fitted any further
+    assert len(ends) == (both - 20.0 < lag + CRITERIA.in_gusts if begun else 0)
+
+
+def test_what_gains_little_or_is_a_clear_lag_is_judged_as_ever():
+    assert beside_answers(FRAME, BASE, [tried(BIAS, 29.0).model], [tried(LAG, 62.0), tried(BIAS, 29.0)], CRITERIA) is None
+    assert beside_answers(FRAME, BASE, [tried(LAG, 62.0).model], [tried(LAG, 62.0)], CRITERIA) is None
+    clear = tried(LAG, 151.0)
+    assert beside_answers(FRAME, BASE, [clear.model, tried(BIAS, 57.0).model], [clear], CRITERIA) is clear.model
+
+
+def test_a_candidate_set_aside_contends_no_more():
+    """Guards an answer in gusts against a lag beside it that was none: it would be "another effect that leads", what the lead of an answer
+    is measured by, and its rival."""
+    found = [tried(LAG, 105.0), tried("actuator_delay:rudder", 150.0), tried(BIAS, 57.0)]
+    round_ = Round(BASE, set_aside(FRAME, found, CRITERIA), BIAS, ())
+    assert [t.key for t in round_.contenders] == ["actuator_delay:rudder", BIAS]
+    assert [(t.outcome, t.gain) for t in round_.tried][0] == (SET_ASIDE, 105.0)
+    assert Search(BASE, BASE, (round_,)).set_aside == (LAG,)
+
+
+@pytest.mark.parametrize("level, first, kept", [(0.5, BIAS, (BIAS,)), (0.1, LAG, (LAG, BIAS))])
+def test_the_search_sets_lags_aside_in_gusty_air_alone(monkeypatch, level, first, kept):
+    monkeypatch.setattr("awescli.tracing.rest.gusts_of", lambda model: [SimpleNamespace(level=level)])
+    monkeypatch.setattr(searching, "fit_on", lambda frame, model: model)
+    monkeypatch.setattr(searching, "refined", lambda frame, model, criteria, partly: model)
+    monkeypatch.setattr(searching, "admissible", lambda *given: True)
+    monkeypatch.setattr(searching, "plausible", lambda model, key: True)
+    monkeypatch.setattr(answered_gusts, "fit_added", lambda frame, base, key, strengths, shapes: fitted(160.0))
+    # a bias that gains less than half of the lag is fitted to the end all the same, and both in their own order
+    best, found = searching._best(FRAME, BASE, (tried(LAG, 110.0), tried(BIAS, 45.0)), CRITERIA, lambda text: None)
+    assert best.keys == (first,) and tuple(t.key for t in found if t.model) == kept
+    assert [t.finalist for t in found] == [True, level == 0.5]
+
+
+def test_in_gusty_air_others_are_fitted_beside_the_surfaces(monkeypatch):
+    """Guards kinds that came sixth behind five effects of the rudder (JSBSim): none of them was fitted, and none was there. How near others
+    must come to be fitted any further is a matter among themselves."""
+    reaches = {}
+
+    def entered(frame, here, screening, score, sure, reach):
+        reaches[score.key] = reach
+        return tried(score.key, 200.0 if ":" in score.key else 45.0)
+
+    keys = [f"{name}:rudder" for name in ("actuator_lag", "actuator_delay", "surface_backlash", "surface_dead_band", "hinge_blowback")]
+    scores = tuple(
+        SimpleNamespace(key=k, p_value=1e-30, drop=5.0 if k == BIAS else 100.0) for k in (*keys, "surface_effectiveness:rudder", BIAS)
+    )
+    screening = SimpleNamespace(scores=scores, rows={}, cosine=lambda a, b: 0.0)
+    monkeypatch.setattr(searching, "_entered", entered)
+    monkeypatch.setattr(searching, "fit_on_part", lambda frame, model: (frame, model))
+    for level, fits in ((0.1, False), (0.5, True)):
+        reaches.clear()
+        monkeypatch.setattr("awescli.tracing.rest.gusts_of", lambda model, level=level: [SimpleNamespace(level=level)])
+        searching._race(FRAME, BASE, screening, 0.0, CRITERIA, lambda text: None)
+        assert (BIAS in reaches) is fits
+    assert reaches[BIAS] == np.inf and reaches[keys[1]] < np.inf
