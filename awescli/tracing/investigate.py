@@ -181,8 +181,7 @@ def _investigated(
             evidence = replace(evidence, error_ratio=_error_ratio(frame, null, evidence.model))
         evidence = replace(evidence, steadiness=steadiness(evidence.model), along=gains_along(evidence.model))
         if verdict(table(evidence, criteria)) == "found":  # what is no answer by itself has no rivals
-            open_ = [k for k in keys if k not in library.set_aside]
-            near = rivals(frame, evidence.model, open_, library.gains, *_ranked(library), library.passed_over, progress=progress)
+            near = rivals(frame, evidence.model, keys, library.gains, *_ranked(library), library.passed_over, progress=progress)
             evidence = replace(evidence, rivals=near)
     elif evidence.rest.chi2 < 1 + criteria.much * criteria.floor_error:
         evidence = replace(evidence, absorbed=absorbed_effects(frame, null, keys, criteria))
@@ -269,15 +268,17 @@ def _settled(frame: Frame, library: Search, bare: FittedModel, rest: Rest, crite
 
 def _ranked(library: Search) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(effects that a single accepted one has left behind by their own fit to the end, and that need not be tried in its place again; those
-    that it has not left behind). A quick fit proves nothing: in gusts it left an exact twin behind, and the whole fit did not."""
+    that it has not left behind). A quick fit proves nothing: in gusts it left an exact twin behind, and the whole fit did not. What was set
+    aside may be the controller's answer to gusts, and is nobody's rival."""
     accepted = [r for r in library.rounds if r.accepted]
     if len(accepted) != 1:
-        return (), ()
+        return library.set_aside, ()
     lead = library.null.deviance - library.final.deviance
     reach = max(CRITERIA.in_reach(CRITERIA.finalists, lead), library.passed_over)
     others = [t for t in accepted[0].contenders if t.key != accepted[0].accepted]
     close = [t.key for t in others if lead - t.gain <= reach or t.undecided]
-    return tuple(t.key for t in others if t.finalist and t.key not in close), tuple(close)
+    beaten = (t.key for t in others if t.finalist and t.key not in close)
+    return (*beaten, *library.set_aside), tuple(close)
 
 
 def absorbed_effects(frame: Frame, null: FittedModel, keys: Sequence[str], criteria: Criteria = CRITERIA) -> tuple[AbsorbedEffect, ...]:

@@ -40,6 +40,8 @@ def ranked(*candidates):
     ({"significant": False, "p_value": 0.12, "score": 4.3}, "Its score of 4.30 is within chance for so many candidates (p = 0.12)."),
     ({"outcome": "failed"}, "Its score of 36.2 is significant, but its fit failed from every start."),
     ({"outcome": "not fitted"}, "Its score of 36.2 is significant, but far below the best (195): not fitted."),
+    ({"outcome": "set aside"},
+     "It gains a deviance of 101, and so may a controller that answers gusts better than the log shows them."),
     ({"outcome": "given up"},
      "Its score of 36.2 is significant, but its fit came to less than half of the best gain (1744), and was given up."),
     ({"plausible_size": False}, "It leads the declared model by a deviance of 101, but only at the end of its plausible range."),

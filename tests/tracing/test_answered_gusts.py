@@ -8,7 +8,7 @@ from kites import DEVELOPMENT
 from tracing.fits import fitted
 
 from awescli.notation.parameters import Parameter
-from awescli.tracing import answered_gusts
+from awescli.tracing import answered_gusts, investigate
 from awescli.tracing import search as searching
 from awescli.tracing.answered_gusts import SET_ASIDE, beside_answers, set_aside
 from awescli.tracing.criteria import CRITERIA
@@ -16,6 +16,7 @@ from awescli.tracing.search import Round, Search
 from awescli.tracing.tried import Tried
 
 FRAME, BASE = SimpleNamespace(declared=DEVELOPMENT), fitted(0.0)
+BASE.keys = ()
 LAG, BIAS = "actuator_lag:rudder", "heading_bias"
 
 
@@ -69,6 +70,27 @@ def test_a_candidate_set_aside_contends_no_more():
     assert [t.key for t in round_.contenders] == ["actuator_delay:rudder", BIAS]
     assert [(t.outcome, t.gain) for t in round_.tried][0] == (SET_ASIDE, 105.0)
     assert Search(BASE, BASE, (round_,)).set_aside == (LAG,)
+    # it is fitted in nobody's place: not beside one answer, and not beside two
+    final = tried(BIAS, 57.0).model
+    assert investigate._ranked(Search(BASE, final, (round_,)))[0] == (LAG,)
+    assert investigate._ranked(Search(BASE, final, (round_, round_))) == ((LAG,), ())
+
+
+@pytest.mark.parametrize("level, least", [(0.5, 0.0), (0.1, 105.0)])
+def test_no_lead_is_measured_by_a_lag_that_gusts_make(monkeypatch, level, least):
+    """Guards an answer in gusts: a lag that is fitted beside it says nothing of how well forms are known."""
+    bias, lag = tried(BIAS, 57.0), tried(LAG, 105.0)
+    lag.model.keys = (BIAS, LAG)
+    ends = iter([(bias.model, (bias,)), (lag.model, (lag,))])
+    bias.model.train = BASE.train
+    monkeypatch.setattr("awescli.tracing.rest.gusts_of", lambda model: [SimpleNamespace(level=level)])
+    monkeypatch.setattr(searching, "screen", lambda frame, model, keys: SimpleNamespace(scores=(), untestable=()))
+    monkeypatch.setattr(searching, "_race", lambda *given: ())
+    monkeypatch.setattr(searching, "_best", lambda *given: next(ends))
+    monkeypatch.setattr(searching, "slight", lambda frame, record, *rest: bool(record))
+    monkeypatch.setattr(searching, "finer_than_samples", lambda model: False)
+    found = searching.search(FRAME, BASE, (BIAS, LAG), rounds=2)
+    assert [r.accepted for r in found.rounds] == [BIAS, ""] and found.passed_over == least
 
 
 @pytest.mark.parametrize("level, first, kept", [(0.5, BIAS, (BIAS,)), (0.1, LAG, (LAG, BIAS))])
