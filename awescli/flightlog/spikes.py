@@ -101,14 +101,35 @@ def _contradicted(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> 
         far = np.flatnonzero((off > CONTRADICTED * usual(off, 0.95)) & agreed)
         # what is off puts its neighbours off: the one that is most so
         far = far[off[far] >= off[far[:, None] + np.array([-2, -1, 1, 2])].max(axis=1)]
-        sides = [np.clip(far[:, None] + side * np.arange(1, NEARBY + 1), 0, off.size - 1) for side in (-1, 1)]
-        far = far[off[far] > AMONG * np.max([np.median(off[side], axis=1) for side in sides], axis=0)]
+        far = far[off[far] > _among(off, far)]
         if not far.size:
             break
         spiked[far] = True
         values[far] -= by[far]
+    if spiked.any():
+        spiked |= _beside(values, spiked, turned)
     # a value that stays is none of these: faults.py's business
     return np.repeat(spiked & (lengths <= 2 * np.median(lengths)), lengths)
+
+
+def _among(off: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """What is too far off for samples `at`, beside what is usual around them."""
+    sides = [np.clip(at[:, None] + side * np.arange(1, NEARBY + 1), 0, off.size - 1) for side in (-1, 1)]
+    return AMONG * np.max([np.median(off[side], axis=1) for side in sides], axis=0)
+
+
+def _beside(x: np.ndarray, spiked: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """(N,) bool: the neighbour of a spike, one of both, that is as far off the line over the two. A spike of 175 m/s that is gone left a
+    cubic bent towards one of 6 m/s beside it."""
+    off, found = np.abs(_off_the_neighbours(x, turned)[0]), np.zeros(x.size, bool)
+    inner = np.flatnonzero(spiked)
+    inner = inner[(inner >= 2) & (inner < x.size - 2)]
+    sides = np.array([[-1], [1]])
+    at, first, last = inner + sides, inner - sides, inner + 2 * sides
+    by = np.abs(turned(x[at] - x[first] - turned(x[last] - x[first]) * 2 / 3))
+    least = np.maximum(CONTRADICTED * usual(off, 0.95), [_among(off, those) for those in at])
+    found[at[(by > least) & (by >= by[::-1]) & ~spiked[first] & ~spiked[last]]] = True
+    return found
 
 
 def _off_the_neighbours(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -53,6 +53,19 @@ def test_a_nearer_one_beside_one_far_off(clean):
     assert looked_at({"psi": psi})["psi"] == [3000, 3002]
 
 
+@pytest.mark.parametrize("far, near, side", [(-175.0, 6.4, -1), (-175.0, 6.4, 1), (60.0, 12.0, -1), (300.0, -5.0, 1)])
+def test_two_in_a_row_of_different_size(clean, far, near, side):
+    """Guards a flight of JSBSim that was `not_testable` (family 43, a GNSS antenna): a velocity 175 m/s off was taken out, and the one
+    beside it, 6 m/s off, was left, for the place of the first was filled from it."""
+    v, psi = clean["v_e"].copy(), clean["psi"].copy()
+    v[3000] += far
+    v[3000 + side] += near
+    psi[[2, -2]] += 1.0  # next to an end there is nobody to ask
+    found = looked_at({"v_e": v, "psi": psi})
+    assert found["v_e"] == sorted((3000, 3000 + side))
+    assert set(found["psi"]) <= {2, psi.size - 2}
+
+
 def test_half_a_turn_off(clean):
     """To either side it is the same."""
     psi = clean["psi"].copy()
