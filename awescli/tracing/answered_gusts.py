@@ -3,9 +3,9 @@
 A fit takes the record of a surface as given. In a closed loop that is sound where the controller answers what the log's own sensors say:
 then their noise is in the surface, too. One that feels the kite better than its log says with the surface where the kite really is, u =
 -K x, and the error of the estimated state goes with it, E[u (x - x_estimated)] = -K P. What acts between surface and kite is biased by that
-(Ljung, System Identification, 1999, ch. 13), and the more so the more gusts there are: a rudder that follows at once seemed 28 to 53 ms
-late (`benchmarks/felt_by_controllers.py`). What other effects do goes with the states alone, whose estimates have no part in their error:
-E[x_estimated (x - x_estimated)] = 0.
+(Ljung, System Identification, 1999, ch. 13), and the more so the more gusts there are: a rudder that follows at once seemed 34 ms late, and
+2 ms where its controller saw the log's sensors (`benchmarks/felt_by_controllers.py`). What other effects do goes with the states alone,
+whose estimates have no part in their error: E[x_estimated (x - x_estimated)] = 0.
 """
 
 from collections.abc import Sequence
