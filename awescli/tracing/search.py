@@ -205,11 +205,10 @@ def _race(
 
 
 def _apart(frame: Frame, here: FittedModel, those: Sequence[Candidate], criteria: Criteria) -> tuple[list[Candidate], ...]:
-    """Candidates that compete with each other: in gusty air effects of surfaces do so apart from the others, first."""
+    """Groups of candidates that compete with each other: one in calm air; in gusts those that are no effects of surfaces, and those."""
     if not gusty(here, criteria):
         return (list(those),)
-    surfaces = [t for t in those if of_surface(frame, t.key)]
-    return [t for t in those if t not in surfaces], surfaces
+    return [t for t in those if not of_surface(frame, t.key)], [t for t in those if of_surface(frame, t.key)]
 
 
 def _reach(here: FittedModel, best: float, criteria: Criteria) -> float:

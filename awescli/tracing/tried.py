@@ -10,9 +10,9 @@ from awescli.tracing.screen import Score
 @dataclass(frozen=True)
 class Tried:
     """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
-    the fit, "not fitted", "given up" or "failed"; gain: deviance by which the model leads the one before, unseen: the same on validation
-    alone, both of all segments where it was fitted to a share of them; plausible: no strength at the end of its range; partly: fitted to
-    no more than what tells candidates apart (`fit_on_part`); finalist: fitted to the end."""
+    the fit, "not fitted", "given up", "failed" or "set aside" (`answered_gusts`); gain: deviance by which the model leads the one before,
+    unseen: the same on validation alone, both of all segments where it was fitted to a share of them; plausible: no strength at the end of
+    its range; partly: fitted to no more than what tells candidates apart (`fit_on_part`); finalist: fitted to the end."""
 
     score: Score
     significant: bool
