@@ -65,6 +65,7 @@ def test_only_a_fit_to_the_end_has_lost_to_the_answer(finalist, ended, where):
 
     contenders = [one("actuator_lag:rudder", 274.0, True, True), one("surface_backlash:rudder", -159.0, ended, finalist)]
     last = SimpleNamespace(accepted="actuator_lag:rudder", contenders=contenders)
-    found = SimpleNamespace(rounds=[last], null=SimpleNamespace(deviance=274.0), final=SimpleNamespace(deviance=0.0), passed_over=0.0)
+    ends = {"null": SimpleNamespace(deviance=274.0), "final": SimpleNamespace(deviance=0.0)}
+    found = SimpleNamespace(rounds=[last], passed_over=0.0, set_aside=(), **ends)
     play = ("surface_backlash:rudder",)
     assert _ranked(found) == ((play if where == "beaten" else ()), (play if where == "close" else ()))
