@@ -22,19 +22,19 @@ SET_ASIDE = "set aside"
 """Outcome of a candidate whose gain is no more than what a controller that answers gusts may make of it."""
 
 
-def of_surface(frame: Frame, key: str) -> bool:
+def of_surface(key: str) -> bool:
     """Does an effect act between the record of a surface and the kite?"""
-    return make_effect(key, frame.declared).target in SURFACES
+    return key.partition(":")[2] in SURFACES
 
 
-def doubtful(frame: Frame, tried: Tried, criteria: Criteria) -> bool:
+def doubtful(tried: Tried, criteria: Criteria) -> bool:
     """May what a candidate gains be the controller's answer to gusts?"""
-    return tried.model is not None and of_surface(frame, tried.key) and tried.gain < criteria.clear_of_gusts
+    return tried.model is not None and of_surface(tried.key) and tried.gain < criteria.clear_of_gusts
 
 
-def set_aside(frame: Frame, tried: Sequence[Tried], criteria: Criteria) -> tuple[Tried, ...]:
+def set_aside(tried: Sequence[Tried], criteria: Criteria) -> tuple[Tried, ...]:
     """What was tried, without the fits of the doubtful."""
-    return tuple(replace(t, outcome=SET_ASIDE, model=None) if doubtful(frame, t, criteria) else t for t in tried)
+    return tuple(replace(t, outcome=SET_ASIDE, model=None) if doubtful(t, criteria) else t for t in tried)
 
 
 def beside_answers(
@@ -43,7 +43,7 @@ def beside_answers(
     """The likeliest of the models that stand whose last effect is not doubtful, where it gains what an effect must gain in gusty air,
     alone and beside the likeliest of the doubtful: None where there is none. Where gusts only make a surface seem late, both gains add up;
     where it is late, what else looks like that has nothing left to gain beside it."""
-    aside = [t for t in tried if doubtful(frame, t, criteria)]
+    aside = [t for t in tried if doubtful(t, criteria)]
     clear = [m for m in standing if m.keys[-1] not in {t.key for t in aside}]
     best = min(clear, key=lambda m: m.deviance, default=None)
     if best is None or here.deviance - best.deviance < criteria.in_gusts:

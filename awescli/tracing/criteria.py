@@ -102,7 +102,8 @@ class Criteria:
     come to 250 and more."""
     in_gusts: float = 30.0
     """The same of any other effect, alone and beside the effect of a surface that gains most. On the silent flights of JSBSim's families 38
-    to 42, on which this was set, what is not there gains 6, and once 29, but 18 beside a rudder's lag; what is there gains 32 to 120."""
+    to 42, on which this was set (traced by a852cd1), what is not there gains 6, and once 29, but 18 beside a rudder's lag; what is there
+    gains 32 to 120."""
 
     # where no verdict is possible, what predicts better?
     predicts: float = 0.1

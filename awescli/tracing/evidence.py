@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from awescli.notation.quantities import SURFACES
+from awescli.tracing.answered_gusts import of_surface
 from awescli.tracing.classes import Rival
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.models import FittedModel
@@ -70,7 +70,7 @@ class Evidence:
     @property
     def of_surfaces(self) -> bool:
         """Does an effect of the answer act between the record of a surface and the kite?"""
-        return any(key.partition(":")[2] in SURFACES for key in self.model.keys)
+        return any(map(of_surface, self.model.keys))
 
     @property
     def empirical_lead(self) -> float:
