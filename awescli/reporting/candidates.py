@@ -62,7 +62,7 @@ def because(evidence: Evidence, c: dict[str, Any], taken: bool, rival: bool) -> 
     if c.get("outcome") == GIVEN_UP:
         best = f"less than half of the best gain ({number(_best(evidence, 'deviance_gain'))})"
         return f"Its score of {number(c['score'])} is significant, but its fit came to {best}, and was given up."
-    if c.get("outcome") == SET_ASIDE:
+    if c.get("outcome") == SET_ASIDE and gain and gain > 0:
         return f"It gains a deviance of {number(gain)}, and so may a controller that answers gusts better than the log shows them."
     if not c["plausible_size"]:
         return f"It {led}, but only at the end of its plausible range."
@@ -82,7 +82,9 @@ def _less(evidence: Evidence, c: dict[str, Any], gain: float | None) -> str:
 
 
 def _best(evidence: Evidence, what: str) -> float:
-    return max((c.get(what) or 0.0 for c in evidence.traced["ranking"]), default=0.0)
+    """The largest of all candidates, of gains that of those that still contend."""
+    contend = (c for c in evidence.traced["ranking"] if what != "deviance_gain" or c.get("outcome") != SET_ASIDE)
+    return max((c.get(what) or 0.0 for c in contend), default=0.0)
 
 
 def detectable(evidence: Evidence) -> Body:

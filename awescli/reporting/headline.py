@@ -175,7 +175,8 @@ def _share(evidence: Evidence, effect: dict) -> Words:
     if not own or own[0]["explained_share"] <= 0:
         return ""
     text = "; alone it explains ", Link("tab-ranking", percent(own[0]["explained_share"])), " of the gap on train"
-    others = [c for c in ranking if c["name"] not in {e["name"] for e in evidence.traced["effects"]}]
+    named = {e["name"] for e in evidence.traced["effects"]}
+    others = [c for c in ranking if c["name"] not in named and c["explained_share"] > 0]
     if not others:
         return text
     best = max(others, key=lambda c: c["explained_share"])

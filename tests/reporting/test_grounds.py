@@ -14,6 +14,7 @@ from awescli.notation.quantities import MEASURED, SURFACES
 from awescli.reporting.candidates import because, ranking
 from awescli.reporting.correlation import correlation
 from awescli.reporting.flight import checks
+from awescli.reporting.headline import _share
 from awescli.reporting.html import page
 from awescli.reporting.in_action import gaining, made_of_it
 from awescli.reporting.marks import Code, Link, OnScreen, Strong, plain, table
@@ -42,6 +43,7 @@ def ranked(*candidates):
     ({"outcome": "not fitted"}, "Its score of 36.2 is significant, but far below the best (195): not fitted."),
     ({"outcome": "set aside"},
      "It gains a deviance of 101, and so may a controller that answers gusts better than the log shows them."),
+    ({"outcome": "set aside", "deviance_gain": -8.0}, "It gains a deviance of −8.00, 1752 less than the best."),
     ({"outcome": "given up"},
      "Its score of 36.2 is significant, but its fit came to less than half of the best gain (1744), and was given up."),
     ({"plausible_size": False}, "It leads the declared model by a deviance of 101, but only at the end of its plausible range."),
@@ -51,6 +53,19 @@ def test_why_a_candidate_lost(change, says):
     c = {**CANDIDATE, **change}
     assert because(ranked(c), c, taken=False, rival=False) == says
     assert says in Reader(show(ranking(ranked(c)))).text
+
+
+def test_what_is_set_aside_is_neither_the_best_nor_the_next():
+    """Guards a page of a flight in gusts: a lag set aside with 63 was "the best", and "next" with 0 % of the gap beside a bias of 58."""
+    aside = {**CANDIDATE, "name": "actuator_delay", "outcome": "set aside", "deviance_gain": 9999.0, "explained_share": 0.0}
+    little = {**CANDIDATE, "deviance_gain": -2.0, "explained_share": 0.0}
+    e = ranked(aside, little)
+    assert because(e, little, False, False) == "It gains a deviance of −2.00, 1746 less than the best."
+    found = {"name": BEST["name"], "acts_on": BEST["acts_on"]}
+    e = replace(e, effects={**e.effects, "ranking": [{**BEST, "explained_share": 1.0}, aside, little]})
+    assert "next" not in str(_share(e, found))
+    e = replace(e, effects={**e.effects, "ranking": [{**BEST, "explained_share": 1.0}, aside, {**little, "explained_share": 0.4}]})
+    assert "next" in str(_share(e, found))
 
 
 def test_who_was_taken_and_who_does_as_well():
