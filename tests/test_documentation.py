@@ -204,3 +204,16 @@ def test_the_speed_table_names_the_faster_way_of_every_peer():
     shown = dict(re.findall(r"^\| Jacobian, times (scipy[^|]*) \| \*\*([^*]+)\*\*", (ROOT / "README.md").read_text(), re.M))
     told = dict(re.findall(r"^\| (scipy[^|]*) \|[^|]*\| \*\*([^*]+)\*\*", whole, re.M))
     assert shown == told and any("in one solve_ivp" in who for who in shown)
+
+
+def test_the_flights_of_the_readme_are_those_that_were_flown():
+    """Guards a sum that nobody added up again when a set was flown, and a set whose flights do not add up: the README's rows are the sums
+    of the sections of the same name."""
+    whole = (ROOT / "benchmarks" / "blind_flights.md").read_text()
+    flown = {}
+    for section in re.split(r"^## ", whole, flags=re.M)[1:]:
+        rows = [[int(n) for n in row] for row in re.findall(r"^\| [^|]+ \| [^|]* \|" + r" (\d+) \|" * 5, section, re.M)]
+        assert len(rows) == len(re.findall(r"^\| ", section, re.M)) - 1 and all(n == sum(answers) for n, *answers in rows), section
+        flown[section.splitlines()[0]] = [sum(column) for column in zip(*rows, strict=True)]
+    shown = re.findall(r"^\| ((?:Ours|JSBSim): [^|]+) \|" + r" (\d+) \|" * 5, (ROOT / "README.md").read_text(), re.M)
+    assert {name: [int(n) for n in row] for name, *row in shown} == flown
