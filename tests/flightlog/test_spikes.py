@@ -66,6 +66,15 @@ def test_two_in_a_row_of_different_size(clean, far, near, side):
     assert set(found["psi"]) <= {2, psi.size - 2}
 
 
+@pytest.mark.parametrize("first, second", [(0.32, -0.25), (0.3, 0.3), (-0.2, -0.35), (-0.15, 0.25)])
+def test_two_in_a_row(clean, first, second):
+    """Guards another one (family 43, a line's drag): a roll of +18 and -15 deg, one after the other, of which each vouched for the other.
+    The noise of the whole flight was three times what it is, and the answer `unexplained`."""
+    phi = clean["phi"].copy()
+    phi[3000:3002] += first, second
+    assert looked_at({"phi": phi})["phi"] == [3000, 3001]
+
+
 def test_half_a_turn_off(clean):
     """To either side it is the same."""
     psi = clean["psi"].copy()
