@@ -76,7 +76,7 @@ def demo():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("says_the_unit_of_the_load", [True, False])
+@pytest.mark.parametrize("says_the_unit_of_the_load", [pytest.param(True, marks=pytest.mark.campaign), False])
 def test_the_tutorial_takes_an_unknown_log_to_a_right_verdict(demo, tmp_path, monkeypatch, says_the_unit_of_the_load):
     log = knots_and_feet(demo, tmp_path / "logs", every=2)
     if not says_the_unit_of_the_load:

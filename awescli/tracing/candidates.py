@@ -1,5 +1,6 @@
 """Candidate effects as columns of a sensitivity: tangents where an effect is smooth at null, secants where it is flat there."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -24,13 +25,14 @@ class Variant:
         return f"{self.key}{sorted(self.at.items())}"
 
 
-def variants(effect: Effect) -> list[Variant]:
-    """All variants of an effect: its grid of shapes times its grid of probes."""
+def variants(effect: Effect, onsets: Sequence[float] = ()) -> list[Variant]:
+    """All variants of an effect: its grid of shapes times its grid of probes. onsets: [s] when one may begin that does so in flight."""
     strong = [p.name for p in effect.parameters if p.name not in effect.shapes]
-    names = list(effect.probes)
+    probes = {**effect.probes, effect.onset: onsets} if effect.onset else effect.probes
+    names = list(probes)
     secant = any(name in strong for name in names)
     result = []
-    for sizes in product(*(effect.probes[n] for n in names)):
+    for sizes in product(*(probes[n] for n in names)):
         at = {f"{effect.key}.{n}": v for n, v in zip(names, sizes, strict=True)}
         moving = tuple(f"{effect.key}.{n}" for n in strong if not secant or n in names)
         result.append(Variant(effect.key, moving, at, secant))

@@ -42,7 +42,7 @@ def rivals(
     and are tried however far they lie to first order (a mass that is a third too large is not near); passed_over: deviance that is left to
     effects which got no name, and that a lead must exceed: two forms that both are not quite the one that is there differ by as much."""
     others = [k for k in keys if k not in final.keys]
-    every = [v for key in others for v in variants(make_effect(key, frame.declared))]
+    every = [v for key in others for v in variants(make_effect(key, frame.declared), frame.onsets())]
     columns = CandidateColumns(every)
     H = informed(frame, final, others, columns, frame.horizon)[0]
     found = {}

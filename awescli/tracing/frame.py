@@ -13,6 +13,10 @@ from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 
+ONSETS = 12
+"""Moments of a flight at which something may begin that are looked at at once."""
+EDGE = 1.0
+"""[s] within which what begins in flight is there."""
 BEYOND = 10.0
 """Prior standard deviations to either side where a bound is taken away."""
 
@@ -84,6 +88,25 @@ class Frame:
             rows = (_of_its_sign(table[n]) for n in names)
             flights.append(replace(flight, declared=flight.declared.with_parameters(table.with_rows(rows))))
         return replace(self, flights=tuple(flights))
+
+    def _stretches(self, *parts: str) -> np.ndarray:
+        """(R, 2) [s] those of some parts of the plan's flight, in order."""
+        log, of = self.flights[0].log, self.flights[0].split
+        return np.array([(log.time[first], log.time[last - 1]) for first, last in sorted(r for part in parts for r in getattr(of, part))])
+
+    def onsets(self, between: tuple[float, float] = (-np.inf, np.inf)) -> list[float]:
+        """[s] moments of the plan's flight at which something may begin, between those two, in order: spread over what is looked at of it,
+        and in the middle of what is not, within which no sample tells."""
+        ends = self._stretches("train", "validation")
+        inside, gaps = np.clip(ends, *between), ((ends[:-1, 1] + ends[1:, 0]) / 2)[ends[1:, 0] - ends[:-1, 1] > EDGE]
+        before = np.r_[0.0, np.cumsum(inside[:, 1] - inside[:, 0])]
+        shares = np.arange(1, ONSETS + 1) / (ONSETS + 1)
+        spread = np.interp(shares * before[-1], np.stack([before[:-1], before[1:]], axis=1).ravel(), inside.ravel())
+        return sorted({*spread.tolist(), *gaps[(gaps > between[0]) & (gaps < between[1])].tolist()})
+
+    def fits(self, moment: float) -> bool:
+        """Does a moment of the plan's flight lie in a stretch that is fitted, and not at its end, of which that says little?"""
+        return any(first + EDGE < moment < last - EDGE for first, last in self._stretches("train"))
 
     def problems(self, keys: Sequence[str]) -> list[EstimationProblem]:
         """The flights cut up for the declared kite with the effects `keys` at null."""

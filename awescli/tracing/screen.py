@@ -34,6 +34,8 @@ from awescli.tracing.rest import gusty
 
 SHORT = 1.0
 """[s] of the segments that are screened."""
+CLOSER = 4
+"""Times that an onset is sought, each time closer: that of an effect in half an hour lies within a segment then."""
 PROBES = 4
 """Draws of the gusts that say how the log determinant changes with a candidate ..."""
 UNSURE = 3.0
@@ -105,7 +107,7 @@ def firm(A: np.ndarray) -> np.ndarray:
 
 def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
     """Score every candidate effect of `keys` at a fitted model: over the whole horizon where it follows the flight by itself."""
-    columns = CandidateColumns([v for key in keys for v in variants(make_effect(key, frame.declared))])
+    columns = CandidateColumns([v for key in keys for v in variants(make_effect(key, frame.declared), frame.onsets())])
     flights = _flights(frame, model, keys, SHORT if model.rest else frame.horizon)
     projected = Projected.of(model, *_informed(model, flights, columns))
     rows = {**{p.name: p for k in keys for p in _rows(frame, k)}, **model.problems[0].simulator.kite.parameters}
@@ -119,6 +121,28 @@ def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
         return found
     integrated = projected.of_columns(columns.places(likeliest)).integrated(drawn)
     return replace(_scored(likeliest, integrated, rows, abrupt), untestable=found.untestable)
+
+
+def begun(frame: Frame, model: FittedModel, key: str) -> dict[str, float]:
+    """Full name -> value from which an effect that begins in flight is fitted to a model without it: to first order its likeliest onset,
+    sought among moments all over the flight, then among such between the neighbours of the best one, until these lie within a segment; and
+    its strengths from there. Loops that were not fitted are asked, too: the onset may lie in them. Nothing for an effect that the free
+    parameters absorb."""
+    effect, rows, onsets, found = make_effect(key, frame.declared), {p.name: p for p in _rows(frame, key)}, frame.onsets(), {}
+    horizon = SHORT if model.rest else frame.horizon
+    flights = [*_flights(frame, model, [key], horizon), *_flights(frame, model, [key], horizon, unseen=True)]
+    for _ in range(CLOSER):
+        columns = CandidateColumns(variants(effect, onsets))
+        scores = _scored(columns, Projected.of(model, *_informed(model, flights, columns)), rows, ()).scores
+        if not scores:
+            break
+        strengths, shapes = scores[0].start(rows)
+        found, place = {**strengths, **shapes}, onsets.index(shapes[f"{key}.{effect.onset}"])
+        between = onsets[max(place - 1, 0)], onsets[min(place + 1, len(onsets) - 1)]
+        if between[1] - between[0] < frame.horizon:
+            break
+        onsets = frame.onsets(between)
+    return found
 
 
 @dataclass(frozen=True)
@@ -226,8 +250,9 @@ def _rows(frame: Frame, key: str) -> Sequence[Parameter]:
     return make_effect(key, frame.declared).rows()
 
 
-def _flights(frame: Frame, model: FittedModel, keys: Sequence[str], horizon: float) -> list[_Placed]:
-    """All flights in segments of `horizon` seconds, flown by a fitted model with candidates `keys` at null."""
+def _flights(frame: Frame, model: FittedModel, keys: Sequence[str], horizon: float, unseen: bool = False) -> list[_Placed]:
+    """All flights in segments of `horizon` seconds, flown by a fitted model with candidates `keys` at null: those that are fitted, or the
+    unseen ones that validate."""
     found = []
     for flight, problem, fitted, place in zip(frame.flights, model.problems, model.fit.flights, model.fit.places, strict=True):
         simulator, table = flight.simulator((*model.keys, *keys)), fitted.parameters
@@ -236,6 +261,7 @@ def _flights(frame: Frame, model: FittedModel, keys: Sequence[str], horizon: flo
         short = build(simulator, problem.log, problem.split, min(horizon, problem.horizon), problem.outputs, by_range=problem.by_range)
         short = replace(short.with_factors(problem.factors), processes=problem.processes, names=problem.names)
         misfit, x = short.misfit(), table.vector(problem.names)
+        misfit = replace(misfit, observed=short.validation) if unseen else misfit
         found.append(_Placed(misfit, x, relaxed(misfit, x, misfit.own()), np.asarray(place), problem.kite.state_names))
     return found
 

@@ -24,7 +24,7 @@ from awescli.tracing.models import (
     fit_without,
 )
 from awescli.tracing.rest import gusty
-from awescli.tracing.screen import Score, Screening, holm, screen
+from awescli.tracing.screen import Score, Screening, begun, holm, screen
 from awescli.tracing.shapes import plausible, refined
 from awescli.tracing.tried import Tried
 
@@ -225,9 +225,10 @@ def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score
     begun without, and then with it: a lag that was seen with a limit of its rate gained a quarter less with that limit than without."""
     effect = make_effect(score.key, frame.declared)
     starts, ended = STARTS if here.rest else STARTS[1:], "given up"
-    first = np.inf if any(len(effect.probes.get(shape, ())) > 1 for shape in effect.shapes) else reach
+    first = np.inf if effect.onset or any(len(effect.probes.get(shape, ())) > 1 for shape in effect.shapes) else reach
+    onset = begun(frame, here, score.key) if effect.onset else {}
     for share, alone in starts if significant else starts[:1]:
-        strengths, seen = score.start(screening.rows, share)
+        strengths, seen = ({n: onset.get(n, value) for n, value in those.items()} for those in score.start(screening.rows, share))
         shapes = {**seen, **_without(effect)}
         try:
             model = fit_added(frame, here, score.key, strengths, shapes, alone, first)
@@ -298,7 +299,9 @@ def _best(
 
     def finish(t: Tried) -> None:
         progress(f"fitting with {t.key} to the end")
-        whole = fit_on(frame, t.fitted)
+        # the part of a flight that it was fitted to does not hold every onset
+        anew = t.partly and make_effect(t.key, frame.declared).onset
+        whole = fit_on(frame, t.fitted, begun(frame, here, t.key)) if anew else fit_on(frame, t.fitted)
         finished[t.key] = refined(frame, whole, criteria, t.fitted if t.partly else None) if t.gain >= HELPED * least else whole
 
     def standing() -> list[FittedModel]:

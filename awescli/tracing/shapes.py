@@ -16,9 +16,7 @@ from awescli.tracing.models import QUICK, WHOLE, FittedModel, begins_nowhere, bo
 AT_END = 1e-3
 """Share of its range, of a lower end above zero itself, within which a strength sits at that end."""
 UNSEEN = 0.05
-"""Share of the distance between the probes of a shape by which it may be uncertain, and not be chosen on unseen loops."""
-MOMENT = "s"
-"""Unit of a shape that is a moment of the flight."""
+"""Share of a segment by which an onset may be uncertain, and not be chosen on unseen loops."""
 
 
 def plausible(model: FittedModel, key: str) -> bool:
@@ -81,7 +79,9 @@ def _freed(
     """The model with a probed shape of its last effect free, from the likeliest place. partly: the model as fitted to a part of the flight,
     where that place is sought then, but for a moment, which may lie in the rest."""
     name = f"{effect.key}.{shape}"
-    if partly and (model.table[name].unit != MOMENT or partly.segments == model.segments):
+    if shape == effect.onset:
+        best = _onset_freed(frame, model, name, criteria)
+    elif partly:
         place = _freed_anywhere(part_of(frame), partly, effect, shape, QUICK, criteria).table[name].value
         best = fit_on(frame, model, {name: place}, free=(name,))
     else:
@@ -93,32 +93,42 @@ def _freed(
 def _freed_anywhere(
     frame: Frame, model: FittedModel, effect: Effect, shape: str, how: tuple[int, float], criteria: Criteria
 ) -> FittedModel:  # fmt: skip
-    """The likeliest of the models with a shape free, from where it stands and from its probes: the time of a loss of lift has an optimum of
-    its own in every loop, and where it lies in none of those that are fitted, unseen loops choose it, by halves of the distance between its
-    probes. A fit that comes nowhere near the best is given up."""
+    """The likeliest of the models with a shape free, from where it stands and from its probes."""
     name, null = f"{effect.key}.{shape}", next(p.value for p in effect.parameters if p.name == shape)
-    probes = [p for p in effect.probes.get(shape, ()) if p != null]
+    probes = (p for p in effect.probes.get(shape, ()) if p != null)
+    starts = dict.fromkeys((model.table[name].value, *(p for p in probes if not begins_nowhere(model, name, p))))
+    return present(_likelier(frame, None, model, name, starts, how, criteria), f"a fit with {name} free")
 
-    def likelier(best: FittedModel | None, before: FittedModel, starts: Iterable[float]) -> FittedModel:
-        for start in starts:
-            reach = best.fit.deviance + criteria.finalists if best and best.fit.ended else np.inf
-            try:
-                other = fit_on(frame, before, {name: start}, free=(name,), reach=reach, how=how)
-            except OutOfReach:
-                continue
-            best = min(best or other, other, key=_likeliest)
-        return present(best, f"a fit with {name} free")
 
-    best = likelier(None, model, dict.fromkeys((model.table[name].value, *(p for p in probes if not begins_nowhere(model, name, p)))))
-    apart = step = float(np.min(np.diff(sorted(probes)), initial=np.inf))
-    place = best.fit.names.index(name)
-    uncertain = np.isfinite(apart) and np.sqrt(best.fit.covariance[place, place]) > UNSEEN * apart
-    unseen = uncertain and best.table[name].unit == MOMENT and name not in bounded(best.fit)
-    while unseen and (step := step / 2) > UNSEEN * apart:
+def _likelier(
+    frame: Frame, best: FittedModel | None, model: FittedModel, name: str, starts: Iterable[float], how: tuple[int, float],
+    criteria: Criteria,
+) -> FittedModel | None:  # fmt: skip
+    """The likeliest of a model and of those that are fitted with a shape free, from each of some values. One that comes nowhere near the
+    best is given up."""
+    for start in starts:
+        reach = best.fit.deviance + criteria.finalists if best and best.fit.ended else np.inf
+        try:
+            other = fit_on(frame, model, {name: start}, free=(name,), reach=reach, how=how)
+        except OutOfReach:
+            continue
+        best = min(best or other, other, key=_likeliest)
+    return best
+
+
+def _onset_freed(frame: Frame, model: FittedModel, name: str, criteria: Criteria) -> FittedModel:
+    """The model with the onset of its last effect free: from where it stands, for the screening has sought it all over the flight. Where it
+    lies in none of the loops that are fitted, unseen ones choose it, by halves of a segment, and it is held there."""
+    best = present(_likelier(frame, None, model, name, [model.table[name].value], WHOLE, criteria), f"a fit with {name} free")
+    step, place = frame.horizon, best.fit.names.index(name)
+    uncertain = np.sqrt(best.fit.covariance[place, place]) > UNSEEN * step and name not in bounded(best.fit)
+    if not uncertain or frame.fits(best.table[name].value):
+        return best
+    while (step := step / 2) > UNSEEN * frame.horizon:
         there = best.table[name]
         either = {min(max(there.value + side, there.lower), there.upper) for side in (-step, step)} - {there.value}
-        best = likelier(best, best, sorted(either))
-    return best
+        best = present(_likelier(frame, best, best, name, sorted(either), WHOLE, criteria), f"a fit with {name} free")
+    return fit_held(frame, best, {name: best.table[name].value})
 
 
 def _held_where_null(frame: Frame, model: FittedModel, name: str, null: float, criteria: Criteria) -> FittedModel:

@@ -43,7 +43,7 @@ STARTS_OFF = {"d03": ("rate", 0.05)}
 up to 17 deg off (what came before is known for 0.1 s), which makes the limit 3 % too high; its interval does not know that."""
 
 
-QUICK = ("d01", "d02", "d04", "d06")
+QUICK = ("d01", "d02", "d06")
 """Traced in every run of the tests; the others take longer: `pytest -m campaign tests/acceptance`."""
 
 

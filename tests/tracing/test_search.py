@@ -19,7 +19,7 @@ BASE, FAILED, LOST, GOOD = fitted(0.0), fitted(-23.0), fitted(30.0, flies=3), fi
 
 def plain(abrupt=False):
     """What the search asks of an effect without shapes."""
-    return SimpleNamespace(abrupt=abrupt, target="", parameters=(), shapes=(), probes={})
+    return SimpleNamespace(abrupt=abrupt, target="", parameters=(), shapes=(), probes={}, onset="")
 
 
 def beaten(monkeypatch, ends, to_the_end=lambda frame, model, reach: model):
@@ -141,7 +141,8 @@ def test_a_held_shape_is_no_reason_to_give_up(monkeypatch, probes, first):
     and more than that with the right one. The fits with other shapes may be given up."""
     asked, here, poor = [], fitted(0.0), fitted(30.0)
     rows = (Parameter("rate", 50.0, "rad/s"),)
-    effect = SimpleNamespace(key="actuator_lag:elevator", abrupt=False, parameters=rows, shapes=("rate",), probes={"rate": probes})
+    form = {"shapes": ("rate",), "probes": {"rate": probes}, "onset": ""}
+    effect = SimpleNamespace(key="actuator_lag:elevator", abrupt=False, parameters=rows, **form)
     poor.unseen, poor.keys = here.unseen + 1, (effect.key,)
 
     def fit_added(frame, base, key, strengths, shapes, alone, reach):
@@ -169,7 +170,7 @@ def test_what_leads_on_a_part_of_the_flight_is_fitted_to_all_of_it(monkeypatch, 
     monkeypatch.setattr(searching, "refined", lambda frame, model, criteria, partly: model)
     monkeypatch.setattr(searching, "admissible", lambda *given: True)
     monkeypatch.setattr(searching, "plausible", lambda model, key: key == "right")
-    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(shapes=()))
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(shapes=(), onset=""))
     tried = tuple(
         searching.Tried(SimpleNamespace(key=key), True, "converged", whole[key], gain, plausible=key == "right", partly=partly)
         for key, gain in (("implausible", 90.0), ("right", 33.0))
@@ -190,7 +191,7 @@ def test_a_fit_to_the_end_that_goes_astray_does_not_hide_the_next(monkeypatch, e
     monkeypatch.setattr(searching, "refined", lambda frame, model, criteria, partly: model)
     monkeypatch.setattr(searching, "admissible", lambda before, after, criteria: after.deviance < before.deviance)
     monkeypatch.setattr(searching, "plausible", lambda model, key: True)
-    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(shapes=()))
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(shapes=(), onset=""))
     tried = tuple(
         searching.Tried(SimpleNamespace(key=key), True, "converged", whole[key], gain) for key, gain in (("best", 300.0), ("next", 200.0))
     )
@@ -211,7 +212,7 @@ def test_what_model_error_helps_yet_is_fitted_to_the_end(monkeypatch, quick, res
     monkeypatch.setattr(searching, "refined", lambda frame, model, criteria, partly: model)
     monkeypatch.setattr(searching, "admissible", lambda *given: True)
     monkeypatch.setattr(searching, "plausible", lambda model, key: True)
-    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(shapes=()))
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: SimpleNamespace(shapes=(), onset=""))
     tried = tuple(
         searching.Tried(SimpleNamespace(key=key), True, "converged", whole[key], gain) for key, gain in (("lag", 1187.0), ("delay", quick))
     )
@@ -293,7 +294,7 @@ def test_a_lag_at_the_end_of_its_range_is_tried_with_other_rate_limits(monkeypat
 
 
 @pytest.mark.parametrize("at, within", [(45.0, 0.3), (52.0, 1.0)])
-def test_a_loss_of_lift_is_timed_from_wherever_it_is_probed(at, within):
+def test_a_loss_of_lift_is_timed_wherever_it_is(at, within):
     """Guards the time of a loss of lift: the cost has an optimum of its own for it in every loop, and a drift with a step the other way was
     named instead (JSBSim). At 52 s it lies in loops that are neither fitted nor judged: those beside them must do."""
     known = ("CL0", "CD0", "Cma")

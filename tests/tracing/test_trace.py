@@ -201,7 +201,7 @@ def with_a_wrong_bound(effects):
     return declared.with_parameters(declared.table().with_rows([wrong])), log, parts
 
 
-@pytest.mark.parametrize("effects", [{}, {"load_cell_lag": {"tau": 0.3}}])
+@pytest.mark.parametrize("effects", [pytest.param({}, marks=pytest.mark.campaign), {"load_cell_lag": {"tau": 0.3}}])
 def test_bounds_that_do_not_hold_the_truth_are_told(effects):
     """Guards blind flights on which nothing was named, or the air's density, for bounds that were wrong: these are told, and what is
     there beside them; the error before is that within the bounds."""
@@ -217,7 +217,7 @@ def test_bounds_that_do_not_hold_the_truth_are_told(effects):
     assert handed_on.value == told["value"] and 0 <= handed_on.lower < told["value"] < handed_on.upper
 
 
-@pytest.mark.parametrize("effects", [{}, {"load_cell_lag": {"tau": 0.3}}])
+@pytest.mark.parametrize("effects", [pytest.param({}, marks=pytest.mark.campaign), {"load_cell_lag": {"tau": 0.3}}])
 def test_bounds_are_not_told_where_an_effect_does_what_they_forbid(effects):
     """Guards against either answer where both do as well: a drag of no lift is CD0 by another name, and may be what is missing."""
     declared, log, parts = with_a_wrong_bound(effects)

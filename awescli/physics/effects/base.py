@@ -23,6 +23,7 @@ class Effect:
     empirical: a term fitted to a residual, not physics; probes: parameter name -> sizes at which an effect that is flat at null (a lag,
     a threshold) is tried; abrupt: its presence changes the start of a rollout so much that only a re-fit from the probe can judge it;
     shapes: parameters that only give form to another one; refinements: shape -> values tried only once the effect is accepted;
+    onset: the shape that is a moment of the flight [s on its clock], when the effect begins;
     start_spread: of its states, standard deviations about `initial`: what is not known of the flight before a rollout;
     last: its load answers the sum of all others, so that it stands behind them; reads: measured signals that it takes from the log, so
     that it cannot be flown without one; requires: rows of the kite file's own table that it reads; inputs: exogenous inputs that it reads
@@ -48,6 +49,7 @@ class Effect:
     probes: dict[str, tuple[float, ...]] = {}
     shapes: tuple[str, ...] = ()
     refinements: dict[str, tuple[float, ...]] = {}
+    onset: str = ""
     abrupt: bool = False
     always: bool = False
     traceable: bool = True

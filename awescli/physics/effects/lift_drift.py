@@ -25,8 +25,8 @@ class LiftDrift(Effect):
         Parameter("at", 60.0, "s", 0.0, 1e5, source="onset on the flight's clock; gives form only"),
         Parameter("within", SUDDEN, "s", 0.0, 10.0, source="from damage to rain; gives form only"),
     )
-    probes = {"at": (20.0, 40.0, 60.0, 80.0, 100.0, 120.0)}
     shapes = ("at", "within")
+    onset = "at"
     refinements = {"within": (0.3, 0.1)}
 
     def coefficients(self, coefficients: Coefficients, at: Instant, own: SimpleNamespace) -> Coefficients:
