@@ -165,6 +165,18 @@ def mean_squares(fit: Fit, change: np.ndarray | None = None) -> dict[str, tuple[
     return {n: (float((square[i] + spread[i]) / count[i]), float(count[i])) for i, n in enumerate(outputs) if count[i] > 0}
 
 
+def smoothed_residual(fit: Fit) -> np.ndarray:
+    """(K, N+1, Y) whitened residual of a fit, its nuisances at their best; NaN where nothing was measured, and of segments that do not
+    count."""
+    misfit, x, moved = fit.misfit, fit.parameters.vector(fit.misfit.names), fit.information.nuisances()
+    found = np.full(misfit.observed.measured.shape, np.nan)
+    for which, links, _ in misfit.parts(x, fit.own, ()):
+        r = links.r - misfit.changed(links, moved.of(which), None)[..., 0]
+        found[which] = np.where(links.weight > 0, r, np.nan)
+    found[np.setdiff1d(np.arange(len(fit.alive)), fit.counted)] = np.nan
+    return found
+
+
 def _whitened(fit: Fit, change: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(squares of the whitened residual, variances that the nuisances give it, number of samples), each a sum by channel (Y,)."""
     misfit, x = fit.misfit, fit.parameters.vector(fit.names)

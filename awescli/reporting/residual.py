@@ -25,7 +25,7 @@ def residual(evidence: Evidence) -> Section:
     found = Paragraph((verdict_chip(evidence), " ", lead(evidence))), sizes(evidence), in_action(evidence), before_after(evidence)
     found = (*found, over_loop(evidence), roll_gusts(evidence), rolled_parameters(evidence))
     why = criteria(evidence), probabilities(evidence), ranking(evidence)
-    return Section("residual", title, (found, unexplained(evidence), why, whiteness(evidence), shifts(evidence)))
+    return Section("residual", title, (found, unexplained(evidence), why, whiteness(evidence), outliers(evidence), shifts(evidence)))
 
 
 def verdict_chip(evidence: Evidence) -> Chip:
@@ -189,6 +189,15 @@ def _shifted(id: str, title: str, moved: dict, added: bool, note: str) -> Figure
         "shapes": [{"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "x0": -1, "x1": 1, "fillcolor": "@grey/0.12", "line": {"width": 0}}],
     }
     return Figure(id, title, data, layout, split="fitted to train", note=note, height=90 + 17 * len(names))
+
+
+def outliers(evidence: Evidence) -> Body:
+    """Values that no model was asked to follow."""
+    many = evidence.traced.get("outliers")
+    if not many:
+        return ""
+    values = listed([f"{count} of {channel(name)}" for name, count in many.items()])
+    return Paragraph((f"Values that were left out, for they are far off for a moment, with good ones on either side: {values}.",))
 
 
 def roll_gusts(evidence: Evidence) -> Body:

@@ -17,6 +17,7 @@ from awescli.tracing.frame import Frame, Levels, TracedFlight
 from awescli.tracing.instruments import instrument_errors
 from awescli.tracing.investigate import Finding, investigate, library_keys
 from awescli.tracing.models import Say, fit_null
+from awescli.tracing.outliers import without_outliers
 
 CURRICULUM = (1.0, 2.5)
 """[s] horizons fitted before the whole one: a guess that is 30 % off cannot follow the flight for five seconds."""
@@ -52,9 +53,12 @@ def trace_flight(
     frame = Frame(flights, horizon, tuple(outputs or log.measured), tuple(per_flight))
     progress("fitting the model as it is declared")
     null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None or also else (levels,))
+    frame, null, many = without_outliers(frame, null)
+    if many:
+        progress(f"left out: {sum(many.values())} values that are far off for a moment")
     error = predict(null.simulator, log, parts.validation, horizon).nrmse()["mean"]
     known = {"null_error": error, "identified_error": identified_error, "contradictions": contradictions(frame)}
-    finding = investigate(frame, null, keys, rounds=rounds, progress=progress, **known)
+    finding = replace(investigate(frame, null, keys, rounds=rounds, progress=progress, **known), outliers=many)
     if finding.evidence.contradictions:  # what else is said of a flight would be said for them
         return finding
     if finding.verdict == "not_testable" or _far_off(finding):

@@ -108,6 +108,14 @@ class Frame:
         """Does a moment of the plan's flight lie in a stretch that is fitted, and not at its end, of which that says little?"""
         return any(first + EDGE < moment < last - EDGE for first, last in self._stretches("train"))
 
+    def without(self, rows: Sequence[Mapping[str, Sequence[int]]]) -> "Frame":
+        """The same without some samples of channels, of every flight: their sensors said nothing there."""
+        flights = []
+        for flight, of in zip(self.flights, rows, strict=True):
+            fresh = {**flight.log.fresh, **{name: flight.log.is_new(name) & ~np.isin(np.arange(len(flight.log)), of[name]) for name in of}}
+            flights.append(replace(flight, log=replace(flight.log, fresh=fresh)))
+        return replace(self, flights=tuple(flights))
+
     def problems(self, keys: Sequence[str]) -> list[EstimationProblem]:
         """The flights cut up for the declared kite with the effects `keys` at null."""
         cut = (build(f.simulator(keys), f.log, f.split, self.horizon, self.outputs) for f in self.flights)

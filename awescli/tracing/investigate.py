@@ -1,7 +1,7 @@
 """From a fitted declared model to a finding: search the library, see what is left, what else would do, and let the criteria decide."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -77,7 +77,7 @@ class Finding:
     with a size that nothing has, and its model without bounds; roll_gusts: None where there are none; flights: since when and with which
     size the answer, or the candidate that came nearest to one, holds in each; by_prediction: with what a model without a verdict predicts
     better; instruments: what such a flight says of its sensors and actuators; within: the finding within the declared bounds,
-    `unexplained`, where this one is that without them."""
+    `unexplained`, where this one is that without them; outliers: channel -> values that were left out (`tracing.outliers`)."""
 
     frame: Frame
     verdict: str
@@ -91,6 +91,7 @@ class Finding:
     by_prediction: ByPrediction | None = None
     instruments: tuple[InstrumentError, ...] = ()
     within: "Finding | None" = None
+    outliers: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def null(self) -> FittedModel:

@@ -78,6 +78,7 @@ def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction
         "flights": [_in_flight(finding, f) for f in finding.flights],
         "gust_m_s": max(evidence.gusts.values(), default=0.0),
         "processes": _processes(model), "noise_factors": dict(model.problems[0].factors),
+        "outliers": dict(finding.outliers),
         "roll_gusts": _roll_gusts(finding),
         "detectable": {key: size for key, (_, size) in evidence.search.detectable.items()},
         "detectable_units": {key: _unit(finding, key, name) for key, (name, _) in evidence.search.detectable.items()},

@@ -20,6 +20,7 @@ from awescli.reporting.in_action import gaining, made_of_it
 from awescli.reporting.marks import Code, Link, OnScreen, Strong, plain, table
 from awescli.reporting.one_page import one_page
 from awescli.reporting.rendering import show
+from awescli.reporting.residual import outliers
 from awescli.reporting.terms import TERMS, TIPS
 from awescli.reporting.whiteness import spectra, what_is_left
 from awescli.reporting.words import CHANNELS
@@ -103,6 +104,13 @@ def test_correlations_are_those_of_the_matrix_without_the_record():
     drawn = {(x, y): (name, said) for name, x, y, said in squares}
     assert drawn == {("lag.tau", "Ca"): ("together, 0.95 to 1", "0.970"), ("Ca", "Cb"): ("against each other, 0.6 to 0.8", "−0.700")}
     assert correlation(replace(evidence(), traced_params=None, params=None)) == ""
+
+
+def test_values_that_were_left_out_are_counted():
+    e = evidence()
+    assert outliers(e) == ""
+    text = show(outliers(replace(e, effects={**e.effects, "outliers": {"theta": 3, "a_z": 1}})))
+    assert "left out" in text and "3 of pitch" in text and "1 of " in text
 
 
 def test_the_effect_in_action_shows_what_it_made_and_the_channel_that_gains():

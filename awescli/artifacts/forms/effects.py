@@ -276,6 +276,7 @@ class Effects(Checked):
     left: Left | None = Field(default=None, description="what the answer leaves")
     processes: dict[str, Level] = Field(default={}, description="process -> its estimated level, with the answer")
     noise_factors: Numbers = Field(default={}, description="channel -> factor on its declared noise that the flight asks for [-]")
+    outliers: dict[str, int] = Field(default={}, description="channel -> values that were left out: far off, for a moment")
     residual: dict[Literal["before", "after"], LeftOver] = Field(
         default={}, description="the residual without the answer's effects, and with them"
     )

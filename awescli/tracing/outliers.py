@@ -1,0 +1,62 @@
+"""Values that are no measurement: far off all that a fitted model and its processes say, for a moment, with good ones on either side.
+
+The reader takes out what leaps (`flightlog.spikes`). What that leaves, some ten standard deviations of a sensor's noise, counts in a sum of
+squares as much as what an effect does, and noise that has to hold it hides the effect. Nothing that flies is off for a moment only: a model
+that lacks something is off for as long as the kite takes to answer.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from awescli.estimation.fit import Fit
+from awescli.estimation.levels import smoothed_residual
+from awescli.tracing.frame import Frame
+from awescli.tracing.models import FittedModel, fit_on
+
+FAR = 6.0
+"""Standard deviations by which one value at least of an outlier is off, ..."""
+BESIDE = 3.0
+"""... all of its values, and none of the two on either side: the noise is too large while they count."""
+BRIEF = 0.06
+"""[s] how long it lasts at most."""
+RARE = 0.05
+"""Share of a channel's values, at most: more, and its noise is of another kind."""
+PASSES = 4
+"""In which they are looked for: the noise is too large until the farthest are gone."""
+
+
+def without_outliers(frame: Frame, model: FittedModel) -> tuple[Frame, FittedModel, dict[str, int]]:
+    """(the frame without outliers, the model fitted anew to what is left, channel -> how many, of all flights)."""
+    many: Counter[str] = Counter()
+    for _ in range(PASSES):
+        found = [outliers(*each) for each in zip(model.fit.flights, model.judged, strict=True)]
+        if not any(found) or not model.fit.ended:
+            break
+        many.update({name: len(rows) for flight in found for name, rows in flight.items()})
+        frame = frame.without(found)
+        model = fit_on(frame, model)
+    return frame, model, dict(many)
+
+
+def outliers(fitted: Fit, judged: Fit) -> Mapping[str, Sequence[int]]:
+    """Channel -> samples of the log that are outliers, in the loops that were fitted and in those that were judged."""
+    found: dict[str, set[int]] = {}
+    count: Counter[str] = Counter()
+    for fit in (fitted, judged):
+        observed, r = fit.misfit.observed, smoothed_residual(fit)
+        for (k, y), name in zip(np.ndindex(len(r), len(observed.outputs)), len(r) * list(observed.outputs), strict=True):
+            new = np.flatnonzero(np.isfinite(r[k, :, y]))
+            count[name] += new.size
+            found.setdefault(name, set()).update((observed.segments.first[k] + new[_off(r[k, new, y], observed.segments.dt)]).tolist())
+    return {name: sorted(rows) for name, rows in found.items() if 0 < len(rows) <= RARE * count[name]}
+
+
+def _off(r: np.ndarray, dt: float) -> np.ndarray:
+    """Places of a whitened residual (N,) that are off for a moment only."""
+    off = np.abs(r)
+    ends = np.flatnonzero(np.diff(np.r_[0, off > BESIDE, 0])).reshape(-1, 2)
+    found = [np.arange(first, last) for first, last in ends if last - first <= max(1, round(BRIEF / dt)) and off[first:last].max() > FAR]
+    alone = [run for run in found if (off[max(run[0] - 2, 0) : run[0]] <= BESIDE).all() and (off[run[-1] + 1 :][:2] <= BESIDE).all()]
+    return np.concatenate([np.zeros(0, int), *alone])

@@ -1,0 +1,78 @@
+"""Values that are far off for a moment: left out once a model is fitted, and nothing else is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tracing.traced import null_model
+
+from awescli.tracing.frame import Frame
+from awescli.tracing.models import fit_null
+from awescli.tracing.outliers import _off, outliers, without_outliers
+
+
+def with_errors(frame: Frame, errors) -> Frame:
+    """The frame with `errors`: channel -> {sample: standard deviations of its noise} put into the log."""
+    (flight,) = frame.flights
+    measured, noise = dict(flight.log.measured), flight.declared.noise.channels()
+    for name, those in errors.items():
+        measured[name] = measured[name].copy()
+        for row, size in those.items():
+            measured[name][row] += size * noise[name][0]
+    return replace(frame, flights=(replace(flight, log=replace(flight.log, measured=measured)),))
+
+
+@pytest.mark.parametrize(
+    "r, dt, off",
+    [
+        ([0, 1, -9, 1, 0], 0.02, [2]),
+        ([-1, 8, -9, 7, 2], 0.02, [1, 2, 3]),
+        ([9, 0, 0, 0, 12], 0.02, [0, 4]),  # at the ends of a segment there is one side to ask
+        ([0, 8, -9, 7, 8, 0], 0.02, []),  # too long for a moment,
+        ([0, 8, -9, 7, 8, 0], 0.01, [1, 2, 3, 4]),  # and not where samples are twice as close
+        ([0, 1, 8, 7, 0, 1], 0.05, []),  # two samples of 20 Hz are a tenth of a second
+        ([0, 3.5, 5, 9, 5, 3.5, 0], 0.02, []),  # with shoulders: that is how something flies
+        ([0, 3.5, 0, 9, 0, 1], 0.02, []),
+        ([0, 1, 5, -25, 8, 0], 0.02, [2, 3, 4]),  # noise that holds the farthest makes the nearest look usual
+        ([0, 1, 5.9, 1, 0], 0.02, []),
+    ],
+)  # fmt: skip
+def test_what_is_far_off_for_a_moment_with_good_values_on_either_side(r, dt, off):
+    assert _off(np.array(r, float), dt).tolist() == off
+
+
+def test_they_are_left_out_and_the_noise_is_what_it_was():
+    """Guards dirty logs: errors of 8 to 40 standard deviations, three of them in a row, that no reader tells by the signal alone, made the
+    noise of a channel twice what it is, and a rudder's lag `unexplained`."""
+    frame, clean = null_model()
+    rows = np.r_[clean.problems[0].fitted.segments.first + 20, clean.problems[0].validation.segments.first + 31]
+    errors = {
+        "theta": {int(rows[0]) + k: size for k, size in enumerate((9.0, -40.0, 12.0))}, "a_z": {int(rows[1]): 8.0},
+        "v_d": {int(rows[-1]): -15.0},
+    }  # fmt: skip
+    dirty = with_errors(frame, errors)
+    before = fit_null(dirty, {}, (1.0,))
+    assert before.problems[0].factors["theta"] > 1.25
+    left, model, many = without_outliers(dirty, before)
+    assert many == {name: len(those) for name, those in errors.items()}
+    assert {name: np.flatnonzero(~left.flights[0].log.is_new(name)).tolist() for name in many} == {n: list(e) for n, e in errors.items()}
+    assert model.problems[0].factors.get("theta", 1.0) == pytest.approx(clean.problems[0].factors.get("theta", 1.0), rel=0.05)
+    std = np.sqrt(np.diag(clean.fit.covariance))
+    assert np.abs((model.fit.solution.x - clean.fit.solution.x) / std).max() < 0.3
+
+
+@pytest.mark.parametrize("effects", [(), (("actuator_lag:rudder", (("tau", 0.2),)),), (("turbulence", (("sigma", 1.0), ("L", 150.0))),)],
+                         ids=["clean", "lag", "gusts"])  # fmt: skip
+def test_what_flies_is_no_outlier(effects):
+    """Not what a model lacks, and not what gusts do."""
+    frame, null = null_model(effects)
+    assert without_outliers(frame, null) == (frame, null, {})
+
+
+def test_what_is_off_all_the_time_is_noise_of_another_kind():
+    """Guards a sensor with heavy tails: one value in ten off is not what happens now and then."""
+    frame, clean = null_model()
+    (flight,) = frame.flights
+    dirty = with_errors(frame, {"q": dict.fromkeys(range(10, len(flight.log), 10), 12.0)})
+    null = fit_null(dirty, {}, (1.0,))
+    assert "q" not in outliers(null.fit.flights[0], null.judged[0])
