@@ -77,7 +77,7 @@ def _freed(
     frame: Frame, model: FittedModel, effect: Effect, shape: str, criteria: Criteria, partly: FittedModel | None = None
 ) -> FittedModel:
     """The model with a probed shape of its last effect free, from the likeliest place. partly: the model as fitted to a part of the flight,
-    where that place is sought then, but for a moment, which may lie in the rest."""
+    where that place is sought then, but for an onset, which may lie in the rest."""
     name = f"{effect.key}.{shape}"
     if shape == effect.onset:
         best = _onset_freed(frame, model, name, criteria)

@@ -33,6 +33,7 @@ def with_errors(frame: Frame, errors) -> Frame:
         ([0, 1, 8, 7, 0, 1], 0.05, []),  # two samples of 20 Hz are a tenth of a second
         ([0, 3.5, 5, 9, 5, 3.5, 0], 0.02, []),  # with shoulders: that is how something flies
         ([0, 3.5, 0, 9, 0, 1], 0.02, []),
+        ([0, 1, 9, 0, 3.5, 0], 0.02, []),
         ([0, 1, 5, -25, 8, 0], 0.02, [2, 3, 4]),  # noise that holds the farthest makes the nearest look usual
         ([0, 1, 5.9, 1, 0], 0.02, []),
     ],
