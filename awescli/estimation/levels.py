@@ -166,8 +166,8 @@ def mean_squares(fit: Fit, change: np.ndarray | None = None) -> dict[str, tuple[
 
 
 def smoothed_residual(fit: Fit) -> np.ndarray:
-    """(K, N+1, Y) whitened residual of a fit, its nuisances at their best; NaN where nothing was measured, and of segments that do not
-    count."""
+    """(K, N+1, Y) whitened residual of a fit of which segments count, its nuisances at their best; NaN where nothing was measured, and of
+    segments that do not count. Raises LookupError where none do."""
     misfit, x, moved = fit.misfit, fit.parameters.vector(fit.misfit.names), fit.information.nuisances()
     found = np.full(misfit.observed.measured.shape, np.nan)
     for which, links, _ in misfit.parts(x, fit.own, ()):

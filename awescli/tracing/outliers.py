@@ -44,7 +44,7 @@ def outliers(fitted: Fit, judged: Fit) -> Mapping[str, Sequence[int]]:
     """Channel -> samples of the log that are outliers, in the loops that were fitted and in those that were judged."""
     found: dict[str, set[int]] = {}
     count: Counter[str] = Counter()
-    for fit in (fitted, judged):
+    for fit in (f for f in (fitted, judged) if len(f.counted)):
         observed, r = fit.misfit.observed, smoothed_residual(fit)
         for (k, y), name in zip(np.ndindex(len(r), len(observed.outputs)), len(r) * list(observed.outputs), strict=True):
             new = np.flatnonzero(np.isfinite(r[k, :, y]))

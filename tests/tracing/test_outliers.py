@@ -77,3 +77,10 @@ def test_what_is_off_all_the_time_is_noise_of_another_kind():
     dirty = with_errors(frame, {"q": dict.fromkeys(range(10, len(flight.log), 10), 12.0)})
     null = fit_null(dirty, {}, (1.0,))
     assert "q" not in outliers(null.fit.flights[0], null.judged[0])
+
+
+def test_a_model_that_flies_no_loop_says_nothing_of_them():
+    """Guards UMN's Thor: no validation loop counts under its declared model, and a trace ended there."""
+    frame, null = null_model()
+    lost = replace(null.judged[0], counted=np.zeros(0, int), information=replace(null.judged[0].information, _back=None))
+    assert without_outliers(frame, replace(null, judged=(lost,)))[2] == {}
