@@ -12,13 +12,13 @@ the deviance falls by twice sum(F' E[e w] / Q) as log memory grows, F' = dF / d 
 sum(F'^2 w^2 / Q): one Newton step.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from awescli.estimation.fit import Fit
 from awescli.estimation.information_filter import Information
-from awescli.estimation.links import Gram
+from awescli.estimation.links import Gram, Links
 from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.processes.base import Group, Process, labels_of
 from awescli.estimation.smoother import Innovations
@@ -168,25 +168,26 @@ def mean_squares(fit: Fit, change: np.ndarray | None = None) -> dict[str, tuple[
 def smoothed_residual(fit: Fit) -> np.ndarray:
     """(K, N+1, Y) whitened residual of a fit of which segments count, its nuisances at their best; NaN where nothing was measured, and of
     segments that do not count. Raises LookupError where none do."""
-    misfit, x, moved = fit.misfit, fit.parameters.vector(fit.misfit.names), fit.information.nuisances()
-    found = np.full(misfit.observed.measured.shape, np.nan)
-    for which, links, _ in misfit.parts(x, fit.own, ()):
-        r = links.r - misfit.changed(links, moved.of(which), None)[..., 0]
-        found[which] = np.where(links.weight > 0, r, np.nan)
-    found[np.setdiff1d(np.arange(len(fit.alive)), fit.counted)] = np.nan
+    found = np.full(fit.misfit.observed.measured.shape, np.nan)
+    for which, _, r in _smoothed(fit, None):
+        found[which] = r
     return found
+
+
+def _smoothed(fit: Fit, change: np.ndarray | None) -> Iterator[tuple[slice, Links, np.ndarray]]:
+    """(segments, their links, their part of `smoothed_residual`), group by group. change: (n,) of the globals before that."""
+    misfit, moved = fit.misfit, fit.information.nuisances(change)
+    parameters, of_globals = ((), None) if change is None else (fit.names, change[:, None])
+    counts = np.isin(np.arange(len(fit.alive)), fit.counted)
+    for which, links, _ in misfit.parts(fit.parameters.vector(fit.names), fit.own, parameters):
+        counting = (links.weight > 0) & counts[which, None, None]
+        yield which, links, np.where(counting, links.r - misfit.changed(links, moved.of(which), of_globals)[..., 0], np.nan)
 
 
 def _whitened(fit: Fit, change: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(squares of the whitened residual, variances that the nuisances give it, number of samples), each a sum by channel (Y,)."""
-    misfit, x = fit.misfit, fit.parameters.vector(fit.names)
-    moved, around = fit.information.nuisances(change), fit.information.samples(DRAWS, seed=0)
-    parameters, of_globals = ((), None) if change is None else (fit.names, change[:, None])
-    counts = np.isin(np.arange(len(fit.alive)), fit.counted)
-    found = np.zeros((3, len(misfit.observed.outputs)))
-    for which, links, _ in misfit.parts(x, fit.own, parameters):
-        counting = (links.weight > 0) & counts[which, None, None]
-        r = links.r - misfit.changed(links, moved.of(which), of_globals)[..., 0]
-        spread = (misfit.changed(links, around.of(which)) ** 2).mean(axis=-1)
-        found += [np.where(counting, values, 0.0).sum(axis=(0, 1)) for values in (r**2, spread, 1.0)]
+    around, found = fit.information.samples(DRAWS, seed=0), np.zeros((3, len(fit.misfit.observed.outputs)))
+    for which, links, r in _smoothed(fit, change):
+        spread = (fit.misfit.changed(links, around.of(which)) ** 2).mean(axis=-1)
+        found += [np.where(np.isfinite(r), values, 0.0).sum(axis=(0, 1)) for values in (r**2, spread, 1.0)]
     return found[0], found[1], found[2]

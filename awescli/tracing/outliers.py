@@ -20,7 +20,7 @@ FAR = 6.0
 BESIDE = 3.0
 """... all of its values, and none of the two on either side: the noise is too large while they count."""
 BRIEF = 0.06
-"""[s] how long it lasts at most."""
+"""[s] how long it lasts at most, unless it is a single value."""
 RARE = 0.05
 """Share of a channel's values, at most: more, and its noise is of another kind."""
 PASSES = 4
@@ -47,16 +47,19 @@ def outliers(fitted: Fit, judged: Fit) -> Mapping[str, Sequence[int]]:
     for fit in (f for f in (fitted, judged) if len(f.counted)):
         observed, r = fit.misfit.observed, smoothed_residual(fit)
         for (k, y), name in zip(np.ndindex(len(r), len(observed.outputs)), len(r) * list(observed.outputs), strict=True):
-            new = np.flatnonzero(np.isfinite(r[k, :, y]))
-            count[name] += new.size
-            found.setdefault(name, set()).update((observed.segments.first[k] + new[_off(r[k, new, y], observed.segments.dt)]).tolist())
+            count[name] += int(np.isfinite(r[k, :, y]).sum())
+            found.setdefault(name, set()).update((observed.segments.first[k] + _off(r[k, :, y], observed.segments.dt)).tolist())
     return {name: sorted(rows) for name, rows in found.items() if 0 < len(rows) <= RARE * count[name]}
 
 
 def _off(r: np.ndarray, dt: float) -> np.ndarray:
-    """Places of a whitened residual (N,) that are off for a moment only."""
-    off = np.abs(r)
-    ends = np.flatnonzero(np.diff(np.r_[0, off > BESIDE, 0])).reshape(-1, 2)
-    found = [np.arange(first, last) for first, last in ends if last - first <= max(1, round(BRIEF / dt)) and off[first:last].max() > FAR]
-    alone = [run for run in found if (off[max(run[0] - 2, 0) : run[0]] <= BESIDE).all() and (off[run[-1] + 1 :][:2] <= BESIDE).all()]
-    return np.concatenate([np.zeros(0, int), *alone])
+    """Samples of a whitened residual (N,), NaN between the values of a slow sensor, that are off for a moment only."""
+    new = np.flatnonzero(np.isfinite(r))
+    off, until = np.abs(r[new]), np.append(new, r.size)
+    found = np.zeros(0, int)
+    for first, last in np.flatnonzero(np.diff(np.r_[0, off > BESIDE, 0])).reshape(-1, 2):
+        brief = last - first == 1 or until[last] - until[first] <= round(BRIEF / dt)
+        beside = np.r_[off[max(first - 2, 0) : first], off[last : last + 2]]
+        if brief and off[first:last].max() > FAR and (beside <= BESIDE).all():
+            found = np.append(found, new[first:last])
+    return found

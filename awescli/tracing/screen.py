@@ -138,10 +138,10 @@ def begun(frame: Frame, model: FittedModel, key: str) -> dict[str, float]:
             break
         strengths, shapes = scores[0].start(rows)
         found, place = {**strengths, **shapes}, onsets.index(shapes[f"{key}.{effect.onset}"])
-        between = onsets[max(place - 1, 0)], onsets[min(place + 1, len(onsets) - 1)]
-        if between[1] - between[0] < frame.horizon:
+        ends = [-np.inf, *onsets, np.inf]
+        if np.ptp(onsets[max(place - 1, 0) : place + 2]) < frame.horizon:
             break
-        onsets = frame.onsets(between)
+        onsets = frame.onsets((ends[place], ends[place + 2]))
     return found
 
 

@@ -154,6 +154,30 @@ def test_stamps_that_wobble_change_no_verdict(tmp_path):
     assert finding.model.table["actuator_lag:rudder.tau"].value == pytest.approx(EXPECTED["d03"][1]["tau"], rel=0.05)
 
 
+NO_SENSOR = ("epoch_ms", "intern_time", "reel_out_speed", "tether_length")
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", ["d01", "d03", "d05"])
+def test_errors_of_some_values_change_no_verdict(name, tmp_path):
+    """Guards dirty logs: one, two and three values in a row that are off by 0.05, 0.3 or 2 times what a channel varies by, in half a per
+    cent of the rows of every sensor; d03 was `unexplained`. What no reader tells is left out of the trace, and counted."""
+    shutil.copytree(FLIGHTS / name, flight := tmp_path / name)
+    table, random = pl.read_csv(flight / "kite.csv"), np.random.default_rng(3)
+    dirty = {}
+    for column in (c for c in table.columns if c not in NO_SENSOR and not c.endswith("_sp")):
+        dirty[column] = x = table[column].to_numpy().copy()
+        spread = x.std()
+        for length, rate in ((1, 0.002), (2, 0.0007), (3, 0.0003)):
+            for i in random.integers(10, x.size - 10, random.poisson(rate * x.size)):
+                x[i : i + length] += random.normal(size=length) * spread * random.choice([0.05, 0.3, 2.0])
+    table.with_columns(pl.Series(c, x) for c, x in dirty.items()).write_csv(flight / "kite.csv")
+    _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
+    assert finding.verdict == EXPECTED[name][0][0] and sum(finding.outliers.values()) > 0
+    named = [key.partition(":")[0] for key in finding.evidence.model.keys]
+    assert named == list(json.loads((FLIGHTS / "KEY.json").read_text())[name]["effects"])
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize("name", ["d01", "d05"])
 def test_a_noisy_winch_changes_no_verdict(name, tmp_path):

@@ -10,6 +10,8 @@ from awescli.tracing.frame import Frame
 from awescli.tracing.models import fit_null
 from awescli.tracing.outliers import _off, outliers, without_outliers
 
+N = np.nan
+
 
 def with_errors(frame: Frame, errors) -> Frame:
     """The frame with `errors`: channel -> {sample: standard deviations of its noise} put into the log."""
@@ -34,6 +36,8 @@ def with_errors(frame: Frame, errors) -> Frame:
         ([0, 3.5, 5, 9, 5, 3.5, 0], 0.02, []),  # with shoulders: that is how something flies
         ([0, 3.5, 0, 9, 0, 1], 0.02, []),
         ([0, 1, 9, 0, 3.5, 0], 0.02, []),
+        ([0, N, 1, N, 8, N, -9, N, 0, N, 1], 0.02, []),  # two values of a sensor of 25 Hz are 40 ms apart and last 80
+        ([0, N, 1, N, 8, N, 0, N, 0, N, 1], 0.02, [4]),
         ([0, 1, 5, -25, 8, 0], 0.02, [2, 3, 4]),  # noise that holds the farthest makes the nearest look usual
         ([0, 1, 5.9, 1, 0], 0.02, []),
     ],

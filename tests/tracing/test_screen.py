@@ -1,6 +1,7 @@
 """Screening: what the residual says about each candidate, beyond what the free parameters can absorb."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -234,3 +235,23 @@ def test_an_onset_is_sought_all_over_the_flight(at, seen):
     found = begun(frame, null, "lift_drift")
     assert found["lift_drift.at"] == pytest.approx(at, abs=frame.horizon if seen else 4.0)
     assert found["lift_drift.step"] == pytest.approx(-0.06, abs=0.03)
+
+
+@pytest.mark.parametrize("at", [0.4, 97.0, 30.0, 88.0])
+def test_an_onset_is_sought_closer_to_the_best_moment(monkeypatch, at):
+    """Guards what lies before the first moment that is looked at, or after the last one: the nearest moment is taken for the best, and the
+    last of them lies within a segment, or in the middle of what is not looked at."""
+    frame, null = null_model()
+    (flight,) = frame.flights
+    log, parts = SimpleNamespace(time=np.arange(5000) * 0.02), SimpleNamespace(train=((0, 1000), (2000, 5000)), validation=())
+    frame = replace(frame, flights=(SimpleNamespace(log=log, split=parts, declared=flight.declared),))
+
+    def nearest(columns, projected, rows, abrupt):
+        best = min(columns.every, key=lambda v: abs(v.at["lift_drift.at"] - at))
+        return SimpleNamespace(scores=(SimpleNamespace(start=lambda rows: ({}, best.at)),))
+
+    monkeypatch.setattr("awescli.tracing.screen._flights", lambda *of, **how: [])
+    monkeypatch.setattr("awescli.tracing.screen._informed", lambda *of: ())
+    monkeypatch.setattr("awescli.tracing.screen.Projected", SimpleNamespace(of=lambda *of: None))
+    monkeypatch.setattr("awescli.tracing.screen._scored", nearest)
+    assert begun(frame, null, "lift_drift")["lift_drift.at"] == pytest.approx(at, abs=frame.horizon)

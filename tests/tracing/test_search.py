@@ -305,6 +305,16 @@ def test_a_loss_of_lift_is_timed_wherever_it_is(at, within):
     assert found["lift_drift.step"].value == pytest.approx(-0.06, abs=0.01)
 
 
+@pytest.mark.campaign
+def test_a_loss_of_lift_late_in_a_long_flight():
+    """Guards one at 230 s of five minutes, which was `unexplained`: a drift with a step the other way was made of it."""
+    account, finding = traced({"lift_drift": {"step": -0.06, "at": 230.0}}, 5, 5.0, 300.0)
+    assert account["verdict"] == "found" and [e["name"] for e in account["effects"]] == ["lift_drift"]
+    found = finding.evidence.model.table
+    assert found["lift_drift.at"].value == pytest.approx(230.0, abs=1.0)
+    assert found["lift_drift.step"].value == pytest.approx(-0.06, abs=0.005)
+
+
 def test_of_one_sensor_or_actuator_one_error():
     """Guards a pitot whose error is linear in sideslip (JSBSim) against a second name: the library's square of sideslip left to a scale of
     the same pitot up to half of what it gained itself. An error of another instrument stays, and so does what is none of an instrument."""
