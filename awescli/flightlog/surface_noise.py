@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from awescli.flightlog.log import FlightLog, Unknown
-from awescli.flightlog.smooth_motion import AVERAGE, SmoothMotion, hardest, lasting, likeliest, roughness
+from awescli.flightlog.smooth_motion import AVERAGE, SmoothMotion, density, hardest, lasting, likeliest, not_known, roughness, step_of
 from awescli.notation.quantities import CONTROL_SURFACES
 
 LEAST_NOISE = np.radians(0.05)
@@ -45,12 +45,6 @@ No rate may answer a flap. The quickest move of a development flight's rudder co
 
 COARSE = np.radians(0.2)
 """[rad] Steps from which on a record is coarse: what it rounds off goes with the motion, and comes again in every loop."""
-
-WHOLE = 1e-3
-"""Share of a step by which a value may miss a whole one."""
-
-SAME = 1e-7
-"""[rad] by which values that are the same may differ."""
 
 
 def with_smooth_surfaces(log: FlightLog) -> FlightLog:
@@ -94,38 +88,6 @@ def smooth_surface(signal: np.ndarray, dt: float, seen: np.ndarray) -> tuple[np.
         return None
     coarse = step_of(signal[seen]) >= COARSE  # smoothing takes nothing off what comes again in every loop
     return motion, float(noise), replace(unknown, std=float(noise)) if coarse else unknown
-
-
-def not_known(noise: float, jerk: float, dt: float, times: float = 1.0) -> Unknown:
-    """What the likeliest motion may be off; times: density of the noise at low frequencies over that of a white one of its size. Where
-    noise of density n and a motion of density q / w^6 meet, at w_c, the error's density falls from n as n / (1 + (w / w_c)^6) (Wiener): its
-    variance is n w_c / 3, and at low frequencies it is that of a process of memory 3 / (2 w_c)."""
-    corner = (jerk / noise) ** (1 / 3)
-    return Unknown(float(noise * np.sqrt(times * dt * corner / 3)), float(3 / (2 * corner)))
-
-
-def density(left: np.ndarray) -> float:
-    """Density at low frequencies of a noise (N,) over that of a white one of its size, 1 at least: twice the sum of its autocorrelation
-    while that is positive (Geyer, Statistical Science 7, 1992)."""
-    left = left - left.mean()
-    total, square = 1.0, float(left @ left)
-    for lag in range(1, len(left)):
-        share = float(left[lag:] @ left[:-lag]) / square
-        if share <= 0:
-            break
-        total += 2 * share
-    return total
-
-
-def step_of(signal: np.ndarray) -> float:
-    """The step of a record (N,) all of whose values are whole steps; 0 where they are not."""
-    values = np.unique(signal)
-    between = np.diff(values)
-    if not (between > SAME).any():
-        return 0.0
-    step = float(between[between > SAME].min())
-    whole = (values - values[0]) / step
-    return step if np.abs(whole - np.round(whole)).max() < WHOLE else 0.0
 
 
 def answered(left: np.ndarray, rates: Sequence[np.ndarray], dt: float, valid: np.ndarray) -> float:

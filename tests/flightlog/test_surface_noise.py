@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from awescli.flightlog.log import FlightLog
-from awescli.flightlog.smooth_motion import DIFFERENCE
-from awescli.flightlog.surface_noise import answered, density, not_known, step_of, with_smooth_surfaces
+from awescli.flightlog.smooth_motion import DIFFERENCE, density, not_known, step_of
+from awescli.flightlog.surface_noise import answered, with_smooth_surfaces
 
 DT, N = 0.02, 6000
 TIME = DT * np.arange(N)

@@ -7,6 +7,7 @@ from awescli.estimation.processes.model_error import ModelError
 from awescli.estimation.processes.pitch_yaw_gusts import PitchYawGusts
 from awescli.estimation.processes.roll_gusts import RollGusts
 from awescli.estimation.processes.surface_noise import SurfaceNoise
+from awescli.estimation.processes.winch_noise import WinchNoise
 from awescli.estimation.processes.wind_record import WindRecord
 
-PROCESSES = {p.name: p for p in (WindRecord, Gusts, RollGusts, PitchYawGusts, ModelError, Drift, LineLength, SurfaceNoise)}
+PROCESSES = {p.name: p for p in (WindRecord, Gusts, RollGusts, PitchYawGusts, ModelError, Drift, LineLength, SurfaceNoise, WinchNoise)}
