@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from awescli.estimation.prediction import predict
 from awescli.flightlog.loops import find_loops
@@ -176,6 +177,22 @@ def test_errors_of_some_values_change_no_verdict(name, tmp_path):
     assert finding.verdict == EXPECTED[name][0][0] and sum(finding.outliers.values()) > 0
     named = [key.partition(":")[0] for key in finding.evidence.model.keys]
     assert named == list(json.loads((FLIGHTS / "KEY.json").read_text())[name]["effects"])
+
+
+@pytest.mark.campaign
+def test_accelerometers_ahead_of_the_reference_point_have_their_name(tmp_path):
+    """Guards a box that stands where there was room for it: what it feels of the rotation was taken for the arm of the antenna."""
+    shutil.copytree(FLIGHTS / "d01", flight := tmp_path / "d01")
+    table, arm = pl.read_csv(flight / "kite.csv"), np.array([0.35, 0.0, 0.05])
+    rates = np.radians(table.select("p", "q", "r").to_numpy())
+    smooth = sosfiltfilt(butter(2, 8.0, fs=50, output="sos"), rates, axis=0)
+    felt = np.cross(np.gradient(smooth, 0.02, axis=0), arm) + np.cross(smooth, np.cross(smooth, arm))
+    columns = {n: table[n] + felt[:, i] for i, n in enumerate(("a_eb_bX", "a_eb_bY", "a_eb_bZ"))}
+    table.with_columns(**columns).write_csv(flight / "kite.csv")
+    _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
+    assert finding.verdict == "found" and finding.evidence.model.keys == ("imu_arm",)
+    values = finding.model.table
+    assert [values[f"imu_arm.{n}"].value for n in "xyz"] == pytest.approx(arm, abs=0.03)
 
 
 @pytest.mark.campaign

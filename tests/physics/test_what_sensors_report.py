@@ -97,6 +97,20 @@ def test_a_late_attitude_is_an_earlier_one(calm):
         assert np.array_equal(late[name], true[name])
 
 
+def test_accelerometers_away_from_the_reference_point():
+    """Guards all terms of the lever arm of accelerations: they are the rate at which the velocity of the box changes beside the kite's."""
+    kite, plain = Kite(DEVELOPMENT, HEIGHTS, ("imu_arm",)), Kite(DEVELOPMENT, HEIGHTS)
+    arm = np.array([0.35, -0.1, 0.05])
+    kite = kite.with_values(dict(zip(("imu_arm.x", "imu_arm.y", "imu_arm.z"), arm.tolist(), strict=True)))
+    (x, u, c), (x0, u0, c0) = at_point(kite), at_point(plain)
+    found = np.subtract(kite.outputs(x, u, c), plain.outputs(x0, u0, c0))
+    rate, h = np.array(plain.derivative(x0, u0, c0)[:12]), 1e-5
+    moves = [body_to_ned(*z[6:9]) @ np.cross(z[9:12], arm) for z in (np.array(x0[:12]) - h * rate, np.array(x0[:12]) + h * rate)]
+    a = [OUTPUTS.index(n) for n in ("a_x", "a_y", "a_z")]
+    assert found[a] == pytest.approx(body_to_ned(*x0[6:9]).T @ (moves[1] - moves[0]) / (2 * h), abs=1e-6)
+    assert np.abs(found[a]).min() > 1e-3 and not np.delete(found, a).any()
+
+
 def test_an_antenna_away_from_the_reference_point():
     """Guards both lever arms: of position by the rotation alone, of velocity by omega x arm, whose derivative in time the first one is."""
     kite, plain = Kite(DEVELOPMENT, HEIGHTS, ("antenna_arm",)), Kite(DEVELOPMENT, HEIGHTS)

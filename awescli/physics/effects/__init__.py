@@ -16,6 +16,7 @@ from awescli.physics.effects.downwash_lag import DownwashLag
 from awescli.physics.effects.gravity import Gravity
 from awescli.physics.effects.heading_bias import HeadingBias
 from awescli.physics.effects.hinge_blowback import HingeBlowback
+from awescli.physics.effects.imu_arm import ImuArm
 from awescli.physics.effects.imu_bias import ImuBias
 from awescli.physics.effects.lift_drift import LiftDrift
 from awescli.physics.effects.lift_stall import LiftStall
@@ -62,7 +63,7 @@ EFFECTS = {
         AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, SurfaceBacklash, HingeBlowback, ActuatorLag, ActuatorDelay,
         ProbeArm, VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
-        PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuBias,
+        PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuArm, ImuBias,
         CustomTerm,
     )
 }  # fmt: skip
