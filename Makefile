@@ -18,6 +18,7 @@ export OPENBLAS_NUM_THREADS := 1
 run: $(VENV)/.stamp-run
 	$(BIN)/awes run --stages stages.yaml
 
+test: export OMP_NUM_THREADS := 1
 test: $(VENV)/.stamp-test
 	$(BIN)/python -m pytest -q -m "not campaign" -n auto --maxprocesses 4 --dist worksteal
 

@@ -40,6 +40,7 @@ def test_scripts_use_the_public_interface_only(script):
             assert {a.name for a in node.names} <= set(awescli.__all__)
 
 
+@pytest.mark.campaign
 def test_controllers_are_compared(tmp_path):
     """The nonlinear laws beat the linear one on unseen loops, and the picture is written."""
     errors = runpy.run_path(str(EXAMPLES / "compare_controllers.py"))["main"](tmp_path / "picture.html")

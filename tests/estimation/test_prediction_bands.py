@@ -206,11 +206,14 @@ def flown_otherwise(seed):
     return log, simulator_of(predicted, log), known
 
 
+FLIGHTS = 5
+
+
 def test_bands_hold_as_often_as_they_say():
     """Guards everything together: of flights whose kites, air and attitude differ from the predicted ones as is said, the bands hold 86 to
     94 % of the samples; without processes, or without parameters, many fewer."""
     inside = {"all": [], "no processes": [], "no parameters": []}
-    for seed in range(8):
+    for seed in range(FLIGHTS):
         log, simulator, known = flown_otherwise(seed)
         p = predict(simulator, log, PARTS.test, 5.0)
         cases = {
@@ -228,7 +231,7 @@ def test_bands_hold_as_often_as_they_say():
 def test_bands_of_filtered_predictions_hold_and_are_narrower():
     """Guards the same for predictions that begin in the air of the warm-up: as many samples inside, less far from the centre."""
     inside, width, error = [], {"free": [], "filtered": []}, {"free": [], "filtered": []}
-    for seed in range(8):
+    for seed in range(FLIGHTS):
         log, simulator, known = flown_otherwise(seed)
         for name, filters in (("free", False), ("filtered", True)):
             p = predict(simulator, log, PARTS.test, 3.0, known=known if filters else None)

@@ -140,7 +140,7 @@ def test_workers_with_another_awes_are_refused():
         _of_one_kind(Cluster(), "tcp://there")
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_flights_of_different_truth(tmp_path, monkeypatch):
     """One lacks an effect, one lacks none, one is refused: the table says of each what its own run finds, and holds the truth."""
     folder_of(tmp_path, {"sideslip_drag": {"k": 2.5}})

@@ -217,7 +217,8 @@ def test_bounds_that_do_not_hold_the_truth_are_told(effects):
     assert handed_on.value == told["value"] and 0 <= handed_on.lower < told["value"] < handed_on.upper
 
 
-@pytest.mark.parametrize("effects", [pytest.param({}, marks=pytest.mark.campaign), {"load_cell_lag": {"tau": 0.3}}])
+@pytest.mark.campaign
+@pytest.mark.parametrize("effects", [{}, {"load_cell_lag": {"tau": 0.3}}])
 def test_bounds_are_not_told_where_an_effect_does_what_they_forbid(effects):
     """Guards against either answer where both do as well: a drag of no lift is CD0 by another name, and may be what is missing."""
     declared, log, parts = with_a_wrong_bound(effects)
