@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 from scipy.signal import butter, sosfiltfilt
+from scipy.spatial.transform import Rotation
 
 from awescli.estimation.prediction import predict
 from awescli.flightlog.loops import find_loops
@@ -193,6 +194,20 @@ def test_accelerometers_ahead_of_the_reference_point_have_their_name(tmp_path):
     assert finding.verdict == "found" and finding.evidence.model.keys == ("imu_arm",)
     values = finding.model.table
     assert [values[f"imu_arm.{n}"].value for n in "xyz"] == pytest.approx(arm, abs=0.03)
+
+
+@pytest.mark.campaign
+def test_a_box_that_is_turned_has_its_name(tmp_path):
+    """Guards an IMU that is mounted 2 deg off: `not_testable`, for a velocity said to be late."""
+    shutil.copytree(FLIGHTS / "d01", flight := tmp_path / "d01")
+    table, angles = pl.read_csv(flight / "kite.csv"), np.array([-1.5, 2.0, 1.0]) * DEG
+    box = Rotation.from_rotvec(-angles).as_matrix()
+    turned = [(names, table.select(names).to_numpy() @ box.T) for names in (["p", "q", "r"], ["a_eb_bX", "a_eb_bY", "a_eb_bZ"])]
+    table.with_columns(**{n: x[:, i] for names, x in turned for i, n in enumerate(names)}).write_csv(flight / "kite.csv")
+    _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
+    assert finding.verdict == "found" and finding.evidence.model.keys == ("imu_misalignment",)
+    values = finding.model.table
+    assert [values[f"imu_misalignment.{n}"].value for n in "xyz"] == pytest.approx(angles, abs=0.1 * DEG)
 
 
 @pytest.mark.campaign

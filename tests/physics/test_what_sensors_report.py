@@ -5,6 +5,7 @@ import pytest
 from kites import DEVELOPMENT, at_point
 from oracles import body_to_ned
 from physics.effect_cases import HEIGHTS, flown, reported
+from scipy.spatial.transform import Rotation
 
 from awescli.notation.quantities import MEASURED, OUTPUTS
 from awescli.physics.kite import Kite
@@ -95,6 +96,16 @@ def test_a_late_attitude_is_an_earlier_one(calm):
         assert error < 3.5e-4 and of_first > 2 * error and np.abs(now - then).max() > 0.01, name
     for name in set(MEASURED) - {"phi", "theta", "psi"}:
         assert np.array_equal(late[name], true[name])
+
+
+def test_a_box_that_is_turned_reports_along_its_own_axes():
+    """Guards sign and channels of a misalignment: to first order what a rotation matrix says, of rates and accelerations alike."""
+    turned, (away, straight) = np.array([-0.02, 0.035, 0.015]), reported("imu_misalignment")
+    box = Rotation.from_rotvec(-turned).as_matrix()
+    for channels in (("p", "q", "r"), ("a_x", "a_y", "a_z")):
+        there, found = (np.array([of[n] for n in channels]) for of in (straight, away))
+        assert found == pytest.approx(box @ there, abs=2e-3 * np.linalg.norm(there)) and np.abs(found - there).max() > 1e-3
+    assert all(away[n] == straight[n] for n in set(MEASURED) - {"p", "q", "r", "a_x", "a_y", "a_z"})
 
 
 def test_accelerometers_away_from_the_reference_point():

@@ -25,6 +25,8 @@ WIDE = 1.0
 """Spread of the logarithm of what is known of drifts: a factor of 2.7."""
 
 DELAYS = ("late", "late_quick")
+TILTS, TILTED = ("tilt x", "tilt y", "tilt z"), 0.03
+"""rad: prior of how far a box of accelerometers is turned against what says the attitude. No error is told of it."""
 FILTERED = 0.1
 """s: prior of the delay of an acceleration, by its filter; on a straight flight it is that of the velocity with the other sign."""
 SLOW = 2.0
@@ -81,10 +83,10 @@ def attitude_of_rates(motion: Motion, late: float = 0.0) -> Identity:
     rows = [[c_p / safe, s_p / safe, zero], [-s_p, c_p, zero], [c_p * s_t / safe, s_p * s_t / safe, zero + 1]]
     to_euler = np.array(rows).transpose(2, 0, 1)
     y = -np.einsum("nij,nj->ni", to_euler, motion.run(turned))
-    bias = -to_euler @ motion.run(motion.steps(R))
+    bias, tilted = -to_euler @ motion.run(motion.steps(R)), to_euler @ _tilted(motion, w)
     rates = np.einsum("nij,nj->ni", to_euler, np.einsum("nij,nj->ni", R, w))
     seen = motion.seen("phi", "theta", "psi") & (np.abs(theta) < STEEP)[:, None]
-    X = np.concatenate([bias, _delays(motion, rates)], axis=2)
+    X = np.concatenate([bias, tilted, _delays(motion, rates)], axis=2)
     H = np.concatenate([np.repeat(np.eye(3)[None], len(motion), 0), to_euler], axis=2)
     deg = np.pi / 180
     laws = (
@@ -92,7 +94,8 @@ def attitude_of_rates(motion: Motion, late: float = 0.0) -> Identity:
         Law("yaw drift", (2,), 0.5 * deg, MEMORY),
         Law("rate noise", (3, 4, 5), _noise(motion, ("p", "q", "r"), 0.05 * deg) * np.sqrt(motion.dt)),
     )
-    series = Series(y, X, H, seen, motion.restart, motion.time, ("p", "q", "r", *DELAYS), np.array([0.5] * 5))
+    series = Series(y, X, H, seen, motion.restart, motion.time, ("p", "q", "r", *TILTS, *DELAYS),
+                    np.array([*[0.5] * 3, *[TILTED] * 3, 0.5, 0.5]))  # fmt: skip
     drifts = {"roll and pitch drift": ("phi", "theta"), "yaw drift": ("psi",)}
     return replace(_identity("attitude", ("phi", "theta", "psi"), series, laws, drifts, 0.002 * deg), moved=late)
 
@@ -134,7 +137,10 @@ def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float 
     # a heading that is too large turns the acceleration clockwise
     sideways = np.stack([-ahead[:, 1], ahead[:, 0], 0 * ahead[:, 2]], axis=1)
     heading = -motion.run(motion.steps(sideways))
-    X = np.concatenate([-motion.run(motion.steps(R)), heading[:, :, None], missed[:, :, None], _delays(motion, ahead)], axis=2)
+    tilted = _tilted(motion, a)
+    if late:
+        tilted = np.stack([_delayed(motion, tilted[:, :, i], late) for i in range(3)], axis=2)
+    X = np.concatenate([-motion.run(motion.steps(R)), heading[:, :, None], missed[:, :, None], tilted, _delays(motion, ahead)], axis=2)
     wobble = np.deg2rad(0.2) * np.sqrt((ahead**2).mean())
     laws = (
         Law("velocity drift", (0, 1, 2), 0.1, MEMORY),
@@ -144,7 +150,8 @@ def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float 
     series = Series(
         _from_begin(motion, motion.three(*channels) - gained), X, _two_states(motion), motion.seen(*channels),
         motion.restart, motion.time,
-        ("a_x", "a_y", "a_z", "heading", "acceleration late", *DELAYS), np.array([2.0, 2.0, 2.0, 0.5, FILTERED, 0.5, 0.5]),
+        ("a_x", "a_y", "a_z", "heading", "acceleration late", *TILTS, *DELAYS),
+        np.array([2.0, 2.0, 2.0, 0.5, FILTERED, *[TILTED] * 3, 0.5, 0.5]),
     )  # fmt: skip
     # a drift here is that of the velocity, or of the attitude times the acceleration: it is nobody's
     found = _identity("velocity", channels, series, laws, {}, 0.0005)
@@ -174,6 +181,11 @@ def _noise(motion: Motion, names: Sequence[str], least: float) -> float:
     """White noise of inputs, by their differences: quadratic mean."""
     found = [white_noise(motion.log[n][new], motion.log.valid[new]) for n in names if (new := motion.log.is_new(n)).any()]
     return max(float(np.sqrt(np.mean([f**2 for f in found if f is not None] or [0.0]))), least)
+
+
+def _tilted(motion: Motion, x: np.ndarray) -> np.ndarray:
+    """(n, 3, 3): what turning the axes of a vector x (n, 3), body, by a unit about each of them adds to its integral, NED."""
+    return np.stack([motion.run(motion.steps(np.einsum("nij,nj->ni", motion.rotation, np.cross(axis, x)))) for axis in np.eye(3)], axis=2)
 
 
 def _delays(motion: Motion, rate: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from awescli.physics.effects.heading_bias import HeadingBias
 from awescli.physics.effects.hinge_blowback import HingeBlowback
 from awescli.physics.effects.imu_arm import ImuArm
 from awescli.physics.effects.imu_bias import ImuBias
+from awescli.physics.effects.imu_misalignment import ImuMisalignment
 from awescli.physics.effects.lift_drift import LiftDrift
 from awescli.physics.effects.lift_stall import LiftStall
 from awescli.physics.effects.load_cell_lag import LoadCellLag
@@ -63,7 +64,7 @@ EFFECTS = {
         AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, SurfaceBacklash, HingeBlowback, ActuatorLag, ActuatorDelay,
         ProbeArm, VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
-        PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuArm, ImuBias,
+        PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuArm, ImuMisalignment, ImuBias,
         CustomTerm,
     )
 }  # fmt: skip
