@@ -176,12 +176,17 @@ def _unseen(
 ) -> tuple[tuple[Fit, ...], np.ndarray, np.ndarray, float]:
     """(validation judged near where all loops together want the parameters; the whole way there (n,) and the last step of it; deviance of
     validation with the parameters integrated out): loops that took no part in a fit differ from it by what the fit does not know of the
-    parameters, too. Gauss-Newton steps from the fit."""
+    parameters, too. Gauss-Newton steps from the fit, to the likeliest place that they come to: a quick fit may be far from its end, and a
+    step from there lead away."""
     lower, upper = (np.array([getattr(fitted.parameters[n], end) for n in fitted.names]) for end in ("lower", "upper"))
     x, moved = fitted.solution.x, np.zeros(len(fitted.names))
-    step, gained, wider = _asked_of(fitted, judged, moved)
-    for _ in range(JUDGED):
-        if step @ fitted.solution.H @ step <= NEAR:
+    places: list[tuple[float, tuple[Fit, ...], np.ndarray, np.ndarray]] = []
+    for last in (*[False] * JUDGED, True):
+        step, gained, wider = _asked_of(fitted, judged, moved)
+        near = step @ fitted.solution.H @ step <= NEAR
+        deviance = sum(float(by_segment(f).sum()) for f in judged) + float(moved @ fitted.solution.H @ moved) + wider
+        places.append((deviance - gained if near else deviance, judged, moved, step if near or last else np.zeros(len(step))))
+        if near or last:
             break
         target = np.clip(x + moved + step, lower, upper)
         there, moved = dict(zip(fitted.names, target, strict=True)), target - x
@@ -189,11 +194,8 @@ def _unseen(
             judge(p, f.parameters.with_values({own: there[fitted.names[i]] for own, i in zip(f.names, place, strict=True)}), j)
             for p, f, place, j in zip(problems, fitted.flights, fitted.places, judged, strict=True)
         )
-        step, gained, wider = _asked_of(fitted, judged, moved)
-    else:
-        gained = 0.0
-    deviance = sum(float(by_segment(f).sum()) for f in judged)
-    return judged, moved + step, step, deviance + float(moved @ fitted.solution.H @ moved) - gained + wider
+    deviance, judged, moved, step = min(places, key=lambda place: place[0])
+    return judged, moved + step, step, deviance
 
 
 def _asked_of(fitted: JointFit, judged: Sequence[Fit], moved: np.ndarray) -> tuple[np.ndarray, float, float]:

@@ -36,8 +36,6 @@ HELPED = 0.5
 come down (a delay that lacked a third of the gain of a lag then led it in the end); and below which no candidate is fitted any further."""
 WORSE = 5.0
 """Deviance by which a fit with one effect more may end above the model without it: more, and the optimiser has failed."""
-UNSETTLED = 100.0
-"""Deviance that a quick fit must gain on train, and lose on unseen loops, to be carried on: no effect that is not there does so."""
 
 
 Candidate = TypeVar("Candidate", Score, Tried)
@@ -234,9 +232,8 @@ def _entered(frame: Frame, here: FittedModel, screening: Screening, score: Score
         shapes = {**seen, **_without(effect)}
         try:
             model = fit_added(frame, here, score.key, strengths, shapes, alone, first)
-            if (_failed(here, model) or _unsettled(here, model)) and model.flies >= here.flies:
-                # a quick fit keeps the slope of the log determinant as it was before: in gusts that may lead it astray; and what it leaves
-                # of drifts may be less than unseen loops, which began with more, have come to
+            if _failed(here, model) and model.flies >= here.flies:
+                # a quick fit keeps the slope of the log determinant as it was before: in gusts that may lead it astray
                 model = fit_on(frame, model, reach=reach)
         except OutOfReach:
             if effect.abrupt:
@@ -289,12 +286,6 @@ def _failed(before: FittedModel, after: FittedModel) -> bool:
     alike = all(p.factors == q.factors and p.processes == q.processes for p, q in zip(before.problems, after.problems, strict=True))
     nearer = alike and after.fit.solution.cost < before.fit.solution.cost
     return after.flies < before.flies or (after.train.sum() >= before.train.sum() + WORSE and not nearer)
-
-
-def _unsettled(before: FittedModel, after: FittedModel) -> bool:
-    """Does a model with one effect more follow the segments it was fitted to better, and the others so much worse that these are not yet
-    where they belong?"""
-    return after.train.sum() < before.train.sum() - UNSETTLED and after.unseen > before.unseen + UNSETTLED
 
 
 def _best(

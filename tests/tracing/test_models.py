@@ -157,11 +157,16 @@ def test_what_is_promised_far_from_where_loops_were_judged_is_not_counted(monkey
 
     monkeypatch.setattr(models, "_asked_of", _asked_of)
     monkeypatch.setattr(models, "judge", lambda problem, table, before: judged)
-    monkeypatch.setattr(models, "by_segment", lambda f: np.array([1000.0]))
-    _, shift, _, deviance = models._unseen(fitted, [None], (judged,))
+    monkeypatch.setattr(models, "by_segment", lambda f: np.array([-1e6 * len(asked)]))
+    _, _, _, deviance = models._unseen(fitted, [None], (judged,))
     moved = asked[-1]
     assert len(asked) == times + 1
-    assert deviance == pytest.approx(1000.0 + moved @ fitted.solution.H @ moved - (370.0 if counted else 0.0) + 1.0)
+    assert deviance == pytest.approx(-1e6 * len(asked) + moved @ fitted.solution.H @ moved - (370.0 if counted else 0.0) + 1.0)
+    # a step that leads away is not taken: of a quick fit, which is far from its end, it may
+    asked.clear()
+    monkeypatch.setattr(models, "by_segment", lambda f: np.array([1e6 * len(asked)]))
+    _, shift, step, deviance = models._unseen(fitted, [None], (judged,))
+    assert deviance == 1e6 + 1.0 and not shift.any() and not step.any()
 
 
 def test_what_unseen_loops_ask_is_the_slope_of_their_deviance():
