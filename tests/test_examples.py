@@ -42,8 +42,11 @@ def test_scripts_use_the_public_interface_only(script):
 
 @pytest.mark.campaign
 def test_controllers_are_compared(tmp_path):
-    """The nonlinear laws beat the linear one on unseen loops, and the picture is written."""
-    errors = runpy.run_path(str(EXAMPLES / "compare_controllers.py"))["main"](tmp_path / "picture.html")
+    """The nonlinear laws beat the linear one on unseen loops, and the picture is written. The law by linear programmes, which takes the
+    longest, is fitted to the same flight by tests/acceptance/test_thesis.py."""
+    main = runpy.run_path(str(EXAMPLES / "compare_controllers.py"))["main"]
+    del main.__globals__["LAWS"]["convex"]
+    errors = main(tmp_path / "picture.html")
     assert errors["gaussian"] < errors["linear"] and errors["network"] < errors["linear"]
     assert (tmp_path / "picture.html").stat().st_size > 1e5
 
