@@ -20,7 +20,11 @@ from awescli.stages.base import Silent
 from awescli.stages.flight_parts import unknown_channels
 
 PLAN = ROOT / "examples" / "thesis" / "stages.yaml"
-QUICK = ("train-hybrid.rounds=1", "train-hybrid.budget=3.0", "train-hybrid.compare=false", "identify.curriculum=[1.0]")
+QUICK = (
+    "fit-controller.features=curvature", "train-hybrid.rounds=1", "train-hybrid.budget=3.0",
+    "train-hybrid.compare=false", "identify.curriculum=[1.0]",
+)  # fmt: skip
+"""Little of each step: tests/acceptance/test_thesis.py lets the law choose its features."""
 
 
 def thesis(folder, seconds: float, *settings: str):
