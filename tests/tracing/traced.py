@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 
+import pytest
 from kites import DEVELOPMENT
 
 from awescli.estimation.prediction import predict
@@ -37,9 +38,13 @@ def traced(effects: Mapping[str, Mapping[str, float]], seed: int, horizon: float
     return traced_flight(*short_flight(effects, seed, duration, guessed), horizon, **how)
 
 
-def traced_flight(declared: KiteDeclaration, log: FlightLog, parts: Split, horizon: float, **how):
-    """(effects.json, finding) of a flight."""
-    finding = trace_flight(declared, log, parts, horizon=horizon, **how)
+def traced_flight(declared: KiteDeclaration, log: FlightLog, parts: Split, horizon: float, *, kinematics: bool = False, **how):
+    """(effects.json, finding) of a flight. kinematics: does the trace ask first whether sensors contradict each other? That takes seconds,
+    and test_instruments.py is about it."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not kinematics:
+            patch.setattr("awescli.tracing.flight.contradictions", lambda frame: ())
+        finding = trace_flight(declared, log, parts, horizon=horizon, **how)
     before, after = (predict(model, log, parts.test, horizon) for model in (finding.before(), finding.after()))
     return summary(finding, log, horizon, before, after), finding
 
