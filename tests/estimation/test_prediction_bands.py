@@ -206,43 +206,38 @@ def flown_otherwise(seed):
     return log, simulator_of(predicted, log), known
 
 
-FLIGHTS = 5
-
-
 def test_bands_hold_as_often_as_they_say():
     """Guards everything together: of flights whose kites, air and attitude differ from the predicted ones as is said, the bands hold 86 to
-    94 % of the samples; without processes, or without parameters, many fewer."""
-    inside = {"all": [], "no processes": [], "no parameters": []}
-    for seed in range(FLIGHTS):
+    94 % of the samples; without processes, or without parameters, many fewer (of the first two flights)."""
+    inside, of_two = [], {"no processes": [], "no parameters": []}
+    for seed in range(5):
         log, simulator, known = flown_otherwise(seed)
         p = predict(simulator, log, PARTS.test, 5.0)
-        cases = {
-            "all": known, "no processes": replace(known, processes=()), "no parameters": replace(known, covariance=0 * known.covariance),
-        }  # fmt: skip
-        for case, of in cases.items():
-            told = bands(simulator, log, p, of).coverage(p)
-            assert told["outcome"] == "computed" and told["level"] == LEVEL
-            inside[case].append(told["inside"]["all"])
-    found = {case: np.mean(shares) for case, shares in inside.items()}
-    assert 0.86 < found["all"] < 0.94, found
-    assert found["no processes"] < 0.8 and found["no parameters"] < found["all"] - 0.02, found
+        told = bands(simulator, log, p, known).coverage(p)
+        assert told["outcome"] == "computed" and told["level"] == LEVEL
+        inside.append(told["inside"]["all"])
+        less = {"no processes": replace(known, processes=()), "no parameters": replace(known, covariance=0 * known.covariance)}
+        for case, of in less.items() if seed < 2 else ():
+            of_two[case].append(bands(simulator, log, p, of).coverage(p)["inside"]["all"])
+    assert 0.86 < np.mean(inside) < 0.94, inside
+    assert np.mean(of_two["no processes"]) < 0.8, of_two
+    assert np.mean(of_two["no parameters"]) < np.mean(inside[:2]) - 0.02, (of_two, inside)
 
 
 def test_bands_of_filtered_predictions_hold_and_are_narrower():
-    """Guards the same for predictions that begin in the air of the warm-up: as many samples inside, less far from the centre."""
-    inside, width, error = [], {"free": [], "filtered": []}, {"free": [], "filtered": []}
-    for seed in range(FLIGHTS):
+    """Guards the same for predictions that begin in the air of the warm-up: as many samples inside, less far from the centre (in each of
+    the first two flights)."""
+    inside = []
+    for seed in range(5):
         log, simulator, known = flown_otherwise(seed)
-        for name, filters in (("free", False), ("filtered", True)):
-            p = predict(simulator, log, PARTS.test, 3.0, known=known if filters else None)
-            told = bands(simulator, log, p, known, filters).coverage(p)
-            width[name].append(told["half_width"]["V_a"])
-            error[name].append(p.nrmse()["mean"])
-            if filters:
-                inside.append(told["inside"]["all"])
+        filtered = predict(simulator, log, PARTS.test, 3.0, known=known)
+        told = bands(simulator, log, filtered, known, True).coverage(filtered)
+        inside.append(told["inside"]["all"])
+        if seed < 2:
+            free = predict(simulator, log, PARTS.test, 3.0)
+            assert told["half_width"]["V_a"] < 0.95 * bands(simulator, log, free, known).coverage(free)["half_width"]["V_a"]
+            assert filtered.nrmse()["mean"] < free.nrmse()["mean"]
     assert 0.86 < np.mean(inside) < 0.94, inside
-    assert np.mean(width["filtered"]) < 0.95 * np.mean(width["free"])
-    assert np.mean(error["filtered"]) < np.mean(error["free"])
 
 
 def test_what_is_known_of_the_record_moves_the_centre():
