@@ -15,5 +15,7 @@ class Declared(Stage):
         return {}
 
 
+APP = build_app((Declared(), TrainHybrid()))
+
 if __name__ == "__main__":
-    build_app((Declared(), TrainHybrid()))()
+    APP()

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kites import DEVELOPMENT
+from learning.hybrid_cli import APP
+from typer.testing import CliRunner
 
 from awescli.artifacts import read_arrays, read_json, read_tensors, scratch_path, write_json, write_tensors
 from awescli.flightlog.kitemill_csv import to_kitemill_csv
@@ -41,6 +43,14 @@ def finished(folder: Path, *arguments: str) -> tuple[int, str]:
     return process.returncode, out + err
 
 
+def here(folder: Path, *arguments: str) -> None:
+    """A command that ends well, in the tests' own process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        done = CliRunner().invoke(APP, arguments)
+    assert done.exit_code == 0, done.output
+
+
 def stopped(folder: Path, when: Path, sign: int) -> int:
     """Exit code of a training that gets a signal as soon as a checkpoint of a network stands on disk."""
     process = command(folder, "train-hybrid")
@@ -56,14 +66,14 @@ def stopped(folder: Path, when: Path, sign: int) -> int:
 def plan(tmp_path_factory) -> Path:
     """A folder with a flight that has an undeclared drag, its kite, and a plan; identify has run."""
     folder = tmp_path_factory.mktemp("hybrid")
-    flight = dev_like(DEVELOPMENT, 77, {"parasitic_drag": {"k": 0.2}}, duration=45.0, spread=(0.0, 1e-9))
+    flight = dev_like(DEVELOPMENT, 77, {"parasitic_drag": {"k": 0.2}}, duration=30.0, spread=(0.0, 1e-9))
     (folder / "flight").mkdir()
     kite, wind = to_kitemill_csv(flight.log)
     (folder / "flight" / "kite.csv").write_text(kite)
     (folder / "flight" / "wind.csv").write_text(wind)
     (folder / "kite.yaml").write_text(kite_text(flight.declared))
     (folder / "stages.yaml").write_text(PLAN)
-    assert finished(folder, "identify")[0] == 0
+    here(folder, "identify")
     return folder
 
 
@@ -71,8 +81,7 @@ def plan(tmp_path_factory) -> Path:
 def whole(plan) -> Path:
     """The folder of a training that nothing interrupted."""
     shutil.copytree(plan, there := plan.with_name("whole"))
-    code, said = finished(there, "train-hybrid")
-    assert code == 0, said
+    here(there, "train-hybrid")
     return there / "out" / "train-hybrid"
 
 
@@ -85,7 +94,7 @@ def test_interrupted_and_killed_training_ends_at_the_same_weights(plan, whole):
     after = read_arrays(scratch / "training-0.npz")["history"]
     # the second run went on from the first one's rounds, seconds included: it did not begin anew
     assert len(after) >= len(before) > 0 and np.array_equal(after[: len(before)], before)
-    assert finished(plan, "train-hybrid")[0] == 0
+    here(plan, "train-hybrid")
     assert not scratch.exists()
     resumed, uninterrupted = (read_tensors(folder / "network.safetensors") for folder in (plan / "out" / "train-hybrid", whole))
     assert np.abs(uninterrupted["weights"]).max() > 0.1
