@@ -40,7 +40,6 @@ def test_scripts_use_the_public_interface_only(script):
             assert {a.name for a in node.names} <= set(awescli.__all__)
 
 
-@pytest.mark.campaign
 def test_controllers_are_compared(tmp_path):
     """The nonlinear laws beat the linear one on unseen loops, and the picture is written. The law by linear programmes, which takes the
     longest, is fitted to the same flight by tests/acceptance/test_thesis.py."""
