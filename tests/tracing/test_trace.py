@@ -127,7 +127,7 @@ def test_a_missing_effect_is_named_in_gusts():
     for the gusts."""
     keys = ("tether_elasticity", "tether_drag", "mass_offset")
     truth = {"tether_elasticity": {"EA": 6e5, "zeta": 120.0}, "turbulence": {"sigma": 0.6, "L": 150.0}}
-    account, finding = traced(truth, 21, 3.0, 60.0, FEW, candidates=keys, curriculum=(1.0,), kinematics=True)
+    account, finding = traced(truth, seed=21, candidates=keys, horizon=3.0, curriculum=(1.0,), kinematics=True)
     assert named(account) == [("tether_elasticity", "line")]
     best, *others = finding.evidence.search.rounds[0].contenders
     whole, *apart = (spacing(t.fitted.problems[0].processes) for t in (best, *others))
