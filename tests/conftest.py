@@ -4,7 +4,6 @@
 import awescli  # noqa: F401, I001
 import fcntl
 import os
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -12,18 +11,9 @@ from kites import DEVELOPMENT, flight
 from small_run import make_small_run
 from typer.testing import CliRunner
 
-from awescli.artifacts import origins
 from awescli.cli import build_app
 from awescli.physics.kite import Kite
 from awescli.stages import STAGES
-
-
-@pytest.fixture(scope="session", autouse=True)
-def versions_read_once():
-    """The packages' metadata are read once, not for 15 packages in every stage that a test runs: no version changes while tests run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(origins, "version", cache(origins.version))
-        yield
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ import os
 import platform
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -59,8 +60,14 @@ def table_hash(table: Mapping[str, str]) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what the numbers depend on. From the packages' metadata: importing torch for it would take seconds."""
-    found = {"awes": __version__, "python": platform.python_version()}
+    """Versions of what the numbers depend on."""
+    return {"awes": __version__, "python": platform.python_version(), **_installed()}
+
+
+@cache
+def _installed() -> dict[str, str]:
+    """Of packages, from their metadata: importing torch for it would take seconds, and reading these for every stage takes one."""
+    found = {}
     for package in NUMBERS_DEPEND_ON:
         with suppress(PackageNotFoundError):
             found[package] = version(package)

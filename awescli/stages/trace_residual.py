@@ -1,6 +1,6 @@
 """trace-residual: find what the residual still holds, name the missing effect, add it, prove it on unseen loops."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from awescli.stages.per_phase import by_phase_as
 
 if TYPE_CHECKING:
     from awescli.flightlog.log import FlightLog
+    from awescli.flightlog.reconstruction.result import SensorError
     from awescli.flightlog.split import Split
     from awescli.physics.declaration import KiteDeclaration
     from awescli.tracing.frame import TracedFlight
@@ -108,7 +109,7 @@ class TraceResidual(Stage):
         after = before if finding.model is finding.first else predicted(models["after"], log, parts, config.horizon)
         predictions = {"before": before, "after": after}
         effects = summary(finding, log, config.horizon, *(p["test"] for p in predictions.values()))
-        effects["kinematics"] = kinematics(log)
+        effects["kinematics"] = kinematics(finding.kinematics)
         for seen in effects["kinematics"]:
             context.progress.note(f"Kinematics alone: {seen['sentence']}.")
         for seen in of_instruments(effects):
@@ -143,10 +144,9 @@ def traced(context: Context, closed: bool, log: "FlightLog", parts: "Split", dec
     return TracedFlight(log, parts, driven, label, closes)
 
 
-def kinematics(log: "FlightLog") -> list[dict]:
+def kinematics(errors: Sequence["SensorError"]) -> list[dict]:
     """What the sensors of a flight contradict each other in, without any model of forces: a witness beside the verdict, not part of it.
     Each as the effect of the library that it is, or by its own name where there is none, with size and standard deviation [SI]."""
-    from awescli.flightlog.reconstruction.flight_path import reconstruct
     from awescli.flightlog.reconstruction.tables import said
 
     return [
@@ -154,7 +154,7 @@ def kinematics(log: "FlightLog") -> list[dict]:
             "name": e.name, "acts_on": e.target or "", "channels": list(e.acts_on), "size": e.size, "std": e.std, "unit": e.unit,
             "sentence": said(e),
         }
-        for e in reconstruct(log).findings
+        for e in errors
     ]  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from awescli.estimation.prediction import predict
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.reconstruction.flight_path import reconstruct
+from awescli.flightlog.reconstruction.result import SensorError
 from awescli.flightlog.reconstruction.tables import said
 from awescli.flightlog.split import Split
 from awescli.physics.declaration import KiteDeclaration
@@ -56,9 +57,11 @@ def trace_flight(
     frame, null, many = without_outliers(frame, null)
     if many:
         progress(f"left out: {sum(many.values())} values that are far off for a moment")
+    seen = [reconstruct(f.log).findings for f in flights]
     error = predict(null.simulator, log, parts.validation, horizon).nrmse()["mean"]
-    known = {"null_error": error, "identified_error": identified_error, "contradictions": contradictions(frame)}
-    finding = replace(investigate(frame, null, keys, rounds=rounds, progress=progress, **known), outliers=many)
+    known = {"null_error": error, "identified_error": identified_error, "contradictions": contradictions(seen, frame.outputs)}
+    finding = investigate(frame, null, keys, rounds=rounds, progress=progress, **known)
+    finding = replace(finding, outliers=many, kinematics=seen[0])
     if finding.evidence.contradictions:  # what else is said of a flight would be said for them
         return finding
     if finding.verdict == "not_testable" or _far_off(finding):
@@ -69,10 +72,10 @@ def trace_flight(
     return replace(finding, model=better.model, by_prediction=better) if better else finding
 
 
-def contradictions(frame: Frame) -> tuple[str, ...]:
-    """What kinematics find of the sensors that are compared, and no effect stands for: a sentence each."""
-    found = [e for f in frame.flights for e in reconstruct(f.log).findings if e.name not in EFFECTS]
-    return tuple(said(e) for e in found if set(e.acts_on) & set(frame.outputs))
+def contradictions(seen: Sequence[Sequence[SensorError]], outputs: Sequence[str]) -> tuple[str, ...]:
+    """What kinematics have seen, flight by flight, of the sensors that are compared, and no effect stands for: a sentence each."""
+    found = [e for of_flight in seen for e in of_flight if e.name not in EFFECTS]
+    return tuple(said(e) for e in found if set(e.acts_on) & set(outputs))
 
 
 def _far_off(finding: Finding, criteria: Criteria = CRITERIA) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from awescli.estimation.processes.base import Group
 from awescli.estimation.processes.roll_gusts import RollGusts as RollGustProcess
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.reconstruction.result import SensorError
 from awescli.flightlog.thinning import SLOWER
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import SURFACES
@@ -77,7 +78,8 @@ class Finding:
     with a size that nothing has, and its model without bounds; roll_gusts: None where there are none; flights: since when and with which
     size the answer, or the candidate that came nearest to one, holds in each; by_prediction: with what a model without a verdict predicts
     better; instruments: what such a flight says of its sensors and actuators; within: the finding within the declared bounds,
-    `unexplained`, where this one is that without them; outliers: channel -> values that were left out (`tracing.outliers`)."""
+    `unexplained`, where this one is that without them; outliers: channel -> values that were left out (`tracing.outliers`);
+    kinematics: errors of the plan's flight that its sensors show by themselves."""
 
     frame: Frame
     verdict: str
@@ -92,6 +94,7 @@ class Finding:
     instruments: tuple[InstrumentError, ...] = ()
     within: "Finding | None" = None
     outliers: Mapping[str, int] = field(default_factory=dict)
+    kinematics: tuple[SensorError, ...] = ()
 
     @property
     def null(self) -> FittedModel:

@@ -11,7 +11,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from sensors import POSITION, RATES, Sensors
 from tracing.traced import short_flight
 
-from awescli.flightlog.reconstruction.flight_path import MATTERS
+from awescli.flightlog.reconstruction.flight_path import MATTERS, reconstruct
 from awescli.notation.quantities import MEASURED, SURFACES
 from awescli.physics.kite import candidates, make_effect
 from awescli.tracing import flight
@@ -60,8 +60,7 @@ def test_sensors_that_contradict_each_other_are_told_before_a_model_is_asked(lat
     """Rates that are 0.06 s late make no model's residual; a position that is late is an effect that can be traced. Nor does it count for
     channels that are not compared."""
     log = Sensors(late={late: 0.06} if late else {}).record(true_flight(3, 60.0).log, 7)
-    frame = SimpleNamespace(flights=[SimpleNamespace(log=log)])
-    all_compared, places = (flight.contradictions(SimpleNamespace(**vars(frame), outputs=o)) for o in (MEASURED, ("p_n",)))
+    all_compared, places = (flight.contradictions([reconstruct(log).findings], outputs) for outputs in (MEASURED, ("p_n",)))
     assert [s.startswith(begin) for s, begin in zip(all_compared, said, strict=True)] == [True] * len(said) and places == ()
 
 

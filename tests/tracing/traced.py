@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import pytest
 from kites import DEVELOPMENT
@@ -43,7 +44,7 @@ def traced_flight(declared: KiteDeclaration, log: FlightLog, parts: Split, horiz
     and test_instruments.py is about it."""
     with pytest.MonkeyPatch.context() as patch:
         if not kinematics:
-            patch.setattr("awescli.tracing.flight.contradictions", lambda frame: ())
+            patch.setattr("awescli.tracing.flight.reconstruct", lambda log: SimpleNamespace(findings=()))
         finding = trace_flight(declared, log, parts, horizon=horizon, **how)
     before, after = (predict(model, log, parts.test, horizon) for model in (finding.before(), finding.after()))
     return summary(finding, log, horizon, before, after), finding
