@@ -27,7 +27,7 @@ GUESS = (0.01, 0.02, 1.0)
 """[m], [m/s], [m/s3] noise of length and speed, and the jerk of the drum, from where the search sets out."""
 
 LEAST, MOST = (1e-5, 1e-5, 1e-2), (10.0, 100.0, 30.0)
-"""Bounds of the search: less noise than that is none, and a drum that is steadier costs digits."""
+"""Bounds of the search: less noise than that is none, a drum that is steadier costs digits, and one that jerks more may follow any step."""
 
 SHORTEST = 5.0
 """[s] of a log from which anything is said of its winch."""

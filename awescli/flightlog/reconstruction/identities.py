@@ -26,7 +26,7 @@ WIDE = 1.0
 
 DELAYS = ("late", "late_quick")
 TILTS, TILTED = ("tilt x", "tilt y", "tilt z"), 0.03
-"""rad: prior of how far a box of accelerometers is turned against what says the attitude. No error is told of it."""
+"""rad: prior of how far gyros, or accelerometers, are turned against the axes of the attitude: told as no error, and taken for none."""
 FILTERED = 0.1
 """s: prior of the delay of an acceleration, by its filter; on a straight flight it is that of the velocity with the other sign."""
 SLOW = 2.0
@@ -64,7 +64,8 @@ class Identity:
 
 
 def attitude_of_rates(motion: Motion, late: float = 0.0) -> Identity:
-    """Euler angles less the integrated rates. Shapes: biases of p, q, r, and the delay of the attitude beyond `late` [s].
+    """Euler angles less the integrated rates. Shapes: biases of p, q, r, how far the gyros are turned, and the delay of the
+    attitude beyond `late` [s].
 
     Small rotations e in NED, R_true = exp(e) R_measured, go on by e' = e + log(R exp(w dt) R'^T) - dt R (bias + noise), R as measured.
     """
@@ -121,7 +122,7 @@ def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
 
 def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float = 0.0) -> Identity:
     """Velocity less the integrated acceleration, turned by the attitude. Shapes: biases of a_x, a_y, a_z, heading, the delay of the
-    acceleration beyond `filtered`, and the delay of the velocity beyond `late` [s].
+    acceleration beyond `filtered`, how far the accelerometers are turned, and the delay of the velocity beyond `late` [s].
 
     An acceleration late by tau is turned by the attitude of now: it misses tau (R a - int R' a dt), a velocity late by tau tau R a alone.
     """
