@@ -77,9 +77,10 @@ def test_a_long_gap_is_crossed_on_the_line(gap):
 
 def test_a_motion_that_follows_steps_is_known_no_better_than_rounding_leaves_it():
     """Guards the usual encoder of 3 cm: at 1.5 m/s every row is a step, which a motion follows, and noise of 4 mm seemed to be all."""
-    coarse = np.round(LENGTH / 0.03) * 0.03
+    length = 200 + 1.5 * TIME - 0.03 * np.cos(2 * np.pi * TIME / 9)
+    coarse = np.round(length / 0.03) * 0.03
     motion = winch_motion(coarse, np.gradient(coarse, DT), DT, SEEN)
-    off = (motion.length - LENGTH).std()
+    off = (motion.length - length).std()
     assert motion.noisy and 0.7 * off < motion.unknown.std < 2 * off
 
 
