@@ -71,7 +71,10 @@ def effort_of(motion: np.ndarray, dt: float) -> np.ndarray:
     """(N,) how hard a motion works about each sample, beside its usual: RMS of its third differences over `AVERAGE`, `REST` at least."""
     square = np.zeros(len(motion))
     square[1:-2] = np.convolve(motion, DIFFERENCE, "valid") ** 2
-    return np.maximum(np.sqrt(uniform_filter1d(square, max(1, int(round(AVERAGE / dt)))) / square.mean()), REST)
+    if not square.any():
+        return np.ones(len(motion))
+    # a running sum may round to a little less than nothing
+    return np.sqrt(np.maximum(uniform_filter1d(square, max(1, int(round(AVERAGE / dt)))) / square.mean(), REST**2))
 
 
 def roughness(x: np.ndarray) -> float:
