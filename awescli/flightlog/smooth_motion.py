@@ -28,6 +28,9 @@ AVERAGE = 1.0
 DIGITS = 1e-6
 """Of the diagonal of a factor, smallest over largest, from which a likelihood has digits left."""
 
+HOPELESS = 1e30
+"""Deviance of levels that leave no digits, for a search that takes differences."""
+
 REST = 0.1
 """Share of its usual jerk that a motion at rest is thought to have at least: less would hold it to a parabola."""
 
@@ -56,7 +59,7 @@ def likeliest(
     """The levels between `least` and `most` at which a deviance is smallest, searched from a guess, in logarithms."""
     bounds, first = np.log(np.transpose([least, most])), np.log(guess)
     how = {"xatol": 0.02, "fatol": 0.5, "initial_simplex": np.vstack([first, first + np.eye(len(first))])}
-    return np.exp(minimize(lambda logs: deviance(np.exp(logs)), first, method="Nelder-Mead", bounds=bounds, options=how).x)
+    return np.exp(minimize(lambda logs: min(deviance(np.exp(logs)), HOPELESS), first, method="Nelder-Mead", bounds=bounds, options=how).x)
 
 
 def lasting(left: np.ndarray, dt: float, seen: np.ndarray) -> tuple[float, float]:
@@ -95,7 +98,7 @@ def density(left: np.ndarray) -> float:
     while that is positive (Geyer, Statistical Science 7, 1992)."""
     left = left - left.mean()
     total, square = 1.0, float(left @ left)
-    for lag in range(1, len(left)):
+    for lag in range(1, len(left) if square else 1):
         share = float(left[lag:] @ left[:-lag]) / square
         if share <= 0:
             break

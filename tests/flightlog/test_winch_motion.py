@@ -75,6 +75,17 @@ def test_a_long_gap_is_crossed_on_the_line(gap):
         assert not log.notes  # less than 5 s are left to say anything
 
 
+@pytest.mark.parametrize("dt", [DT, 0.1])
+def test_a_winch_that_stands_still_or_hardly_moves_is_read(dt):
+    """Guards the reader: where the motion leaves nothing of a length, or a running sum rounds below nothing, a log could not be read."""
+    time = dt * np.arange(4000)
+    for length in (np.full(4000, 250.0), np.round(250 + 0.01 * np.sin(time), 2), np.round(250 + 0.8 * time, 1)):
+        for speed in (np.gradient(length, dt), noise(0.05)):
+            with np.errstate(all="raise"):
+                motion = winch_motion(length, speed, dt, SEEN)
+            assert np.isfinite(motion.length).all() and np.isfinite(motion.speed).all() and np.abs(motion.length - length).max() < 0.3
+
+
 def test_a_motion_that_follows_steps_is_known_no_better_than_rounding_leaves_it():
     """Guards the usual encoder of 3 cm: at 1.5 m/s every row is a step, which a motion follows, and noise of 4 mm seemed to be all."""
     length = 200 + 1.5 * TIME - 0.03 * np.cos(2 * np.pi * TIME / 9)
