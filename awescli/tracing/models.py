@@ -181,12 +181,12 @@ def _unseen(
     lower, upper = (np.array([getattr(fitted.parameters[n], end) for n in fitted.names]) for end in ("lower", "upper"))
     x, moved = fitted.solution.x, np.zeros(len(fitted.names))
     places: list[tuple[float, tuple[Fit, ...], np.ndarray, np.ndarray]] = []
-    for last in (*[False] * JUDGED, True):
+    for left in reversed(range(JUDGED + 1)):
         step, gained, wider = _asked_of(fitted, judged, moved)
         near = step @ fitted.solution.H @ step <= NEAR
         deviance = sum(float(by_segment(f).sum()) for f in judged) + float(moved @ fitted.solution.H @ moved) + wider
-        places.append((deviance - gained if near else deviance, judged, moved, step if near or last else np.zeros(len(step))))
-        if near or last:
+        places.append((deviance - gained if near else deviance, judged, moved, step if near or not left else np.zeros(len(step))))
+        if near or not left:
             break
         target = np.clip(x + moved + step, lower, upper)
         there, moved = dict(zip(fitted.names, target, strict=True)), target - x

@@ -18,7 +18,7 @@ from awescli.simulation.synthetic import as_recorded
 @pytest.mark.campaign
 def test_cycles_of_a_coarse_winch_lack_nothing(tmp_path):
     """Guards winches that turn: a length in whole decimetres and its differences as the speed, on a drum that reverses within two seconds.
-    Its motion was cut short by a tenth of a metre, which a stiff line feels as 1000 N."""
+    Its motion was cut short at corners, which a stiff line feels as hundreds of newtons."""
     _, pumped = fly(9.5, duration=720.0, cycles=3)
     log = as_recorded(pumped.flown, DEVELOPMENT, as_measured(wind(9.5), 2), seed=1, name="cycles")
     length = log["tether_length"]
