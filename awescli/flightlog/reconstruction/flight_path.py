@@ -17,7 +17,7 @@ from awescli.flightlog.quality import white_noise
 from awescli.flightlog.reconstruction.air import airspeed_of_motion, recorded, vanes_of_motion, with_offset
 from awescli.flightlog.reconstruction.airspeed_lag import airspeed_lag
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
-from awescli.flightlog.reconstruction.identities import Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
+from awescli.flightlog.reconstruction.identities import DELAYS, Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
 from awescli.flightlog.reconstruction.solve import Solution, delay_by_channel, solve, thinned
@@ -44,8 +44,8 @@ DIFFERENCES_SPREAD = 1.9
 
 DEG = np.pi / 180
 MATTERS = {
-    "rates": 0.5 * DEG, "accelerations": 0.5, "attitude_latency": 0.03, "rate latency": 0.03, "velocity latency": 0.03,
-    "acceleration latency": 0.03, "position_latency": 0.05,
+    "rates": 0.5 * DEG, "accelerations": 0.5, "attitude_latency": 0.03, "rate latency": 0.03, "velocity latency": 0.05,
+    "acceleration latency": 0.05, "position_latency": 0.05,
     "heading_bias": 1.5 * DEG, "airspeed_scale": 0.03, "airspeed_lag": 0.25, "vane_bias": 1.5 * DEG,
 }  # fmt: skip
 """Sizes from which an error changes what a model learns [SI]: those at which the library's effects begin (`source` of their parameters).
@@ -207,22 +207,18 @@ def _say_attitude(s: Solution) -> list[SensorError]:
 
 def _say_position(s: Solution) -> list[SensorError]:
     # height may be a barometer's; receivers smooth what is quick: in UMN's Thor and the AP2 slow motion alone tells what was put in
-    return [_delay(s, "position_latency", ("p_n", "p_e", "p_d"), agreeing=2, by="late")]
+    return [_delay(s, "position_latency", ("p_n", "p_e", "p_d"), agreeing=2, slow=True)]
 
 
 def _say_velocity(s: Solution) -> list[SensorError]:
     biases = [_error(s, n, "imu_bias", (n,), "m/s2", "accelerations", "accelerations") for n in ACCELERATIONS]
-    filtered = _error(s, "acceleration late", "acceleration latency", ACCELERATIONS, "s")
-    own, std = delay_by_channel(s, "acceleration late")
-    alike = bool((np.abs(own - filtered.size) < 3 * std + MOVED).all())
-    delays = [
-        # all of velocity is one receiver's, and an attitude that is wrong turns no two axes alike
-        _delay(s, "velocity latency", VELOCITY, agreeing=3),
-        replace(filtered, size=filtered.size + s.identity.filtered, agrees=alike),
-    ]
-    # no sensor reports what is yet to come
-    delays = [replace(d, agrees=d.agrees and d.size > 0) for d in delays]
-    return [*biases, _error(s, "heading", "heading_bias", ("psi",), "rad"), *delays]
+    # all of velocity is one receiver's, and an attitude that is wrong turns no two axes alike; no sensor reports what is yet to come
+    late = _delay(s, "velocity latency", VELOCITY, agreeing=3)
+    filtered = _delay(s, "acceleration latency", ACCELERATIONS, agreeing=3, of="acceleration delay")
+    # what one of both takes from the other is no delay
+    filtered = replace(filtered, agrees=filtered.agrees and late.agrees and filtered.size > 0)
+    late = replace(late, agrees=late.agrees and late.size > 0)
+    return [*biases, _error(s, "heading", "heading_bias", ("psi",), "rad"), late, filtered]
 
 
 def _say_airspeed(s: Solution) -> list[SensorError]:
@@ -254,18 +250,21 @@ def _error(
     return SensorError(name, target, acts_on, s.values[column], s.std[column], unit, MATTERS[matters or name])
 
 
-def _delay(s: Solution, name: str, acts_on: tuple[str, ...], agreeing: int, by: str = "delay") -> SensorError:
+def _delay(
+    s: Solution, name: str, acts_on: tuple[str, ...], agreeing: int, of: str = "delay", slow: bool = False
+) -> SensorError:
     """A delay delays all motion alike, and so many channels by themselves: what differs between slow and quick motion is none, and a roll
-    angle that alone is late is no late attitude. by: the shape that tells it."""
-    quick, quick_std = s.values["late_quick"], s.std["late_quick"]
-    alike = abs(quick) < 3 * quick_std or abs(quick) < MOVED
-    own, std = delay_by_channel(s)
-    differ = own - s.values["delay"]
+    angle that alone is late is no late attitude. of: which of `DELAYS`; slow: slow motion alone tells it."""
+    late, quick = DELAYS[of]
+    alike = abs(s.values[quick]) < 3 * s.std[quick] or abs(s.values[quick]) < MOVED
+    own, std = delay_by_channel(s, of)
+    differ = own - s.values[of]
     told = (np.abs(differ) < 3 * std + MOVED).sum()
     # channels, and slow and quick motion, differ more than what all tell together may (Birge 1932)
-    scatter = np.sqrt(max((((differ / std) ** 2).sum() + (quick / quick_std) ** 2) / len(own), 1.0)) if by == "delay" else 1.0
+    scatter = 1.0 if slow else np.sqrt(max((((differ / std) ** 2).sum() + (s.values[quick] / s.std[quick]) ** 2) / len(own), 1.0))
     placed = PLACED * float(np.diff(s.identity.series.time[:2])[0])
-    size, spread = s.values[by] + s.identity.moved, float(np.hypot(scatter * s.std[by], placed))
+    by = late if slow else of
+    size, spread = s.values[by] + s.identity.moved[of], float(np.hypot(scatter * s.std[by], placed))
     return SensorError(name, None, acts_on, size, spread, "s", MATTERS[name], bool(alike and told >= agreeing))
 
 

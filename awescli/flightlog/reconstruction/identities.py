@@ -5,8 +5,8 @@ holds no motion: only the drift and the white noise of the one, the bias and the
 the rate of change (Jategaonkar, Flight Vehicle System Identification, ch. 10; Klein & Morelli, ch. 10). Linear, so nothing is iterated.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -24,13 +24,16 @@ KNOWN = 0.005
 WIDE = 1.0
 """Spread of the logarithm of what is known of drifts: a factor of 2.7."""
 
-DELAYS = ("late", "late_quick")
+DELAYS = {"delay": ("late", "late_quick"), "acceleration delay": ("acceleration late", "acceleration late_quick")}
+"""Delay -> its shapes: of all motion, and of quick motion alone, which is zero of a delay."""
+IRONS, IRON = ("iron sin", "iron cos"), 0.05
+"""rad: prior of the parts of a heading's error that go with the sine and the cosine of the heading, as iron near a compass makes them."""
 TILTS, TILTED = ("tilt x", "tilt y", "tilt z"), 0.03
 """rad: prior of how far gyros, or accelerometers, are turned against the axes of the attitude: told as no error, and taken for none."""
 FILTERED = 0.1
 """s: prior of the delay of an acceleration, by its filter; on a straight flight it is that of the velocity with the other sign."""
 SLOW = 2.0
-"""s: motion that is slower is separated from motion that is quicker, for a delay delays both alike (`late_quick` is zero then)."""
+"""s: motion that is slower is separated from motion that is quicker, for a delay delays both alike."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +48,9 @@ class Lag:
 @dataclass(frozen=True)
 class Identity:
     """A Series with what it is made of. channels: the m measured ones; laws: of its states, at their start, with `known` of white levels,
-    laws and memories; drifts: law -> channels that drift; moved: the delay [s] that was taken out before; filtered: that of the channels
-    that are integrated; asks: what is reported beside the columns, as sums of columns with weights; white_by_differences: white noise was
-    found by them beforehand; lag: how slowly the sensor answers, as far as it was asked."""
+    laws and memories; drifts: law -> channels that drift; moved: of `DELAYS`, what was taken out before [s]; asks: what is reported beside
+    the columns, as sums of columns with weights; white_by_differences: white noise was found by them beforehand; lag: how slowly the sensor
+    answers, as far as it was asked."""
 
     name: str
     channels: tuple[str, ...]
@@ -56,8 +59,7 @@ class Identity:
     laws: tuple[Law, ...]
     known: tuple[Known, ...]
     drifts: dict[str, tuple[str, ...]]
-    moved: float = 0.0
-    filtered: float = 0.0
+    moved: Mapping[str, float] = field(default_factory=dict)
     asks: tuple[tuple[str, dict[str, float]], ...] = ()
     white_by_differences: bool = False
     lag: Lag | None = None
@@ -95,10 +97,10 @@ def attitude_of_rates(motion: Motion, late: float = 0.0) -> Identity:
         Law("yaw drift", (2,), 0.5 * deg, MEMORY),
         Law("rate noise", (3, 4, 5), _noise(motion, ("p", "q", "r"), 0.05 * deg) * np.sqrt(motion.dt)),
     )
-    series = Series(y, X, H, seen, motion.restart, motion.time, ("p", "q", "r", *TILTS, *DELAYS),
+    series = Series(y, X, H, seen, motion.restart, motion.time, ("p", "q", "r", *TILTS, *DELAYS["delay"]),
                     np.array([*[0.5] * 3, *[TILTED] * 3, 0.5, 0.5]))  # fmt: skip
     drifts = {"roll and pitch drift": ("phi", "theta"), "yaw drift": ("psi",)}
-    return replace(_identity("attitude", ("phi", "theta", "psi"), series, laws, drifts, 0.002 * deg), moved=late)
+    return replace(_identity("attitude", ("phi", "theta", "psi"), series, laws, drifts, 0.002 * deg), moved={"delay": late})
 
 
 def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
@@ -115,14 +117,15 @@ def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
     channels = ("p_n", "p_e", "p_d")
     series = Series(
         _from_begin(motion, motion.three(*channels) - place), X, _two_states(motion), motion.seen(*channels), motion.restart, motion.time,
-        ("v_n", "v_e", "v_d", *DELAYS), np.array([0.5, 0.5, 0.5, 1.0, 1.0]),
+        ("v_n", "v_e", "v_d", *DELAYS["delay"]), np.array([0.5, 0.5, 0.5, 1.0, 1.0]),
     )  # fmt: skip
-    return replace(_identity("position", channels, series, laws, {"position drift": channels}, 0.0005), moved=late)
+    return replace(_identity("position", channels, series, laws, {"position drift": channels}, 0.0005), moved={"delay": late})
 
 
 def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float = 0.0) -> Identity:
-    """Velocity less the integrated acceleration, turned by the attitude. Shapes: biases of a_x, a_y, a_z, heading, the delay of the
-    acceleration beyond `filtered`, how far the accelerometers are turned, and the delay of the velocity beyond `late` [s].
+    """Velocity less the integrated acceleration, turned by the attitude. Shapes: biases of a_x, a_y, a_z, of the heading (the
+    same everywhere, and with its own sine and cosine), how far the accelerometers are turned, the delay of the acceleration beyond
+    `filtered` and that of the velocity beyond `late` [s].
 
     An acceleration late by tau is turned by the attitude of now: it misses tau (R a - int R' a dt), a velocity late by tau tau R a alone.
     """
@@ -137,11 +140,14 @@ def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float 
         gained, ahead = _delayed(motion, gained, late), _delayed(motion, ahead, late)
     # a heading that is too large turns the acceleration clockwise
     sideways = np.stack([-ahead[:, 1], ahead[:, 0], 0 * ahead[:, 2]], axis=1)
-    heading = -motion.run(motion.steps(sideways))
+    psi = motion.log["psi"][motion.rows]
+    shares = np.stack([np.ones(len(motion)), np.sin(psi), np.cos(psi)])
+    heading = -np.stack([motion.run(motion.steps(sideways * share[:, None])) for share in shares], axis=2)
     tilted = _tilted(motion, a)
     if late:
         tilted = np.stack([_delayed(motion, tilted[:, :, i], late) for i in range(3)], axis=2)
-    X = np.concatenate([-motion.run(motion.steps(R)), heading[:, :, None], missed[:, :, None], tilted, _delays(motion, ahead)], axis=2)
+    delays = [-_delays(motion, missed), _delays(motion, ahead)]
+    X = np.concatenate([-motion.run(motion.steps(R)), heading, tilted, *delays], axis=2)
     wobble = np.deg2rad(0.2) * np.sqrt((ahead**2).mean())
     laws = (
         Law("velocity drift", (0, 1, 2), 0.1, MEMORY),
@@ -151,15 +157,15 @@ def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float 
     series = Series(
         _from_begin(motion, motion.three(*channels) - gained), X, _two_states(motion), motion.seen(*channels),
         motion.restart, motion.time,
-        ("a_x", "a_y", "a_z", "heading", "acceleration late", *TILTS, *DELAYS),
-        np.array([2.0, 2.0, 2.0, 0.5, FILTERED, *[TILTED] * 3, 0.5, 0.5]),
+        ("a_x", "a_y", "a_z", "heading", *IRONS, *TILTS, *DELAYS["acceleration delay"], *DELAYS["delay"]),
+        np.array([2.0, 2.0, 2.0, 0.5, *[IRON] * 2, *[TILTED] * 3, *[FILTERED] * 2, 0.5, 0.5]),
     )  # fmt: skip
     # a drift here is that of the velocity, or of the attitude times the acceleration: it is nobody's
     found = _identity("velocity", channels, series, laws, {}, 0.0005)
     # errors of attitude times acceleration are no random walk: the white noise is what differences of high order leave
     white = tuple(max(white_noise(series.y[:, i], series.seen[:, i]) or w, 0.0005) for i, w in enumerate(found.white))
     known = (*(Known(w, KNOWN) for w in white), *found.known[len(white) :])
-    return replace(found, white_by_differences=True, white=white, moved=late, filtered=filtered, known=known)
+    return replace(found, white_by_differences=True, white=white, known=known, moved={"delay": late, "acceleration delay": filtered})
 
 
 def _identity(

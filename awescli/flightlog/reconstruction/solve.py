@@ -56,20 +56,19 @@ def solve(identity: Identity) -> Solution:
 
 
 def _asked(identity: Identity, whole: Estimate) -> tuple[tuple[str, ...], np.ndarray]:
-    """(names, (f, k) weights of the shapes) of what is reported: each shape, the delay, and what the identity asks."""
+    """(names, (f, k) weights of the shapes) of what is reported: each shape, the delays, and what the identity asks."""
     columns = identity.series.columns
     asked = list(zip(columns, np.eye(len(columns)), strict=True))
-    if set(DELAYS) <= set(columns):
-        asked += [("delay", delay_weights(columns, whole.covariance))]
+    asked += [(name, delay_weights(columns, whole.covariance, by)) for name, by in DELAYS.items() if set(by) <= set(columns)]
     asked += [(name, np.array([weights.get(c, 0.0) for c in columns])) for name, weights in identity.asks]
     names, rows = zip(*asked, strict=True)
     return names, np.array(rows)
 
 
-def delay_weights(columns: tuple[str, ...], covariance: np.ndarray) -> np.ndarray:
-    """(k,) weights of the shapes in a delay of all motion: `late` where `late_quick` is known to be zero. Slow motion by itself goes with
-    what drifts."""
-    late, quick = (columns.index(c) for c in DELAYS)
+def delay_weights(columns: tuple[str, ...], covariance: np.ndarray, shapes: tuple[str, str]) -> np.ndarray:
+    """(k,) weights of the shapes in a delay of all motion: the first of its `shapes` where the second, of quick motion alone, is known to
+    be zero. Slow motion by itself goes with what drifts."""
+    late, quick = (columns.index(c) for c in shapes)
     weights = np.eye(len(columns))[late]
     weights[quick] = -covariance[late, quick] / covariance[quick, quick]
     return weights
@@ -115,11 +114,11 @@ def _scatter(series: Series, levels: Levels, whole: Estimate, F: np.ndarray) -> 
     return np.sqrt(np.maximum(total / max(counted - 1, 1), 1.0))
 
 
-def delay_by_channel(s: Solution, column: str = "late") -> tuple[np.ndarray, np.ndarray]:
-    """The delay as each channel of the identity by itself tells it, at the levels of all: values and standard deviations (m,)."""
+def delay_by_channel(s: Solution, delay: str) -> tuple[np.ndarray, np.ndarray]:
+    """A delay (of `DELAYS`) as each channel of the identity by itself tells it, at the levels of all: values and deviations (m,)."""
     series, m = thinned(s.identity.series, ENOUGH), len(s.identity.channels)
-    gone = DELAYS if column in DELAYS else (column,)
-    late, others = series.columns.index(column), [k for k, c in enumerate(series.columns) if c not in gone]
+    shapes = DELAYS[delay]
+    late, others = series.columns.index(shapes[0]), [k for k, c in enumerate(series.columns) if c not in shapes]
     X = np.concatenate([series.X[:, :, late, None] * np.eye(m), series.X[:, :, others]], axis=2)
     columns = (*(f"late {c}" for c in s.identity.channels), *(series.columns[k] for k in others))
     prior = np.append([series.prior[late]] * m, series.prior[others])
