@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from kites import flight
 from scipy.signal import lfilter
+from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 from sensors import ACCELERATION, ATTITUDE, POSITION, RATES, VELOCITY, Sensors, wander
 
@@ -232,6 +233,15 @@ def test_a_box_that_is_turned_is_nothing_else(true):
     box = Rotation.from_rotvec(np.array([-1.5, 2.0, 1.0]) * DEG).as_matrix()
     turned = {names: box @ np.array([log[n] for n in names]) for names in (RATES, ACCELERATION)}
     path = reconstruct(replace(log, measured={**log.measured, **{n: x for of, xs in turned.items() for n, x in zip(of, xs, strict=True)}}))
+    assert not path.findings, path.findings
+
+
+def test_slow_motion_that_alone_is_late_is_no_late_acceleration(true):
+    """Guards against a wrong name: what drifts with slow motion went for a delay of all of it, known to 3 ms."""
+    log = Sensors().record(true, 7)
+    slow = {n: uniform_filter1d(log[n], int(2.0 / log.dt), mode="nearest") for n in ACCELERATION}
+    late = {n: log[n] + np.interp(log.time - 0.2, log.time, x) - x for n, x in slow.items()}
+    path = reconstruct(replace(log, measured={**log.measured, **late}))
     assert not path.findings, path.findings
 
 
