@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kites import flight
-from scipy.signal import lfilter
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 from sensors import ACCELERATION, ATTITUDE, POSITION, RATES, VELOCITY, Sensors, wander
 
