@@ -17,7 +17,7 @@ from awescli.controller_fit.linear import fit_linear
 from awescli.controller_fit.network import fit_network
 from awescli.controller_fit.noise import noise_through_law
 from awescli.controller_fit.problem import blocks, pose
-from awescli.controller_fit.samples import Samples, answered, gather, in_blocks, samples_at
+from awescli.controller_fit.samples import Samples, answered, gather, in_blocks, loops_flown, samples_at
 from awescli.controller_fit.steering import Steering, find_steering
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Range
@@ -52,21 +52,15 @@ def fit_controller(
     the air from states of the train and validation parts, handed down by who can simulate; with it, choices are made among laws that fly.
     """
     config = config or ControllerConfig()
-    samples = gather(log, train_ranges, validation_ranges, config.surfaces, config.smooth_window_s)
-    loops = np.unique(samples.loop[samples.train]).size
-    if loops < config.folds and config.few_loops == "blocks":
-        samples = in_blocks(samples, config.folds)
-    elif loops < config.folds:
-        few = f"{loops} loops in the training part, fewer than {config.folds} folds"
-        raise BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
+    gathered = samples = gather(log, train_ranges, validation_ranges, config.surfaces, config.smooth_window_s)
     limits = observed_limits(samples, config.limits, config.limit_margin)
     rates = observed_rates(samples)
     limited = {surface: r["fastest"] for surface, r in rates.items() if r["limited"]}
-    samples = answered(samples, 0, limited)
+    samples = _in_folds(answered(samples, 0, limited), config)
     samples, steering, choices, sets = _seen(samples, config)
     delay = estimate_delay(samples, choices[0].features, config.folds)
     if delay["delay_s"] > 0:
-        samples, steering, choices, sets = _seen(answered(samples, round(delay["delay_s"] / samples.dt), {}), config)
+        samples, steering, choices, sets = _seen(_in_folds(answered(samples, round(delay["delay_s"] / samples.dt), {}), config), config)
     common = {
         "surfaces": samples.surfaces,
         "limits": limits,
@@ -92,7 +86,7 @@ def fit_controller(
         "features": feature_report(samples, best.choice, config.folds) | sets,
         "surfaces": list(samples.surfaces),
         "constants": samples.constants,
-        "folds_of": "blocks" if loops < config.folds else "loops",
+        "folds_of": "loops" if (samples.loop == gathered.loop).all() else "blocks",
         "loops": int(samples.loop.max()) + 1,
         "delay": delay,
         "rates": rates,
@@ -103,6 +97,17 @@ def fit_controller(
     }
     metrics = {key: report[key] for key in ("nrmse", "nrmse_smoothed", "noise_nrmse", "nonzeros", "condition")}
     return ControllerFit(replace(best.law, metrics=metrics), report, {kind: a.law for kind, a in found.items()})
+
+
+def _in_folds(samples: Samples, config: ControllerConfig) -> Samples:
+    """The samples with loops enough for the folds, or with blocks of time in their place where that is allowed. Raises BadInput."""
+    loops = loops_flown(samples)
+    if loops >= config.folds:
+        return samples
+    if config.few_loops == "blocks":
+        return in_blocks(samples, config.folds)
+    few = f"{loops} loops in the training part, fewer than {config.folds} folds"
+    raise BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
 
 
 def _seen(samples: Samples, config: ControllerConfig) -> tuple[Samples, Steering, list[Choice], dict]:

@@ -24,6 +24,8 @@ BLOCK = 4.0
 
 LEAST = 50
 """Valid training samples, as many as a network is trained on at least: five seconds at 10 Hz."""
+SLIVER = 0.1
+"""Share of the longest loop below which a part's piece of a loop is none."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,12 @@ def gather(
         loops if looping else (np.arange(loops.size) * log.dt // BLOCK).astype(int),
         train, validation, log.valid & ~train & ~validation, log.dt, pattern, looping,
     )  # fmt: skip
+
+
+def loops_flown(samples: Samples) -> int:
+    """Loops in the train part but for slivers: a thinned flight may hold nothing of one."""
+    held = np.unique(samples.loop[samples.train], return_counts=True)[1]
+    return int((held >= SLIVER * held.max(initial=0)).sum())
 
 
 def in_blocks(samples: Samples, blocks: int) -> Samples:

@@ -45,7 +45,7 @@ class FitController(Stage):
     def check(self, inputs: Inputs, config: FitControllerConfig) -> Iterator[tuple[str, BadInput]]:
         from awescli.control.features import check_features
         from awescli.controller_fit.features import FEATURE_SETS
-        from awescli.controller_fit.samples import gather
+        from awescli.controller_fit.samples import gather, loops_flown
         from awescli.notation.errors import BadInput, did_you_mean
 
         named = isinstance(config.features, str)
@@ -65,7 +65,7 @@ class FitController(Stage):
         except BadInput as e:
             yield "surfaces", e
             return
-        if config.few_loops == "refuse" and (loops := len(set(samples.loop[samples.train].tolist()))) < config.folds:
+        if config.few_loops == "refuse" and (loops := loops_flown(samples)) < config.folds:
             few = f"{loops} loops in the training part, fewer than {config.folds} folds"
             yield "folds", BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
 

@@ -371,3 +371,16 @@ def test_few_loops_are_cut_into_blocks_of_time():
     assert fit.report["folds_of"] == "blocks" and np.isfinite(fit.report["nrmse"]["test"]["rudder"])
     cut = in_blocks(gather(log, *parts), 6)
     assert np.bincount(cut.loop[cut.train]).tolist() == [200] * 6 and (np.diff(cut.loop) >= 0).all()
+
+
+def test_a_sliver_of_a_loop_is_no_loop():
+    """Guards a plan that stopped at "2 loops in the training part, fewer than 3 folds" where blocks of time were allowed: of the third loop
+    the training part held some samples, and their set-points moved at the limit of their rate."""
+    log, settings = circling(), {"kind": "linear", "features": FIXED, "folds": 3}
+    first = np.flatnonzero(gather(log, [(0, 3000)], [(3000, 3500)]).loop == 2)[0]
+    parts = [(0, int(first) + 3)], [(1200, 1700)]
+    assert np.unique(gather(log, *parts).loop[: first + 3]).size == 3
+    with pytest.raises(BadInput, match="2 loops in the training part, fewer than 3 folds"):
+        fit_controller(log, *parts, ControllerConfig(**settings))
+    fit = fit_controller(log, *parts, ControllerConfig(**settings, few_loops="blocks"))
+    assert fit.report["folds_of"] == "blocks" and np.isfinite(fit.report["nrmse"]["test"]["rudder"])
