@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from awescli.estimation.arx import Arx, each, fitted
-from awescli.estimation.prediction import SCORED, WARM_UP, Prediction, beside, prediction_starts
+from awescli.estimation.prediction import SCORED, Prediction, beside
 from awescli.flightlog.log import FlightLog
-from awescli.flightlog.split import Split
+from awescli.flightlog.split import WARM_UP, Split, prediction_starts
 from awescli.notation.errors import BadInput
 from awescli.notation.frames import rotate, rotation_body_to_ned
 from awescli.notation.quantities import OF_LINE, STATES, SURFACES

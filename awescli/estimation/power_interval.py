@@ -24,8 +24,9 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import softmax, stdtrit
 
 from awescli.estimation.known import Known
-from awescli.estimation.prediction import WARM_UP, Prediction
+from awescli.estimation.prediction import Prediction
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.split import WARM_UP
 from awescli.simulation.rollout import Columns, Simulator
 from awescli.simulation.segments import observe
 

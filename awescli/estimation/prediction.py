@@ -15,7 +15,7 @@ from awescli.estimation.fit import fit
 from awescli.estimation.known import Known
 from awescli.estimation.misfit import Misfit
 from awescli.flightlog.log import FlightLog
-from awescli.flightlog.split import segments as segment_starts
+from awescli.flightlog.split import WARM_UP, prediction_starts
 from awescli.notation.errors import BadInput
 from awescli.notation.frames import rotate_back, rotation_body_to_ned
 from awescli.notation.quantities import MEASURED, STATES
@@ -25,8 +25,6 @@ from awescli.simulation.rollout import Segments, Simulator, Trajectories
 from awescli.simulation.segments import Observed, noise_std, observe
 
 SCORED = (*STATES, "V_a", "alpha", "beta", "tension")
-WARM_UP = 1.0
-"""[s] before a prediction whose measurements fix its start: long enough to average the noise, short against a loop."""
 
 
 @dataclass(frozen=True)
@@ -102,15 +100,6 @@ def forecast(
         return as_reported(*filtered(held, observed, before, known)), before
     segments = warmed_up(simulator, observed, before, values) if before else observed.segments
     return simulator.rollout(segments, values), before
-
-
-def prediction_starts(
-    log: FlightLog, ranges: Sequence[tuple[int, int]], horizon: float, warm_up: float = WARM_UP, every: float | None = None
-) -> np.ndarray:
-    """(K,) samples where the warm-ups of predictions begin; none where no range is long enough."""
-    before, ahead = int(round(warm_up / log.dt)), int(round(horizon / log.dt))
-    stride = ahead if every is None else max(ahead, int(round(every / log.dt)))
-    return segment_starts([(max(a - before, 0), b) for a, b in ranges], before + ahead, stride=stride, valid=log.valid)
 
 
 def warmed_up(simulator: Simulator, observed: Observed, before: int, values: Mapping[str, float] | None = None) -> Segments:

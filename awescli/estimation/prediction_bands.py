@@ -26,9 +26,10 @@ from awescli.estimation.known import Known
 from awescli.estimation.links import Links
 from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.power_interval import LEVEL
-from awescli.estimation.prediction import WARM_UP, Prediction, warmed_up
+from awescli.estimation.prediction import Prediction, warmed_up
 from awescli.estimation.processes.base import active
 from awescli.flightlog.log import FlightLog
+from awescli.flightlog.split import WARM_UP
 from awescli.notation.angles import wrap
 from awescli.notation.frames import rotation_body_to_ned
 from awescli.notation.quantities import ANGLES, MEASURED

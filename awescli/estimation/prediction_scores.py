@@ -9,10 +9,10 @@ from awescli.estimation.known import Known
 from awescli.estimation.mechanical_power import mechanical_power
 from awescli.estimation.phase_power import flown_ranges, phase_power
 from awescli.estimation.power_interval import Pieces, Seen, energy_sensitivities, power_interval
-from awescli.estimation.prediction import Prediction, predict, prediction_starts
+from awescli.estimation.prediction import Prediction, predict
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.phases import phases
-from awescli.flightlog.split import PARTS, Split
+from awescli.flightlog.split import PARTS, Split, prediction_starts
 from awescli.notation.quantities import STATES
 from awescli.physics.flight_model import FlightModel
 from awescli.simulation import scores

@@ -12,7 +12,10 @@ from awescli.flightlog.ranges import FARTHEST, LoopRanges, farthest, loop_ranges
 from awescli.notation.errors import BadInput
 
 WHOLE = 5.0
-"""[s] of valid samples in a row that each part needs somewhere: what is predicted in one go, where nothing else is asked."""
+"""[s] that each part must be able to predict somewhere: what is predicted in one go, where nothing else is asked."""
+WARM_UP = 1.0
+"""[s] before a prediction whose measurements fix its start: long enough to average the noise, short against a loop. They may lie in
+another part."""
 
 PARTS = ("train", "validation", "test")
 ORDERS = ("balanced", "chronological", "interleaved")
@@ -52,7 +55,7 @@ def split(
     without a `log` nothing is known of ranges, and the fewest are taken). chronological: first train, then validation, then test.
     interleaved: spread over the flight. turn: every loop takes the part of the one so many loops before it, the first ones those of the
     last: so that on a short flight each loop is unseen once (cross-validation); further by as many as it takes where that leaves a part of
-    the `log` without `WHOLE` seconds that are valid (its one loop has a sensor that is silent in the middle). Raises BadInput for fewer
+    the `log` without `WHOLE` seconds that can be predicted (a sensor is silent in the middle of its loops). Raises BadInput for fewer
     than three loops, shares that are not positive, or an unknown order.
 
     What balanced costs: test loops lie between loops that were fitted and share slow disturbances with them, the wind above all. Their
@@ -76,7 +79,7 @@ def split(
         part = np.repeat(np.arange(3), counts) if order == "chronological" else _dealt(counts)
     turns = [np.roll(part, turn + further) for further in range(count if log is not None else 1)]
     parts = [[_merged(loops.bounds[part == k]) for k in range(3)] for part in turns]
-    ranges = next((found for found in parts if log is None or all(_whole(log, own) for own in found)), parts[0])
+    ranges = next((found for found in parts if log is None or all(prediction_starts(log, own, WHOLE).size for own in found)), parts[0])
     return Split(*ranges, counts=(int(counts[0]), int(counts[1]), int(counts[2])), of=loops.kind)
 
 
@@ -103,9 +106,14 @@ def segments(ranges: Iterable[Range], length_samples: int, stride: int | None = 
     return np.concatenate(starts).astype(int) if starts else np.empty(0, dtype=int)
 
 
-def _whole(log: FlightLog, ranges: Sequence[Range]) -> bool:
-    """Is there a stretch of `WHOLE` seconds without an invalid sample in some ranges?"""
-    return segments(ranges, int(round(WHOLE / log.dt)), valid=log.valid).size > 0
+def prediction_starts(
+    log: FlightLog, ranges: Iterable[Range], horizon: float, warm_up: float = WARM_UP, every: float | None = None
+) -> np.ndarray:
+    """(K,) samples where the warm-ups of predictions begin; none where no range is long enough. horizon, every: [s] that are predicted, and
+    between predictions, default one after the other."""
+    before, ahead = int(round(warm_up / log.dt)), int(round(horizon / log.dt))
+    stride = ahead if every is None else max(ahead, int(round(every / log.dt)))
+    return segments([(max(a - before, 0), b) for a, b in ranges], before + ahead, stride=stride, valid=log.valid)
 
 
 def _counts(count: int, shares: np.ndarray) -> np.ndarray:

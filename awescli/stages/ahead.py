@@ -84,7 +84,7 @@ def longest_ahead(log: "FlightLog", parts: "Split", before: float) -> float:
 def horizon_within(context: Context, config: AheadConfig, horizon: float, flights: "Iterable[tuple[FlightLog, Split]]") -> float:
     """`horizon` [s], shortened to what fits into the flights ((log, parts), ...) where the settings allow that, and said. Raises
     NumericalFailure("too_short") where nothing can be predicted."""
-    from awescli.estimation.prediction import WARM_UP
+    from awescli.flightlog.split import WARM_UP
     from awescli.notation.errors import NumericalFailure
 
     fits = min(longest_ahead(log, parts, WARM_UP) for log, parts in flights)

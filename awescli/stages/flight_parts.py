@@ -42,12 +42,11 @@ def unknown_channels(
 
 
 def too_long(inputs: Inputs, horizon: float, parts: tuple[str, ...], key: str = "horizon") -> Iterator[tuple[str, BadInput]]:
-    """(key, mistake) where no stretch of `horizon` seconds fits into the loops of a part."""
-    from awescli.flightlog.split import segments
+    """(key, mistake) where no stretch of `horizon` seconds, and the warm-up before, fits into the loops of a part."""
+    from awescli.flightlog.split import prediction_starts
 
-    steps = int(round(horizon / inputs.log.dt))
     for part in parts:
-        if not len(segments(getattr(inputs.parts, part), steps, valid=inputs.log.valid)):
+        if not len(prediction_starts(inputs.log, getattr(inputs.parts, part), horizon)):
             what = f"no {horizon:g} s in a row fit into the {part} loops of flight '{inputs.log.name}'"
             yield key, BadInput(what, do="Use a shorter one, or a longer flight; `awes check` lists what was left out and why.")
 

@@ -57,7 +57,8 @@ def actions(effects: Mapping[str, Any] | None, folder: Path | None, log: "Flight
 
 def _flown(simulator: "Simulator", log: "FlightLog", parts: "Split", horizon: float) -> "tuple[np.ndarray, np.ndarray, np.ndarray]":
     """(first (K,) samples, states (K, N, n_x), inputs (K, N, n_u)) of predictions of the test loops, starts by their warm-up."""
-    from awescli.estimation.prediction import WARM_UP, prediction_starts, warmed_up
+    from awescli.estimation.prediction import warmed_up
+    from awescli.flightlog.split import WARM_UP, prediction_starts
     from awescli.notation.errors import BadInput
     from awescli.notation.quantities import MEASURED
     from awescli.simulation.segments import observe
