@@ -157,18 +157,29 @@ def _may_turn(problem: EstimationProblem) -> bool:
     return gusty(problem) and moments and any(g.level == 0 for name in TURNING if name in kinds for g in kinds[name].groups)
 
 
+def _turning(problem: EstimationProblem) -> set[str]:
+    """Groups of gusts that turn the kite and are there."""
+    return {g.name for p in problem.processes if p.name in TURNING for g in p.groups if g.level > 0}
+
+
 def _turned(
     result: JointFit, problems: list[EstimationProblem], labels: Sequence[str], per_flight: Sequence[str], prior: bool,
     on_iteration: OnIteration,
 ) -> tuple[JointFit, list[EstimationProblem]]:  # fmt: skip
     """A fit and its problems, or those with gusts that turn the kite in place of a model error of moments, where they are likelier. Looked
-    for beside what an effect had left, they found no room; the model error that stayed for them was then "more than noise"."""
+    for beside what an effect had left, they found no room; the model error that stayed for them was then "more than noise". Where they find
+    none at nodes that are far apart either, that is all that is asked."""
     turned = [
         p.with_processes(opened(_closed(p.processes, (MODEL_ERROR,), SLIGHT), TURNING, 1.0)) if _may_turn(p) else p for p in problems
     ]
-    owns = [q.misfit().carried(f.own, f.misfit) for q, f in zip(turned, result.flights, strict=True)]
+    coarse = [p.spaced(COARSE) for p in turned]
+    owns = [q.misfit().carried(f.own, f.misfit) for q, f in zip(coarse, result.flights, strict=True)]
     tables = [f.parameters for f in result.flights]
-    other, found = fit_levels(turned, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
+    rough, there = fit_levels(coarse, labels, tables, per_flight, prior, ROUNDS, LOOSE, on_iteration, owns)
+    if not rough.ended or all(_turning(q) <= _turning(p) for p, q in zip(problems, there, strict=True)):
+        return result, problems
+    near, tables, owns = _at_near_nodes(turned, rough, there)
+    other, found = fit_levels(near, labels, tables, per_flight, prior, ROUNDS, TIGHT, on_iteration, owns)
     now, then = (fit.deviance + sum(prior_deviance(p.processes) for p in those) for fit, those in ((result, problems), (other, found)))
     return (other, found) if other.ended and then < now - UNCHANGED else (result, problems)
 
@@ -337,10 +348,18 @@ def fit_coarsely_first(
         at = [own and new.misfit().carried(own, p.misfit()) for new, p, own in zip(coarse, problems, begun, strict=True)]
         rough, found = fit_levels(coarse, labels, tables, tolerance=LOOSE, owns=at, **how)
         if rough.ended:
-            problems = [p.at_noise(c.factors).with_processes(_spaced_as(p, c.processes)) for p, c in zip(problems, found, strict=True)]
-            tables = [f.parameters for f in rough.flights]
-            begun = [p.misfit().carried(f.own, c.misfit()) for p, f, c in zip(problems, rough.flights, found, strict=True)]
+            problems, tables, begun = _at_near_nodes(problems, rough, found)
     return fit_levels(problems, labels, tables, tolerance=tolerance, owns=begun, **how)
+
+
+def _at_near_nodes(
+    problems: Sequence[EstimationProblem], rough: JointFit, found: Sequence[EstimationProblem]
+) -> tuple[list[EstimationProblem], list[ParameterTable], list[NuisanceValues]]:
+    """(Problems, parameters, nuisances) to go on from at nodes as close as those of some problems, where a fit at nodes that are far apart
+    has ended, with the levels that it found."""
+    near = [p.at_noise(c.factors).with_processes(_spaced_as(p, c.processes)) for p, c in zip(problems, found, strict=True)]
+    owns = [p.misfit().carried(f.own, c.misfit()) for p, f, c in zip(near, rough.flights, found, strict=True)]
+    return near, [f.parameters for f in rough.flights], owns
 
 
 def _spaced_as(problem: EstimationProblem, processes: Sequence[Process]) -> list[Process]:

@@ -28,9 +28,13 @@ class Problem:
     """What is asked of an estimation problem."""
 
     processes: tuple
+    spacing: float = 0.02
 
     def with_processes(self, processes):
         return replace(self, processes=tuple(processes))
+
+    def spaced(self, between):
+        return replace(self, spacing=between)
 
     def misfit(self):
         return SimpleNamespace(carried=lambda own, before: own)
@@ -56,9 +60,24 @@ def test_they_stay_where_they_are_likelier(log, monkeypatch, gained, ended, take
     after = SimpleNamespace(deviance=1000.0 + priors[0] - priors[1] - gained, ended=ended)
 
     def fit_levels(turned, *given):
-        begun.extend(staged_fit.levels_of(turned[0].processes).items())
+        begun.append((turned[0].spacing, staged_fit.levels_of(turned[0].processes)))
         return after, found
 
     monkeypatch.setattr(staged_fit, "fit_levels", fit_levels)
+    monkeypatch.setattr(staged_fit, "_at_near_nodes", lambda turned, rough, there: (turned, [], []))
     assert staged_fit._turned(before, problems, [""], (), True, None) == ((after, found) if taken else (before, problems))
-    assert dict(begun)["roll gusts"] > 0 and 0 < dict(begun)["moment_x"] < 0.2
+    assert [spacing for spacing, _ in begun] == ([staged_fit.COARSE, 0.02] if ended else [staged_fit.COARSE])
+    assert all(levels["roll gusts"] > 0 and 0 < levels["moment_x"] < 0.2 for _, levels in begun)
+
+
+def test_where_they_find_no_room_at_nodes_that_are_far_apart_nothing_more_is_asked(log, monkeypatch):
+    """Guards the time of a trace: on a flight of 280 s of JSBSim they were fitted at close nodes for 57 s, to come to nothing."""
+    before = SimpleNamespace(deviance=1000.0, flights=(SimpleNamespace(own=None, misfit=None, parameters=None),))
+    problems, asked = [Problem(processes(log, moment_x=0.2))], []
+
+    def fit_levels(turned, *given):
+        asked.append(turned[0].spacing)
+        return SimpleNamespace(deviance=0.0, ended=True), [Problem(processes(log, moment_x=0.1))]
+
+    monkeypatch.setattr(staged_fit, "fit_levels", fit_levels)
+    assert staged_fit._turned(before, problems, [""], (), True, None) == (before, problems) and asked == [staged_fit.COARSE]
