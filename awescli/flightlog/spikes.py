@@ -1,5 +1,6 @@
 """Spikes: one or two samples that leap away and come back, faster than anything that flies, one or two values that their neighbours
-contradict, and numbers that no sensor reports, however many in a row. Found before units are judged, then missing."""
+contradict, the first or the last one where those beside it do, and numbers that no sensor reports, however many in a row. Found before
+units are judged, then missing."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -80,7 +81,8 @@ def _spiked(name: str, x: np.ndarray) -> np.ndarray:
     turned: Callable[[np.ndarray], np.ndarray] = wrap if name in ANGLES else np.asarray
     run = np.unwrap(x) if name in ANGLES else x
     low, high = usual(run, (0.01, 0.99))
-    smooth = median_filter(run, WINDOW, mode="nearest")
+    # mirrored: the first value is not to vouch for itself
+    smooth = median_filter(run, WINDOW, mode="mirror")
     off = np.abs(run - smooth)
     if name not in MEASURED:
         return off > max(USUAL * usual(off, 0.99), high - low, COMMAND)
@@ -99,6 +101,8 @@ def _contradicted(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> 
         found = [_taken_out(values, spiked, many, turned) for many in (2, 1)]
         if not any(found):
             break
+    if starts.size >= FEWEST:
+        spiked |= _ends(values, turned)
     # a value that stays is none of these: faults.py's business
     return np.repeat(spiked & (lengths <= 2 * np.median(lengths)), lengths)
 
@@ -118,6 +122,17 @@ def _taken_out(x: np.ndarray, spiked: np.ndarray, many: int, turned: Callable[[n
         spiked[far + k] = True
         x[far + k] -= by[k, far]
     return bool(far.size)
+
+
+def _ends(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """(N,) bool: the first and the last value, where the line through the two beside it contradicts it."""
+    bent = np.abs(turned(turned(np.diff(x))[1:] - turned(np.diff(x))[:-1]))
+    far = CONTRADICTED * usual(bent, 0.95)
+    spiked = np.zeros(x.size, bool)
+    for end, near in ((0, bent[: NEARBY + 1]), (-1, bent[: -NEARBY - 2 : -1])):
+        # one that is off itself bends the next line, too
+        spiked[end] = near[0] > max(far, AMONG * np.median(near[1:])) and near[1] < AGREED * near[0]
+    return spiked
 
 
 def _among(off: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -75,6 +75,24 @@ def test_two_in_a_row(clean, first, second):
     assert looked_at({"phi": phi})["phi"] == [3000, 3001]
 
 
+@pytest.mark.parametrize("at", [0, -1])
+@pytest.mark.parametrize("far", [1000.0, 60.0])
+def test_the_first_and_the_last_value(clean, at, far):
+    """Guards a flight of JSBSim in the field whose first velocity was 317 m/s off (family 44, a wind offset): it vouched for itself, no
+    model came near the flight, and each of its fits was looked for in vain."""
+    spiked = {name: x.copy() for name, x in clean.items()}
+    for name, x in spiked.items():
+        x[at] += min(far * NOISE[name], 1.5) if name in ("phi", "psi") else far * NOISE[name]
+    assert looked_at(spiked) == {name: [range(x.size)[at]] for name, x in spiked.items()}
+
+
+@pytest.mark.parametrize("at", [1, -2, 2, -3])
+def test_one_beside_an_end_is_not_the_end(clean, at):
+    psi = clean["psi"].copy()
+    psi[at] += 0.4
+    assert looked_at({"psi": psi})["psi"] in ([range(psi.size)[at]], [])
+
+
 def test_half_a_turn_off(clean):
     """To either side it is the same."""
     psi = clean["psi"].copy()
