@@ -126,7 +126,7 @@ def _taken_out(x: np.ndarray, spiked: np.ndarray, many: int, turned: Callable[[n
 
 def _ends(x: np.ndarray, turned: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """(N,) bool: the first and the last value, where the line through the two beside it contradicts it."""
-    bent = np.abs(turned(turned(np.diff(x))[1:] - turned(np.diff(x))[:-1]))
+    bent = np.abs(turned(np.diff(turned(np.diff(x)))))
     far = CONTRADICTED * usual(bent, 0.95)
     spiked = np.zeros(x.size, bool)
     for end, near in ((0, bent[: NEARBY + 1]), (-1, bent[: -NEARBY - 2 : -1])):

@@ -47,7 +47,8 @@ def too_long(inputs: Inputs, horizon: float, parts: tuple[str, ...], key: str = 
 
     for part in parts:
         if not len(prediction_starts(inputs.log, getattr(inputs.parts, part), horizon)):
-            what = f"no {horizon:g} s in a row fit into the {part} loops of flight '{inputs.log.name}'"
+            where = f"the {part} loops of flight '{inputs.log.name}'"
+            what = f"no {horizon:g} s in a row fit into {where}, with the second before that tells where they begin"
             yield key, BadInput(what, do="Use a shorter one, or a longer flight; `awes check` lists what was left out and why.")
 
 
