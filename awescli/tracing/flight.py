@@ -53,8 +53,8 @@ def trace_flight(
     flights = (TracedFlight(log, parts, declared, closes=closes), *also)
     frame = Frame(flights, horizon, tuple(outputs or log.measured), tuple(per_flight))
     progress("fitting the model as it is declared")
-    begin = dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None or also else (levels,)
-    frame, null, many = without_outliers(frame, fit_null(frame, *begin), lambda left: fit_null(left, *begin))
+    null = fit_null(frame, dict(start or {}), [h for h in curriculum if h < horizon], () if levels is None or also else (levels,))
+    frame, null, many = without_outliers(frame, null)
     if many:
         progress(f"left out: {sum(many.values())} values that are far off for a moment")
     seen = [reconstruct(f.log).findings for f in flights]

@@ -6,7 +6,7 @@ that lacks something is off for as long as the kite takes to answer.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,8 +21,6 @@ BESIDE = 3.0
 """... all of its values, and none of the two on either side: the noise is too large while they count."""
 DRAGGED = 0.15
 """Share of the farthest value by which those on either side may be off: a fit gives way to what is hundreds of them off."""
-GROSS = BESIDE / DRAGGED
-"""Standard deviations by which one must be off where a fit came to no end, for which it may be to blame: nothing else is looked at then."""
 BRIEF = 0.06
 """[s] how long it lasts at most, unless it is a single value."""
 RARE = 0.05
@@ -31,38 +29,33 @@ PASSES = 4
 """In which they are looked for: the noise is too large until the farthest are gone."""
 
 
-def without_outliers(
-    frame: Frame, model: FittedModel, anew: Callable[[Frame], FittedModel]
-) -> tuple[Frame, FittedModel, dict[str, int]]:  # fmt: skip
-    """(the frame without outliers, the model fitted to what is left, channel -> how many, of all flights). anew: fits the model from its
-    beginning, where a fit has come to no end."""
+def without_outliers(frame: Frame, model: FittedModel) -> tuple[Frame, FittedModel, dict[str, int]]:
+    """(the frame without outliers, the model fitted anew to what is left, channel -> how many, of all flights)."""
     many: Counter[str] = Counter()
     for _ in range(PASSES):
-        far = FAR if model.fit.ended else GROSS
-        found = [outliers(*each, far) for each in zip(model.fit.flights, model.judged, strict=True)]
-        if not any(found):
+        found = [outliers(*each) for each in zip(model.fit.flights, model.judged, strict=True)]
+        if not any(found) or not model.fit.ended:
             break
         many.update({name: len(rows) for flight in found for name, rows in flight.items()})
         frame = frame.without(found)
-        model = fit_on(frame, model) if model.fit.ended else anew(frame)
+        model = fit_on(frame, model)
     return frame, model, dict(many)
 
 
-def outliers(fitted: Fit, judged: Fit, far: float = FAR) -> Mapping[str, Sequence[int]]:
-    """Channel -> samples of the log that are outliers, by `far` standard deviations, in the loops that were fitted and in those that were
-    judged."""
+def outliers(fitted: Fit, judged: Fit) -> Mapping[str, Sequence[int]]:
+    """Channel -> samples of the log that are outliers, in the loops that were fitted and in those that were judged."""
     found: dict[str, set[int]] = {}
     count: Counter[str] = Counter()
     for fit in (f for f in (fitted, judged) if len(f.counted)):
         observed, r = fit.misfit.observed, smoothed_residual(fit)
         for (k, y), name in zip(np.ndindex(len(r), len(observed.outputs)), len(r) * list(observed.outputs), strict=True):
             count[name] += int(np.isfinite(r[k, :, y]).sum())
-            found.setdefault(name, set()).update((observed.segments.first[k] + _off(r[k, :, y], observed.segments.dt, far)).tolist())
+            found.setdefault(name, set()).update((observed.segments.first[k] + _off(r[k, :, y], observed.segments.dt)).tolist())
     return {name: sorted(rows) for name, rows in found.items() if 0 < len(rows) <= RARE * count[name]}
 
 
-def _off(r: np.ndarray, dt: float, far: float = FAR) -> np.ndarray:
-    """Samples of a whitened residual (N,), NaN between the values of a slow sensor, that are off by `far` for a moment only."""
+def _off(r: np.ndarray, dt: float) -> np.ndarray:
+    """Samples of a whitened residual (N,), NaN between the values of a slow sensor, that are off for a moment only."""
     new = np.flatnonzero(np.isfinite(r))
     off, until = np.abs(r[new]), np.append(new, r.size)
     found = np.zeros(0, int)
@@ -70,6 +63,6 @@ def _off(r: np.ndarray, dt: float, far: float = FAR) -> np.ndarray:
     for first, last in np.flatnonzero(np.diff(np.r_[0, off > good, 0])).reshape(-1, 2):
         brief = last - first == 1 or until[last] - until[first] <= round(BRIEF / dt)
         beside = np.r_[off[max(first - 2, 0) : first], off[last : last + 2]]
-        if brief and off[first:last].max() > far and (beside <= good).all():
+        if brief and off[first:last].max() > FAR and (beside <= good).all():
             found = np.append(found, new[first:last])
     return found

@@ -77,7 +77,7 @@ def test_which_flights_are_asked_for_their_instruments(monkeypatch, verdict, chi
     declared, log, parts = short_flight({}, 31, 20.0, UNKNOWN)
     evidence, seen = SimpleNamespace(rest=SimpleNamespace(chi2=chi2), contradictions=against), ("what instruments say",)
     monkeypatch.setattr(flight, "fit_null", lambda *of: SimpleNamespace(simulator=None))
-    monkeypatch.setattr(flight, "without_outliers", lambda frame, null, anew: (frame, null, {"theta": 3}))
+    monkeypatch.setattr(flight, "without_outliers", lambda frame, null: (frame, null, {"theta": 3}))
     monkeypatch.setattr(flight, "predict", lambda *of: SimpleNamespace(nrmse=lambda: {"mean": 0.1}))
     monkeypatch.setattr(flight, "investigate", lambda frame, null, *of, **how: Finding(frame, verdict, (), {}, evidence, null))
     monkeypatch.setattr(flight, "better_by_prediction", lambda *of, **how: None)
