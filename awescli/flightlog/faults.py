@@ -83,15 +83,17 @@ def _stuck(log: FlightLog, name: str, moving: np.ndarray) -> list[Fault]:
 
 
 def _dropouts(log: FlightLog, name: str) -> list[Fault]:
-    """Short stretches at one value that the signal leaps to and from."""
+    """Short stretches at one value that the signal leaps to and from, at the ends of the log on the one side that there is: a recorder that
+    runs before its sensors do writes zeros."""
     signal = log[name]
     step = np.abs(np.diff(signal))
     step = np.minimum(step, 2 * np.pi - step) if name in ANGLES else step
     low, high = usual(signal, (0.01, 0.99))
     leap = max(LEAP * usual(step, 0.99), LEAP_SHARE * (high - low))
-    bounds = _constant(signal)[1:-1]
+    bounds = _constant(signal)
     bounds = bounds[(bounds[:, 1] - bounds[:, 0] >= DROPPED)]
-    bounds = bounds[(step[bounds[:, 0] - 1] > leap) & (step[bounds[:, 1] - 1] > leap)] if leap > 0 else bounds[:0]
+    step = np.r_[np.inf, step, np.inf]
+    bounds = bounds[(step[bounds[:, 0]] > leap) & (step[bounds[:, 1]] > leap)] if leap > 0 else bounds[:0]
     if not len(bounds):
         return []
     values = ", ".join(sorted({f"{signal[first]:.4g}" for first, _ in bounds})[:3])

@@ -21,7 +21,7 @@ from awescli.controller_fit.lp import sparse_coefficients
 from awescli.controller_fit.noise import NOISE
 from awescli.controller_fit.pattern import fit_pattern
 from awescli.controller_fit.ridge import solve_ridge, triangle, well_conditioned
-from awescli.controller_fit.samples import answered, gather, in_blocks
+from awescli.controller_fit.samples import answered, gather, in_blocks, loops_flown
 from awescli.controller_fit.steering import TERMS, find_steering
 from awescli.flightlog.log import FlightLog
 from awescli.notation.errors import BadInput
@@ -373,13 +373,22 @@ def test_few_loops_are_cut_into_blocks_of_time():
     assert np.bincount(cut.loop[cut.train]).tolist() == [200] * 6 and (np.diff(cut.loop) >= 0).all()
 
 
-def test_a_sliver_of_a_loop_is_no_loop():
-    """Guards a plan that stopped at "2 loops in the training part, fewer than 3 folds" where blocks of time were allowed: of the third loop
-    the training part held some samples, and their set-points moved at the limit of their rate."""
+@pytest.mark.parametrize("lost", ["but for three samples", "at the limit of its rate"])
+def test_a_loop_of_which_nothing_is_left_is_none(lost):
+    """Guards a plan that stopped at "2 loops in the training part, fewer than 3 folds" where blocks of time were allowed: of three loops
+    one is a sliver, or one in which all set-points move as fast as they can."""
     log, settings = circling(), {"kind": "linear", "features": FIXED, "folds": 3}
-    first = np.flatnonzero(gather(log, [(0, 3000)], [(3000, 3500)]).loop == 2)[0]
-    parts = [(0, int(first) + 3)], [(1200, 1700)]
-    assert np.unique(gather(log, *parts).loop[: first + 3]).size == 3
+    loop = gather(log, [(0, 3000)], [(3000, 3500)]).loop
+    begins = np.searchsorted(loop, [1, 2, 3])
+    ends = int(begins[1]) + 3
+    if lost == "at the limit of its rate":
+        rudder, ends = log.inputs["rudder"].copy(), int(begins[2])
+        there = slice(begins[0], begins[1])
+        rudder[there] = rudder[begins[0] - 1] + 0.1 * (np.arange(begins[1] - begins[0]) % 2 == 0)
+        log = replace(log, inputs={**log.inputs, "rudder": rudder})
+    parts = [(0, ends)], [(1500, 2000)]
+    assert np.unique(gather(log, *parts).loop[:ends]).size == 3
+    assert loops_flown(gather(log, *parts)) == (2 if lost == "but for three samples" else 3)
     with pytest.raises(BadInput, match="2 loops in the training part, fewer than 3 folds"):
         fit_controller(log, *parts, ControllerConfig(**settings))
     fit = fit_controller(log, *parts, ControllerConfig(**settings, few_loops="blocks"))

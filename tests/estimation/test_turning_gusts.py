@@ -71,7 +71,7 @@ def test_they_stay_where_they_are_likelier(log, monkeypatch, gained, ended, take
 
 
 def test_where_they_find_no_room_at_nodes_that_are_far_apart_nothing_more_is_asked(log, monkeypatch):
-    """Guards the time of a trace: on a flight of 280 s of JSBSim they were fitted at close nodes for 57 s, to come to nothing."""
+    """Guards the time of a trace: on a long flight of JSBSim they were fitted at close nodes, to come to nothing."""
     before = SimpleNamespace(deviance=1000.0, flights=(SimpleNamespace(own=None, misfit=None, parameters=None),))
     problems, asked = [Problem(processes(log, moment_x=0.2))], []
 

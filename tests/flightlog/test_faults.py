@@ -36,6 +36,17 @@ def test_stuck_saturated_and_dead_sensors(log):
     assert not next(c for c in data_quality(marked).checks if c.name == "sensor faults").ok
 
 
+@pytest.mark.parametrize("many", [3, 6, 12])
+@pytest.mark.parametrize("rows", [lambda n: slice(0, n), lambda n: slice(-n, None)], ids=["first", "last"])
+def test_a_recorder_that_runs_before_or_after_its_sensors(log, many, rows):
+    """Guards logs whose first rows are zeros: a leap stands on one side of them alone, and they were flown. One or two are spikes."""
+    zeros = {name: x.copy() for name, x in log.measured.items()}
+    for x in zeros.values():
+        x[rows(many)] = 0.0
+    marked = mark_faults(spoiled(log, **zeros))
+    assert not marked.valid[rows(many)].any() and (~marked.valid).sum() <= many + 1
+
+
 def test_contradictions_are_found(log):
     checks = {c.name: c for c in data_quality(log).checks}
     assert checks["position against velocity"].ok and checks["acceleration against velocity"].ok

@@ -86,6 +86,13 @@ def test_the_first_and_the_last_value(clean, at, far):
     assert looked_at(spiked) == {name: [range(x.size)[at]] for name, x in spiked.items()}
 
 
+@pytest.mark.parametrize("at", [0, -1])
+def test_the_first_and_the_last_set_point(at):
+    rudder = 0.1 * np.sin(np.arange(3000) / 40)
+    rudder[at] += 2.0
+    assert looked_at({"rudder": rudder}) == {"rudder": [range(rudder.size)[at]]}
+
+
 @pytest.mark.parametrize("at", [1, -2, 2, -3])
 def test_one_beside_an_end_is_not_the_end(clean, at):
     psi = clean["psi"].copy()

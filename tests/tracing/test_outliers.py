@@ -67,11 +67,11 @@ def test_they_are_left_out_and_the_noise_is_what_it_was():
 
 
 def test_gross_ones_drag_those_beside_them_along():
-    """Guards dirty logs: of three velocities in a row 15 m/s off, which no reader tells, those on either side are three standard deviations
-    off and more, and the noise five times what it is."""
+    """Guards dirty logs: of three velocities in a row 50 m/s off, which no reader tells, those on either side are some standard deviations
+    off, and the noise is five times what it was."""
     frame, clean = null_model()
     first = int(clean.problems[0].fitted.segments.first[0]) + 20
-    dirty = with_errors(frame, {"v_d": {first + k: 300.0 * share for k, share in enumerate((1.0, 0.9, 1.1))}})
+    dirty = with_errors(frame, {"v_d": {first + k: 1000.0 * share for k, share in enumerate((1.0, 0.9, 1.1))}})
     before = fit_null(dirty, {}, (1.0,))
     _, model, many = without_outliers(dirty, before)
     assert before.problems[0].factors["v_d"] == 5.0 and many == {"v_d": 3}
