@@ -10,6 +10,7 @@ from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import MEASURED, STATES, SURFACES
 from awescli.physics.declaration import KiteDeclaration, read_kite
 from awescli.physics.effects import EFFECTS
+from awescli.physics.effects.past import BEHIND, past_of
 from awescli.physics.kite import Kite, with_new
 from awescli.physics.propeller import Propeller, SpeedLaw
 from awescli.simulation.campaign_flights import CampaignFlight, dev_like
@@ -155,8 +156,10 @@ def lively(kite: Kite, log: FlightLog, count: int = 8, seconds: float = 5.0, see
     setpoints, inputs = segments.setpoints.copy(), segments.inputs.copy()
     setpoints[:, :, SURFACES.index("throttle")] += 0.5
     for name, size in {"aileron": 0.05, "elevator": 0.04, "rudder": 0.03, "flaps": 0.05, "throttle": 0.05}.items():
-        turn = 2 * np.pi * (random.uniform(0.4, 1.5, (count, 1)) * time + random.uniform(0, 1, (count, 1)))
-        setpoints[:, :, SURFACES.index(name)] += size * np.sin(turn)
+        often, begun = random.uniform(0.4, 1.5, (count, 1)), random.uniform(0, 1, (count, 1))
+        swing = lambda t, size=size, often=often, begun=begun: size * np.sin(2 * np.pi * (often * t + begun))  # noqa: E731
+        setpoints[:, :, SURFACES.index(name)] += swing(time)
+        moved_before(kite, inputs, name, swing(-np.array(BEHIND)) - swing(np.zeros(1)))
         inputs[:, :, kite.input_names.index(f"{name}_rate")] = np.gradient(setpoints[:, :, SURFACES.index(name)], log.dt, axis=1)
     at = kite.input_names.index("turbulence_n")
     for k in range(count):
@@ -164,6 +167,14 @@ def lively(kite: Kite, log: FlightLog, count: int = 8, seconds: float = 5.0, see
         inputs[k, :, kite.input_names.index("turbulence_p")] = roll_gust(steps + 1, log.dt, 40.0, 5.0, seed + k)
     moved = segments.__class__(segments.first, segments.starts, setpoints, inputs, segments.dt, segments.values)
     return Observed(moved, observed.outputs, observed.measured, observed.sigma)
+
+
+def moved_before(kite: Kite, inputs: np.ndarray, surface: str, change: np.ndarray) -> None:
+    """Write the past of a surface into inputs (K, N+1, n_u), where the kite asks for it: `change` (K, len(BEHIND)) or (len(BEHIND),) of its
+    set-point from that at the start of a segment."""
+    asked = past_of(surface)
+    if asked[0] in kite.input_names:
+        inputs[:, :, [kite.input_names.index(n) for n in asked]] += np.broadcast_to(change, (len(inputs), len(asked)))[:, None]
 
 
 def _with_vanes(observed: Observed, std: float) -> Observed:

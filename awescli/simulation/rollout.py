@@ -17,6 +17,7 @@ from awescli.notation.phases import input_of
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.notation.scalars import Scalar
 from awescli.physics.disturbances import DISTURBANCES, GUST_RATES, GUSTS, PHASE, both
+from awescli.physics.effects.past import BEHIND, past_of
 from awescli.physics.flight_model import FlightModel
 from awescli.simulation.stepping import Stepping, longest_step
 
@@ -187,6 +188,9 @@ class Simulator:
         self, segments: Segments, values: Mapping[str, float] | None
     ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, Stepping]:
         """(n_s, X0, SP, U, C, h, stepping) as the kernels take them."""
+        # the compiled loops believe the sizes that they are given
+        if segments.inputs.shape[-1] != len(self.kite.input_names):
+            raise ValueError(f"{segments.inputs.shape[-1]} inputs at a sample, this kite takes {len(self.kite.input_names)}")
         arrays = (segments.starts_for(self.n_s), segments.setpoints, segments.inputs, self._parameters(segments, values))
         starts, setpoints, inputs, parameters = (np.ascontiguousarray(a, dtype=float) for a in arrays)
         return self.n_s, starts, setpoints, inputs, parameters, segments.dt, self.stepping(segments)
@@ -303,6 +307,7 @@ def inputs_of(log: Recorded, kite: FlightModel) -> np.ndarray:
         "motor_speed": log.inputs.get("motor_speed", zero),
         **dict.fromkeys((*(f"turbulence_{axis}" for axis in "nedp"), *DISTURBANCES, PHASE), zero),
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
+        **_past_inputs(log, kite),
         **wind,
         **_phase_inputs(log, kite),
     }
@@ -310,10 +315,19 @@ def inputs_of(log: Recorded, kite: FlightModel) -> np.ndarray:
 
 
 def rates_at(log: FlightLog, kite: FlightModel, sample: int) -> dict[str, float]:
-    """Rates of the recorded set-points, and of the load [N/s], at a sample of a log, by name of the input: what lags behind them has its
-    start from these (`Effect.initial`), where a flight sets out in the middle of a log."""
-    row = inputs_of(log, kite)[sample]
-    return {name: float(row[i]) for i, name in enumerate(kite.input_names) if name.endswith("_rate")}
+    """Rates of the recorded set-points, and of the load [N/s], and the set-points of the past, at a sample of a log, by name of the input:
+    what lags behind them has its start from these (`Effect.initial`), where a flight sets out in the middle of a log."""
+    row, past = inputs_of(log, kite)[sample], {name for surface in SURFACES for name in past_of(surface)}
+    return {name: float(row[i]) for i, name in enumerate(kite.input_names) if name.endswith("_rate") or name in past}
+
+
+def _past_inputs(log: Recorded, kite: FlightModel) -> dict[str, np.ndarray]:
+    """By how much set-points differed before, of the surfaces of which that is asked; before a log begins they have stood still."""
+    found = {}
+    for surface in (s for s in SURFACES if past_of(s)[0] in kite.input_names):
+        signal = log.inputs.get(surface, np.zeros(len(log)))
+        found |= {n: np.interp(log.time - ago, log.time, signal) - signal for n, ago in zip(past_of(surface), BEHIND, strict=True)}
+    return found
 
 
 def _phase_inputs(log: Recorded, kite: FlightModel) -> dict[str, np.ndarray]:

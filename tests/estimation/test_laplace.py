@@ -180,10 +180,10 @@ def test_an_estimate_is_the_second_difference_of_the_cost(problem):
             assert found[case, i] == pytest.approx(expected, rel=2e-3), (name, case)
 
 
-@pytest.mark.parametrize("unsure", [0.0, 1.0])
+@pytest.mark.parametrize("unsure", [0.0, 0.5])
 def test_where_probes_scatter_the_log_determinant_is_differenced(problem, log, monkeypatch, unsure):
-    """Guards lags of actuators in gusts that roll the kite: estimates of the slope with their time constant scatter by more than three
-    standard deviations; the fit ended short of it, and it was called a delay. Either way (unsure: every component, or this
+    """Guards lags of actuators in gusts that roll the kite: estimates of the slope with their time constant scatter by more than two
+    standard deviations; a fit ended short of it, and it was called a delay. Either way (unsure: every component, or this
     one), what moves the parameter is that of central differences with the nuisances at their best."""
     monkeypatch.setattr(laplace, "UNSURE", unsure)
     tau = "actuator_lag:rudder.tau"
@@ -200,7 +200,7 @@ def test_where_probes_scatter_the_log_determinant_is_differenced(problem, log, m
     info = misfit.eliminated(gram, own, every)
     std = 1 / np.sqrt(np.diag(info.H))
     scatter = estimates(misfit, x, own, gram, every, info.samples(8, seed=0)).std(axis=0) * std
-    assert scatter[2] > 3 and (scatter[:2] < 2).all()
+    assert scatter[2] > 2 and (scatter[:2] < 1).all(), scatter
 
     def log_det(x):
         best = relaxed(misfit, x, relaxed(misfit, x, own))

@@ -1,9 +1,10 @@
 """A kite with an effect beside the same without it, at one instant or on a short flight: what the tests of effects compare."""
 
 import numpy as np
-from kites import DEVELOPMENT, at_point, lively, sizes
+from kites import DEVELOPMENT, at_point, lively, moved_before, sizes
 
 from awescli.notation.quantities import OUTPUTS, SURFACES
+from awescli.physics.effects.past import BEHIND, past_of
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 
@@ -32,7 +33,11 @@ def flown(key, calm, values=None, seconds=2.0, setpoint=None, step=0.005):
     if setpoint is not None:
         setpoints, inputs = segments.setpoints.copy(), segments.inputs.copy()
         setpoints[:, :, SURFACES.index("rudder")] = setpoint
-        inputs[:, :, kite.input_names.index("rudder_rate")] = np.gradient(setpoint, segments.dt)
+        rate = np.gradient(setpoint, segments.dt)
+        inputs[:, :, kite.input_names.index("rudder_rate")] = rate
+        # it has come as it goes on
+        inputs[:, :, [i for i, n in enumerate(kite.input_names) if n in past_of("rudder")]] = 0.0
+        moved_before(kite, inputs, "rudder", -rate[0] * np.array(BEHIND))
         segments = replace(segments, setpoints=setpoints, inputs=inputs)
     result = Simulator(kite, (), step=step).rollout(segments, values)
     assert not result.diverged.any()

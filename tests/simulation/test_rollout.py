@@ -45,6 +45,15 @@ def test_set_points_of_the_wrong_number_are_refused():
         Segments(np.zeros(1, int), np.zeros((1, 12)), np.zeros((1, 5, 4)), np.zeros((1, 5, 3)), 0.02)
 
 
+def test_segments_of_another_kite_are_refused(calm, segments):
+    """Guards the same of inputs: an actuator with a past asks for more of them, and was begun with whatever stood behind the array."""
+    slow = Simulator(Kite(DEVELOPMENT, calm.log.wind.height, ("actuator_lag:rudder",)))
+    with pytest.raises(ValueError, match="inputs at a sample, this kite takes"):
+        slow.rollout(segments)
+    with pytest.raises(ValueError, match="inputs at a sample"):
+        slow.sensitivities(segments, Columns(parameters=("CLa",)))
+
+
 def test_sensitivities_to_the_start(simulator, segments):
     """Guards S0 = I and its way through RK4: all 12 initial states against central differences over 2 s."""
     _, J = simulator.sensitivities(segments, Columns(STATES))

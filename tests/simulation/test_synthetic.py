@@ -17,6 +17,7 @@ from awescli.flightlog.read import read_flight
 from awescli.notation.errors import BadInput, NumericalFailure
 from awescli.notation.quantities import STATES, SURFACES
 from awescli.physics.declaration import read_kite
+from awescli.physics.effects.past import BEHIND, past_of
 from awescli.physics.kite import Kite
 from awescli.simulation import synthetic
 from awescli.simulation.campaign_flights import dev_like, perturbed
@@ -211,7 +212,7 @@ def test_gusts_are_crossed_at_the_airspeed_of_the_kite_that_flies(speed, monkeyp
 @pytest.mark.parametrize("effect", [{"actuator_lag:rudder": {"tau": 0.3}}, {"actuator_delay:rudder": {"tau": 0.2}}])
 def test_a_flight_that_sets_out_in_the_middle_goes_on_as_it_was(flight, effect):
     """A surface that lags a moving set-point stands behind it where a flight sets out too; it used to begin at the set-point, as if that
-    had been at rest. The set-point moves steadily, so that where the surface stands is known from its rate."""
+    had been at rest. The set-point moves steadily, before it sets out, too."""
     log, steps, middle = flight.log, 150, 110
     kite = Kite(with_effects(DEVELOPMENT, effect), log.wind.height)
     rudder = 0.02 * np.arange(steps + 1) * log.dt
@@ -227,9 +228,10 @@ def test_a_flight_that_sets_out_in_the_middle_goes_on_as_it_was(flight, effect):
         )  # fmt: skip
 
     start = np.array([log[n][0] for n in STATES])
-    whole = flown(0, start, {"rudder_rate": 0.02})
+    steadily = {name: -0.02 * ago for name, ago in zip(past_of("rudder"), BEHIND, strict=True)}
+    whole = flown(0, start, steadily)
     state = np.array([whole.outputs[n][middle] for n in STATES])
-    rest, at_rest = flown(middle, state, {"rudder_rate": 0.02}), flown(middle, state)
+    rest, at_rest = flown(middle, state, steadily), flown(middle, state)
     off, without = (np.abs(f.outputs["r"] - whole.outputs["r"][middle:]).max() for f in (rest, at_rest))
     # set-points are held for a sample, so that they run half a sample behind the line
     (tau,) = next(iter(effect.values())).values()

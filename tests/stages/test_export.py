@@ -92,10 +92,11 @@ def simulated(run, tables: dict, model: str, by: str) -> tuple[dict, Ride]:
     acceleration = local_quadratic(speed, log.dt, WINCH_SMOOTHING, derivative=1)[: len(inputs)]
     inputs[:, kite.input_names.index("reel_out_acceleration")] = acceleration
     # networks look at the rates of commands, and lags begin with them; in `awes simulate` commands have stood still before it flies, and
-    # their rates are null on and on
+    # their rates are null on and on; what an actuator asks of them besides is null, too
     inputs[:, [kite.input_names.index(f"{s}_rate") for s in SURFACES]] = 0.0
-    columns = [kite.input_names.index(s["name"]) for s in tables["inputs"]]
-    return trajectory, Ride(np.array([s["start"] for s in tables["states"][:12]]), inputs[:, columns], setpoints_of(log)[rows], log.dt)
+    known = dict(zip(kite.input_names, inputs.T, strict=True))
+    inputs = np.stack([known.get(s["name"], np.zeros(len(inputs))) for s in tables["inputs"]], axis=1)
+    return trajectory, Ride(np.array([s["start"] for s in tables["states"][:12]]), inputs, setpoints_of(log)[rows], log.dt)
 
 
 KEPT = ("p_n", "p_e", "p_d", "phi", "theta", "psi", "p", "q", "r", "V_a", "tension")

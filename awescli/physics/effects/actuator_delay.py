@@ -4,9 +4,11 @@ from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import SURFACES
-from awescli.notation.scalars import Scalar, sqrt
+from awescli.notation.scalars import Scalar, cos, exp, sin, sqrt
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import SHORTEST
+from awescli.physics.effects.past import moves, past_of
 from awescli.physics.instant import Instant
 
 
@@ -24,9 +26,13 @@ class ActuatorDelay(Effect):
     instrument = "actuator"
     matters = {"tau": 0.03}
     states = ("x1", "x2")
-    start_spread = (0.05, 0.5)
+    start_spread = (0.005, 0.05)
     units = ("target", "target/s")
     probes = {"tau": (0.06, 0.12, 0.2)}
+
+    def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):
+        super().__init__(target, declaration)
+        self.inputs = past_of(target)
 
     def _tau(self, own: SimpleNamespace) -> Scalar:
         # the Pade poles, 3.5/tau, must be stepped through well by the longest step: a delay much shorter than 60 ms keeps those of one that
@@ -43,5 +49,15 @@ class ActuatorDelay(Effect):
         return x2, 12 * (self.received(at)[self.target] - x1 - tau * x2 / 2) / (tau * tau)
 
     def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
-        rate = at.inputs[f"{self.target}_rate"]
-        return self.received(at)[self.target] - self._tau(own) * rate / 2, rate
+        # what set-points of the past have left: on a ramp x1 = set-point - tau/2 slope, and what differs from that dies away by the poles
+        # (-3 +- i sqrt(3)) / tau
+        tau = self._tau(own)
+        decay, turn = 3 / tau, 3**0.5 / tau
+        x1, x2 = at.inputs[past_of(self.target)[-1]], 0.0 * tau
+        for seconds, before, after in moves(self.target, at):
+            slope = (after - before) / seconds
+            y1, y2 = x1 - (before - tau * slope / 2), x2 - slope
+            left, c, s = exp(-decay * seconds), cos(turn * seconds), sin(turn * seconds)
+            x1 = after - tau * slope / 2 + left * (c * y1 + s * (y2 + decay * y1) / turn)
+            x2 = slope + left * (c * y2 - s * (decay * y2 + 12 / (tau * tau) * y1) / turn)
+        return self.received(at)[self.target] + x1, x2

@@ -4,8 +4,11 @@ from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import SURFACES
+from awescli.notation.scalars import exp
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import clipped, lag_rate, lag_time, lagged
+from awescli.physics.effects.past import moves, past_of
 from awescli.physics.instant import Instant
 
 FASTEST = 50.0
@@ -30,11 +33,15 @@ class ActuatorLag(Effect):
     instrument = "actuator"
     matters = {"tau": 0.03}
     states = ("deflection", "speed")
-    start_spread = (0.05, 0.5)
+    start_spread = (0.005, 0.5)
     units = ("target", "target/s")
     probes = {"tau": (0.06, 0.15, 0.3), "rate": (FASTEST, 0.8, 0.06, 0.005)}
     shapes = ("rate", "inertia")
     refinements = {"inertia": (0.15,)}
+
+    def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):
+        super().__init__(target, declaration)
+        self.inputs = past_of(target)
 
     def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         deflection, _ = self.own_states(at)
@@ -48,6 +55,11 @@ class ActuatorLag(Effect):
         return clipped(lagged(speed, towards, own.inertia * tau), own.rate), lag_rate(speed, towards, own.inertia * tau)
 
     def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
-        # where a lagging surface is when its set-point has been moving steadily
-        speed = clipped(at.inputs[f"{self.target}_rate"], own.rate)
-        return self.received(at)[self.target] - lag_time(own.tau) * speed, speed
+        # where the set-points of the past have left it, each move of theirs a ramp
+        tau = lag_time(own.tau)
+        behind = at.inputs[past_of(self.target)[-1]]
+        for seconds, before, after in moves(self.target, at):
+            slope = (after - before) / seconds
+            reached = after - tau * slope + (behind - before + tau * slope) * exp(-seconds / tau)
+            behind = behind + clipped(reached - behind, own.rate * seconds)
+        return self.received(at)[self.target] + behind, clipped(-behind / tau, own.rate)

@@ -5,12 +5,11 @@ from types import SimpleNamespace
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import CONTROL_SURFACES
 from awescli.notation.scalars import Scalar
+from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import SHORTEST, clipped
+from awescli.physics.effects.past import moves, past_of
 from awescli.physics.instant import Instant
-
-STEADY = 0.02
-"""[rad/s] a set-point that has been moving faster than this has taken up the play; slower, the surface may stand anywhere in it."""
 
 NARROWEST = 1e-5
 """[rad] a play narrower than this is none."""
@@ -33,6 +32,10 @@ class SurfaceBacklash(Effect):
     states = ("remembered",)
     units = ("target",)
 
+    def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):
+        super().__init__(target, declaration)
+        self.inputs = past_of(target)
+
     def _surface(self, setpoint: Scalar, at: Instant, own: SimpleNamespace) -> Scalar:
         (remembered,) = self.own_states(at)
         return setpoint - clipped(setpoint - remembered, own.width / 2)
@@ -42,14 +45,15 @@ class SurfaceBacklash(Effect):
 
     def start_spreads(self, own: SimpleNamespace) -> tuple:
         # the play itself: a linkage with next to none remembers next to nothing
-        return (max(own.width, NARROWEST) / 2,)
+        return (max(own.width, NARROWEST) / 8,)
 
     def rates(self, at: Instant, own: SimpleNamespace) -> tuple:
         (remembered,) = self.own_states(at)
         return ((self._surface(self.received(at)[self.target], at, own) - remembered) / SHORTEST,)
 
     def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
-        # pushed along from the side that the set-point comes from
-        rate = at.inputs[f"{self.target}_rate"]
-        side = clipped(rate / STEADY, 1.0 + 0.0 * rate)
-        return (self.received(at)[self.target] - side * own.width / 2,)
+        # pushed along by the set-points of the past
+        behind = at.inputs[past_of(self.target)[-1]]
+        for _, _, after in moves(self.target, at):
+            behind = after - clipped(after - behind, own.width / 2)
+        return (self.received(at)[self.target] + behind,)
