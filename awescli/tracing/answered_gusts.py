@@ -5,13 +5,12 @@ then their noise is in the surface, too. One that feels the kite better than its
 -K x, and the error of the estimated state goes with it, E[u (x - x_estimated)] = -K P. What acts between surface and kite is biased by that
 (Ljung, System Identification, 1999, ch. 13), and the more so the more gusts there are: a rudder that follows at once seemed 34 ms late, and
 2 ms where its controller saw the log's sensors (`benchmarks/felt_by_controllers.py`). What other effects do goes with the states alone,
-whose estimates have no part in their error: E[x_estimated (x - x_estimated)] = 0.
+whose estimates have no part in their error: E[x_estimated (x - x_estimated)] = 0. So it is with surfaces that a plan moves (`feedback`).
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
-from awescli.notation.quantities import SURFACES
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import Criteria
 from awescli.tracing.frame import Frame
@@ -22,19 +21,19 @@ SET_ASIDE = "set aside"
 """Outcome of a candidate whose gain is no more than what a controller that answers gusts may make of it."""
 
 
-def of_surface(key: str) -> bool:
-    """Does an effect act between the record of a surface and the kite?"""
-    return key.partition(":")[2] in SURFACES
+def of_answering(frame: Frame, key: str) -> bool:
+    """Does an effect act between the record of a surface and the kite, and may that surface answer what the kite does?"""
+    return key.partition(":")[2] in frame.answering
 
 
-def doubtful(tried: Tried, criteria: Criteria) -> bool:
+def doubtful(frame: Frame, tried: Tried, criteria: Criteria) -> bool:
     """May what a candidate gains be the controller's answer to gusts?"""
-    return tried.model is not None and of_surface(tried.key) and tried.gain < criteria.clear_of_gusts
+    return tried.model is not None and of_answering(frame, tried.key) and tried.gain < criteria.clear_of_gusts
 
 
-def set_aside(tried: Sequence[Tried], criteria: Criteria) -> tuple[Tried, ...]:
+def set_aside(frame: Frame, tried: Sequence[Tried], criteria: Criteria) -> tuple[Tried, ...]:
     """What was tried, without the fits of the doubtful."""
-    return tuple(replace(t, outcome=SET_ASIDE, model=None) if doubtful(t, criteria) else t for t in tried)
+    return tuple(replace(t, outcome=SET_ASIDE, model=None) if doubtful(frame, t, criteria) else t for t in tried)
 
 
 def beside_answers(
@@ -43,7 +42,7 @@ def beside_answers(
     """The likeliest of the models that stand whose last effect is not doubtful, where it gains what an effect must gain in gusty air,
     alone and beside the likeliest of the doubtful: None where there is none. Where gusts only make a surface seem late, both gains add up;
     where it is late, what else looks like that has nothing left to gain beside it."""
-    aside = [t for t in tried if doubtful(t, criteria)]
+    aside = [t for t in tried if doubtful(frame, t, criteria)]
     clear = [m for m in standing if m.keys[-1] not in {t.key for t in aside}]
     best = min(clear, key=lambda m: m.deviance, default=None)
     if best is None or here.deviance - best.deviance < criteria.in_gusts:

@@ -96,10 +96,10 @@ class Criteria:
     """[m/s] level of gusts from which on the air is called gusty: what 0.2 m/s do to tension is its 1 % noise."""
 
     clear_of_gusts: float = 150.0
-    """Deviance from which an effect of a surface in gusty air need not predict better by `predicts`, too: less, a controller that answers
-    gusts may make of it (`tracing.answered_gusts`); and that a further effect must gain there. In JSBSim's turbulence a rudder that answers
-    what gusts do seemed 28 ms late, worth 59, and another one 53 ms, worth 107; effects that were there and predicted no better by a tenth
-    come to 250 and more."""
+    """Deviance from which an effect of a surface that answers the kite (`tracing.feedback`) need not predict better by `predicts`, too, in
+    gusty air: less, a controller that answers gusts may make of it (`tracing.answered_gusts`); and that a further effect must gain there.
+    In JSBSim's turbulence a rudder that answers what gusts do seemed 28 ms late, worth 59, and another one 53 ms, worth 107; effects that
+    were there and predicted no better by a tenth come to 250 and more."""
     in_gusts: float = 30.0
     """The same of any other effect, alone and beside the effect of a surface that gains most. On the silent flights of JSBSim's families 38
     to 42, on which this was set (traced by a852cd1), what is not there gains 6, and once 29, but 18 beside a rudder's lag; what is there

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from awescli.tracing.answered_gusts import of_surface
+from awescli.notation.quantities import SURFACES
 from awescli.tracing.classes import Rival
 from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.models import FittedModel
@@ -45,8 +45,9 @@ class Evidence:
     bounds_left: the likeliest of the answer with one effect less and free of its bounds, None where no parameter is at one.
 
     contradictions: sentences of what kinematics find of the sensors that no effect stands for (rates that are late);
-    error_ratio: prediction error of the answer on validation loops over that of the declared model; null_error, identified_error: mean
-    NRMSE of the declared model and of the one that identify handed on there; None without one.
+    answering: surfaces that answer the kite, or may do so; error_ratio: prediction error of the answer on validation loops over that of the
+    declared model; null_error, identified_error: mean NRMSE of the declared model and of the one that identify handed on there; None
+    without one.
     """
 
     search: Search
@@ -63,14 +64,15 @@ class Evidence:
     doubted: tuple[str, ...] = ()
     bounds_left: BoundsLeft | None = None
     contradictions: tuple[str, ...] = ()
+    answering: tuple[str, ...] = SURFACES
     error_ratio: float = 1.0
     null_error: float | None = None
     identified_error: float | None = None
 
     @property
-    def of_surfaces(self) -> bool:
-        """Does an effect of the answer act between the record of a surface and the kite?"""
-        return any(map(of_surface, self.model.keys))
+    def of_answering(self) -> bool:
+        """Does an effect of the answer act between the record of a surface that answers the kite and the kite?"""
+        return any(key.partition(":")[2] in self.answering for key in self.model.keys)
 
     @property
     def empirical_lead(self) -> float:

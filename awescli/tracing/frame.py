@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from awescli.notation.parameters import Parameter
 from awescli.physics.declaration import KiteDeclaration
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
+from awescli.tracing.feedback import answering
 
 ONSETS = 12
 """Moments of a flight at which something may begin that are looked at at once."""
@@ -44,6 +46,11 @@ class TracedFlight:
     label: str = ""
     closes: Callable[[Kite], Callable] | None = None
 
+    @cached_property
+    def answering(self) -> tuple[str, ...]:
+        """Surfaces that answer what the kite does, or may do so."""
+        return answering(self.log)
+
     def simulator(self, keys: Sequence[str]) -> Simulator:
         """Of the declared kite with the effects `keys` at null."""
         return simulator_of(self.declared, self.log, keys, closes=self.closes)
@@ -74,6 +81,11 @@ class Frame:
     @property
     def labels(self) -> list[str]:
         return [f.label for f in self.flights]
+
+    @property
+    def answering(self) -> tuple[str, ...]:
+        """Surfaces that answer what the kite does, in one flight at least, or may do so."""
+        return tuple(dict.fromkeys(s for f in self.flights for s in f.answering))
 
     @property
     def declared(self) -> KiteDeclaration:

@@ -166,6 +166,7 @@ def _investigated(
     """Trace what the fitted declared model lacks within its bounds."""
     bare, rest = rest_of(frame, null)
     known = {"null_error": null_error, "identified_error": identified_error, "contradictions": contradictions}
+    known |= {"answering": frame.answering}
     evidence = Evidence(Search(null, null, ()), bare, bare, rest, **known)
     if any(c.passed is False for c in table(evidence, criteria) if c.name in NULL):
         return _finding(frame, evidence, criteria)

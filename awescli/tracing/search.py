@@ -10,7 +10,7 @@ import numpy as np
 from awescli.estimation.gauss_newton import OutOfReach
 from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
-from awescli.tracing.answered_gusts import SET_ASIDE, beside_answers, of_surface, set_aside
+from awescli.tracing.answered_gusts import SET_ASIDE, beside_answers, of_answering, set_aside
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame
 from awescli.tracing.models import (
@@ -112,7 +112,7 @@ def search(
         if best is not None and (mends(frame, best.keys) or finer_than_samples(best) or slight(frame, record, model, best, criteria)):
             best = None
         if record and gusty(model, criteria):
-            tried = set_aside(tried, criteria)
+            tried = set_aside(frame, tried, criteria)
         record.append(Round(model.light(), tried, best.keys[-1] if best else "", screening.untestable))
         if best is None:
             break
@@ -178,7 +178,7 @@ def _race(
     leaders = [s for s, sure in zip(scores, significant, strict=True) if sure]
     drops = criteria.close * leaders[0].drop if leaders else 0.0
     chosen = leaders[: criteria.competitors]
-    chosen += [s for s in _apart(here, leaders, criteria)[0][: criteria.competitors] if s not in chosen]
+    chosen += [s for s in _apart(frame, here, leaders, criteria)[0][: criteria.competitors] if s not in chosen]
     chosen += [s for s in leaders[criteria.competitors : 2 * criteria.competitors] if s.drop > drops]
     # what points in a leader's direction competes with it, whatever its rank
     chosen += [s for s in scores if s not in chosen and any(screening.cosine(s, c) > criteria.alike for c in chosen[:2])][:3]
@@ -190,7 +190,7 @@ def _race(
         chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).abrupt]
     part, few = fit_on_part(frame, here) if chosen else (frame, here)
     times, found = here.segments / few.segments, []
-    groups = _apart(here, scores, criteria)
+    groups = _apart(frame, here, scores, criteria)
     best = [few.fit.deviance - lead / times] * len(groups)
     for s, sure in zip(scores, significant, strict=True):
         if s not in chosen:
@@ -204,11 +204,12 @@ def _race(
     return tuple(found)
 
 
-def _apart(here: FittedModel, those: Sequence[Candidate], criteria: Criteria) -> tuple[list[Candidate], ...]:
-    """Groups of candidates that compete with each other: one in calm air; in gusts those that are no effects of surfaces, and those."""
+def _apart(frame: Frame, here: FittedModel, those: Sequence[Candidate], criteria: Criteria) -> tuple[list[Candidate], ...]:
+    """Groups of candidates that compete with each other: one in calm air; in gusts those that are no effects of surfaces that answer the
+    kite, and those."""
     if not gusty(here, criteria):
         return (list(those),)
-    return [t for t in those if not of_surface(t.key)], [t for t in those if of_surface(t.key)]
+    return [t for t in those if not of_answering(frame, t.key)], [t for t in those if of_answering(frame, t.key)]
 
 
 def _reach(here: FittedModel, best: float, criteria: Criteria) -> float:
@@ -294,7 +295,7 @@ def _best(
     """(the likeliest model of those that are admissible, fitted to the end, shapes included; what was tried, with those that were). least:
     deviance that a name must gain: shapes of one that gains less than half of it are not asked."""
     leaders = sorted((t for t in tried if t.model is not None and t.gain > criteria.decisive), key=lambda t: -t.gain)
-    finalists = [t for those in _apart(here, leaders, criteria) for t in _finalists(frame, those, criteria)]
+    finalists = [t for those in _apart(frame, here, leaders, criteria) for t in _finalists(frame, those, criteria)]
     finished: dict[str, FittedModel] = {}
 
     def finish(t: Tried) -> None:
@@ -318,7 +319,7 @@ def _best(
             finish(t)
     tried = tuple(replace(_of(t, here, m), finalist=True) if (m := finished.get(t.key)) else t for t in tried)
     if gusty(here, criteria) and (best := beside_answers(frame, here, standing(), tried, criteria)):
-        return best, set_aside(tried, criteria)
+        return best, set_aside(frame, tried, criteria)
     return min(standing(), key=lambda m: m.deviance, default=None), tried
 
 

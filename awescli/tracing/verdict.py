@@ -177,7 +177,7 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     gain, unseen = before.deviance - after.deviance, before.unseen - after.unseen
     least = c.decisive + c.per_parameter * (len(after.strengths) - len(before.strengths))
     there = bool(after.keys)
-    clear = c.clear_of_gusts if e.of_surfaces else c.in_gusts
+    clear = c.clear_of_gusts if e.of_answering else c.in_gusts
     asked = there and gain < clear and max(e.gusts.values(), default=0.0) >= c.gusty
     most = max(e.along, key=lambda channel: e.along[channel], default="")
     return (

@@ -15,7 +15,7 @@ from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.search import Round, Search
 from awescli.tracing.tried import Tried
 
-FRAME, BASE = SimpleNamespace(declared=DEVELOPMENT), fitted(0.0)
+FRAME, BASE = SimpleNamespace(declared=DEVELOPMENT, answering=("rudder",)), fitted(0.0)
 BASE.keys = ()
 LAG, BIAS = "actuator_lag:rudder", "heading_bias"
 
@@ -66,7 +66,7 @@ def test_a_candidate_set_aside_contends_no_more():
     """Guards an answer in gusts against a lag beside it that was none: it would be "another effect that leads", what the lead of an answer
     is measured by, and its rival."""
     found = [tried(LAG, 105.0), tried("actuator_delay:rudder", 150.0), tried(BIAS, 57.0)]
-    round_ = Round(BASE, set_aside(found, CRITERIA), BIAS, ())
+    round_ = Round(BASE, set_aside(FRAME, found, CRITERIA), BIAS, ())
     assert [t.key for t in round_.contenders] == ["actuator_delay:rudder", BIAS]
     assert [(t.outcome, t.gain) for t in round_.tried][0] == (SET_ASIDE, 105.0)
     assert Search(BASE, BASE, (round_,)).set_aside == (LAG,)
