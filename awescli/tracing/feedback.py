@@ -18,8 +18,8 @@ PAST = 3
 SEEN = ("p", "q", "r", "phi", "theta", "psi")
 """What a controller looks at first: gusts turn a kite before they move it."""
 CHANCE = 0.01
-"""Probability with which a surface that is moved by a plan is said to answer all the same: it is then only doubted as one that does. On
-the JSBSim flights on which this was set, of families 42 to 45, a steered rudder comes to 1e-22 and less."""
+"""Probability with which a surface that is moved by a plan is said to answer all the same: it is then only doubted as one that does. (Set
+on JSBSim flights of families 42 to 45, whose steered rudders are far below.)"""
 
 
 def answering(log: FlightLog) -> tuple[str, ...]:

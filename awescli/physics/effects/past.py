@@ -9,8 +9,8 @@ from awescli.physics.instant import Instant
 
 _LOOKS = ((8, 0.05), (8, 0.1), (8, 0.25), (8, 0.5), (5, 1.0), (4, 2.0))
 BEHIND = tuple(round(float(t), 9) for t in np.cumsum([apart for count, apart in _LOOKS for _ in range(count)]))
-"""[s] before now at which a recorded set-point is looked at: closely within the last second, ever further apart before,
-20 s in all."""
+"""[s] before now at which a recorded set-point is looked at: closely within the last second, ever further apart before:
+what a surface did between two looks long ago is not known."""
 
 
 def past_of(surface: str) -> tuple[str, ...]:
