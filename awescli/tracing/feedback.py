@@ -14,10 +14,12 @@ from awescli.flightlog.log import FlightLog
 from awescli.notation.quantities import ANGLES, SURFACES
 
 PAST = 3
-"""Samples of the surface before the one that is asked for."""
-SEEN = ("p", "q", "r", "phi", "theta", "psi")
-"""What a controller looks at first: gusts turn a kite before they move it."""
-CHANCE = 0.01
+"""Samples of the surface before the one that is asked for, and of the kite."""
+SEEN = ("p", "q", "r", "phi", "theta", "psi", "V_a", "alpha", "beta", "v_n", "v_e", "v_d")
+"""What a controller may look at, and no surface moves at once."""
+AT_ONCE = ("a_x", "a_y", "a_z", "tension")
+"""What a controller may look at, too, and surfaces move at once: a sample later their own past tells that."""
+CHANCE = 0.001
 """Probability with which a surface that is moved by a plan is said to answer all the same: it is then only doubted as one that does. (Set
 on JSBSim flights of families 42 to 45, whose steered rudders are far below.)"""
 
@@ -31,9 +33,10 @@ def _answers(log: FlightLog, surface: str) -> bool:
     u, now = log.inputs[surface], np.arange(PAST, len(log))
     # a kite knows nothing of a command that is given at the same moment
     now = now[np.all([log.valid[now - k] for k in range(PAST + 1)], axis=0)]
-    kite = [np.unwrap(log[n]) if n in ANGLES else log[n] for n in SEEN if n in log]
+    kite = [(np.unwrap(log[n]) if n in ANGLES else log[n], int(n in AT_ONCE)) for n in (*SEEN, *AT_ONCE) if n in log]
     own = _columns([u[now - k] for k in range(1, PAST + 1)])
-    seen = _columns([x[now - k] for x in kite for k in (0, 1)])
+    # steps: levels that wander as slowly as the surface does look like answers by chance
+    seen = _columns([x[now - k - late] - x[now - k - late - 1] for x, late in kite for k in (0, 1)])
     freedom = len(now) - own.shape[1] - seen.shape[1] - 1
     if freedom < 1 or not seen.shape[1]:
         return True

@@ -165,8 +165,8 @@ def _investigated(
 ) -> Finding:  # fmt: skip
     """Trace what the fitted declared model lacks within its bounds."""
     bare, rest = rest_of(frame, null)
-    known = {"null_error": null_error, "identified_error": identified_error, "contradictions": contradictions}
-    known |= {"answering": frame.answering}
+    errors = {"null_error": null_error, "identified_error": identified_error}
+    known = {**errors, "contradictions": contradictions, "answering": frame.answering}
     evidence = Evidence(Search(null, null, ()), bare, bare, rest, **known)
     if any(c.passed is False for c in table(evidence, criteria) if c.name in NULL):
         return _finding(frame, evidence, criteria)

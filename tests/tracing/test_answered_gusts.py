@@ -62,6 +62,13 @@ def test_what_gains_little_or_is_a_clear_lag_is_judged_as_ever():
     assert beside_answers(FRAME, BASE, [clear.model, tried(BIAS, 57.0).model], [clear], CRITERIA) is clear.model
 
 
+def test_a_surface_that_a_plan_moves_is_not_doubted():
+    """Guards a trim motor in JSBSim's gusts: its elevator wanders by a plan, and its rate limit gained 64."""
+    planned, steered = tried("actuator_lag:elevator", 64.0), tried(LAG, 64.0)
+    assert [t.outcome for t in set_aside(FRAME, [planned, steered], CRITERIA)] == ["converged", SET_ASIDE]
+    assert beside_answers(FRAME, BASE, [planned.model], [planned], CRITERIA) is planned.model
+
+
 def test_a_candidate_set_aside_contends_no_more():
     """Guards an answer in gusts against a lag beside it that was none: it would be "another effect that leads", what the lead of an answer
     is measured by, and its rival."""

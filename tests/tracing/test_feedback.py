@@ -52,8 +52,17 @@ def test_a_steered_flight_says_which_surface_steers():
     plan = 0.02 * wandering(np.random.default_rng(5), len(log), 2.0 / log.dt)
     planned = replace(log, inputs={**log.inputs, "elevator": plan})
     assert "rudder" in answering(planned) and "elevator" not in answering(planned)
-    pitching = replace(log, inputs={**log.inputs, "elevator": plan + 0.2 * log["q"]})
-    assert "elevator" in answering(pitching)
+    for channel, gain in (("q", 0.2), ("V_a", 0.001), ("tension", 1e-5)):
+        told = np.r_[log[channel][:1], log[channel][:-1]] if channel == "tension" else log[channel]
+        assert "elevator" in answering(replace(log, inputs={**log.inputs, "elevator": plan + gain * (told - told.mean())})), channel
+
+
+def test_what_a_surface_does_at_once_is_no_answer():
+    """Guards accelerometers and load cells: flaps lift the kite in the very sample in which they move."""
+    log = flight(duration=60.0, noise=True).log
+    plan = 0.02 * wandering(np.random.default_rng(7), len(log), 2.0 / log.dt)
+    lifted = {n: log[n] + gain * plan for n, gain in (("a_z", -100.0), ("tension", 2e4))}
+    assert "flaps" not in answering(replace(log, inputs={**log.inputs, "flaps": plan}, measured={**log.measured, **lifted}))
 
 
 @pytest.mark.parametrize("left", [0, 12])
