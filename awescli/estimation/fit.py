@@ -12,7 +12,7 @@ from awescli.estimation.information_filter import Information
 from awescli.estimation.laplace import Differences, log_det_gradient
 from awescli.estimation.limits import limits_of
 from awescli.estimation.links import Gram
-from awescli.estimation.misfit import DIVERGED_COST, Misfit, NuisanceValues
+from awescli.estimation.misfit import DIVERGED_COST, Linear, Misfit, NuisanceValues
 from awescli.estimation.quadratic_program import Limits
 from awescli.notation.constraints import LinearConstraint
 from awescli.notation.parameters import ParameterTable
@@ -26,6 +26,8 @@ PROMISED = 2.0
 """Times what one step promises that all further ones together may gain: 0.3 to 1.4 times on development flights."""
 FAR = 1000.0
 """After a step as large as this (its square, as above) the fit is far away, and the log determinant is small beside the cost."""
+LESS = 1e-6
+"""Share of a segment's squares by which rounding may miss what is left of them, once its nuisances are at their best."""
 RELAXATIONS = 4
 """How many Gauss-Newton steps may bring the nuisances to their best at fixed parameters ..."""
 ENOUGH = 0.5
@@ -213,19 +215,22 @@ class _Problem:
 
     def linearise(self, x: np.ndarray, inner: tuple[_Inner, ...], before: Linearised | None) -> Linearised:
         linear = [s.misfit.linear(x[place], i.own) for s, i, place in zip(self.shares, inner, self.places, strict=True)]
-        flies = [said.alive > s.misfit.observed.segments.steps for s, said in zip(self.shares, linear, strict=True)]
+        told = [together(s.misfit, i.own, said) for s, i, said in zip(self.shares, inner, linear, strict=True)]
+        flies = [alive > s.misfit.observed.segments.steps for s, (alive, _) in zip(self.shares, told, strict=True)]
         any_flies = any(f.any() for f in flies)
         away, slope = self._deviations(x)
         b, H, cost, gain = -slope * away, np.diag(slope**2), float(away @ away), 0.0
         known = []
-        for share, place, i, said, fly, integrates in zip(self.shares, self.places, inner, linear, flies, self.integrates, strict=True):
-            misfit, gram = share.misfit, said.gram
-            counted = np.flatnonzero(fly) if any_flies else np.arange(len(fly))
-            info = misfit.eliminated(gram, i.own, counted)
+        each = zip(self.shares, self.places, inner, linear, told, flies, self.integrates, strict=True)
+        for share, place, i, said, (alive, info), fly, integrates in each:
+            misfit, gram, counted = share.misfit, said.gram, np.flatnonzero(fly)
+            if not any_flies:
+                counted = np.arange(len(fly))
+                info = misfit.eliminated(gram, i.own, counted)
             squares = float(said.squares[counted].sum()) + misfit.prior_cost(i.own, counted)
             # what is not differentiated has no place in the merit either
             log_det = float(info.log_det.sum()) if integrates else 0.0
-            known.append(_Known(gram, info, said.alive, fly, counted, log_det))
+            known.append(_Known(gram, info, alive, fly, counted, log_det))
             cost += squares + log_det + self._lost(share, fly, counted)
             b[place] += info.b
             H[np.ix_(place, place)] += info.H
@@ -325,6 +330,19 @@ class _Problem:
         )
         slope, differenced = (i.slope, i.differenced) if found is None else found
         return replace(i, slope=slope, slope_at=x, updates=updates, differenced=differenced)
+
+
+def together(misfit: Misfit, own: NuisanceValues, said: Linear) -> tuple[np.ndarray, Information]:
+    """((K,) samples before a segment diverged, what the others say together). One that is so sensitive to its start that rounding leaves
+    less than nothing of its squares is as good as diverged."""
+    alive, steps = said.alive.copy(), misfit.observed.segments.steps
+    while True:
+        counted = np.flatnonzero(alive > steps)
+        information = misfit.eliminated(said.gram, own, counted)
+        lost = ~(information.cost[counted] >= -LESS * (1 + said.squares[counted]))
+        if not lost.any():
+            return alive, information
+        alive[counted[lost]] = steps
 
 
 def _square(H: np.ndarray, step: np.ndarray) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from awescli.estimation.fit import Fit, JointFit, Share, fit_together
+from awescli.estimation.fit import Fit, JointFit, Share, fit_together, together
 from awescli.estimation.levels import prior_deviance
 from awescli.estimation.misfit import DIVERGED_COST, Misfit
 from awescli.estimation.problem import EstimationProblem, without_record
@@ -427,6 +427,6 @@ def judge(problem: EstimationProblem, table: ParameterTable, before: Fit | None 
     found = fit_together([Share(alone, table, table, (), own)], prior=False, iterations=6, tolerance=1.0).flights[0]
     misfit = Misfit(simulator, problem.validation, problem.names, problem.processes)
     said = misfit.linear(table.vector(problem.names), found.own)
-    counted = np.flatnonzero(said.alive > misfit.observed.segments.steps)
-    information = misfit.eliminated(said.gram, found.own, counted)
-    return replace(found, misfit=misfit, gram=said.gram, information=information, counted=counted)
+    alive, information = together(misfit, found.own, said)
+    counted = np.flatnonzero(alive > misfit.observed.segments.steps)
+    return replace(found, misfit=misfit, gram=said.gram, information=information, counted=counted, alive=alive)

@@ -244,6 +244,28 @@ def test_a_diverging_segment_does_not_end_the_fit(simulator, observed):
     assert found.chi2 < 0.01 and np.flatnonzero(found.alive < 126).tolist() == [5]
 
 
+def test_a_segment_of_which_rounding_leaves_less_than_nothing_is_as_good_as_diverged(simulator, observed, monkeypatch):
+    """Guards evidence: next to divergence a Gram matrix holds 1e30 beside a residual of 1e4, and what is left of the square was once
+    -1e15, a gain that led every answer. It is priced as a diverged segment, and the others find the truth."""
+    linear = Misfit.linear
+
+    def rounded(self, *asked, **how):
+        said = linear(self, *asked, **how)
+        if len(said.alive) == 16:
+            said.gram.y[5, -1, -1] -= 1e15
+        return said
+
+    truth = simulator.kite.parameters
+    guess = truth.with_values({"CLa": 6.2})
+    misfit = Misfit(simulator.holding(guess), observed, ("CLa",))
+    without = fit(replace(misfit, observed=observed.pick([k for k in range(16) if k != 5])), guess, prior=False, tolerance=1e-6)
+    monkeypatch.setattr(Misfit, "linear", rounded)
+    found = fit(misfit, guess, prior=False, tolerance=1e-6)
+    assert np.flatnonzero(~found.flies).tolist() == [5] and found.solution.outcome == "converged"
+    assert found.parameters["CLa"].value == pytest.approx(truth["CLa"].value, rel=1e-4)
+    assert found.deviance == pytest.approx(without.deviance + DIVERGED_COST * observed.measured[0].size, abs=1.0)
+
+
 def test_what_leaves_the_numbers_is_counted_and_warns_nobody(simulator, observed, recwarn):
     """Guards a user's terminal: one start whose squares overflow. numpy's warnings are errors nowhere, and said nowhere."""
     misfit = Misfit(simulator, observed, ("CL0",))
