@@ -76,6 +76,7 @@ FORMS = {
     "rudder that works less the farther it goes": ("surface_effectiveness:rudder", {}, {"Cn": {"rudder^3": ("Cndr3", -0.45)}}),
     "second-order lag": ("actuator_lag:rudder", {"actuator_lag:rudder": {"tau": 0.24, "inertia": 0.25}}, {}),
     "lag with a rate limit": ("actuator_lag:rudder", {"actuator_lag:rudder": {"tau": 0.12, "rate": 0.5}}, {}),
+    "servo with a damping ratio of 0.7": ("actuator_lag:rudder", {"actuator_lag:rudder": {"tau": 0.14, "inertia": 0.51}}, {}),
 }
 """Effects whose form is not exactly the library's first one: the name that is right, and effects or aerodynamic terms that are flown."""
 

@@ -56,6 +56,18 @@ def test_a_delayed_surface_stands_where_its_past_has_left_it(tau, now):
     assert found == pytest.approx([x1, x2], abs=5e-4)
 
 
+@pytest.mark.parametrize("now", [25.0, 31.7, 48.3])
+@pytest.mark.parametrize("inertia", [0.01, 0.15, 0.2499, 0.25, 0.2501, 0.5, 1.0])
+def test_a_servo_stands_and_moves_as_its_past_has_left_it(inertia, now):
+    """Guards both states of a lag of second order, damped more than critically, critically, less: against small steps of its equation."""
+    tau = 0.2
+    found = begun("actuator_lag:rudder", {"tau": tau, "inertia": inertia}, swing, now, states=2)
+    x, v, h = float(swing(0.0)), 0.0, 1e-4
+    for t in np.arange(now - 10.0, now - h / 2, h):
+        x, v = x + h * v, v + h * ((float(swing(t + h / 2)) - x) / tau - v) / (inertia * tau)
+    assert found == pytest.approx([x, v], abs=3e-4)
+
+
 @pytest.mark.parametrize("now", [25.0, 28.0, 31.7])
 def test_a_linkage_with_play_was_pushed_along_by_its_past(now):
     """Guards the play's memory, against the operator on all samples: a small swing within the play moves nothing."""
