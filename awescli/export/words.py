@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from awescli.notation.phases import OWN, input_of
 from awescli.notation.quantities import IN_WORDS, STATES, SURFACES, UNITS
 from awescli.physics.disturbances import RECORDED
-from awescli.physics.effects.past import BEHIND, past_of
+from awescli.physics.effects.past import ASKED, BEHIND, past_of
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ _INPUTS = {
     "time": ("s", "the flight's clock, which runs on as it flies"),
     "tension_rate": ("N/s", "rate of the measured pull of the line"),
     **{
-        name: (UNITS[surface], f"{surface} command {ago:g} s before, less that of now")
-        for surface in SURFACES for name, ago in zip(past_of(surface), BEHIND, strict=True)
+        name: (UNITS[asked], f"{IN_WORDS[asked] if asked not in SURFACES else f'{asked} command'} {ago:g} s before, less that of now")
+        for asked in ASKED for name, ago in zip(past_of(asked), BEHIND, strict=True)
     },
     **{input_of(phase): ("-", f"1 in {phase}, in which parameters have values of their own, else 0") for phase in OWN},
 }  # fmt: skip

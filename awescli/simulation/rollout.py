@@ -17,7 +17,7 @@ from awescli.notation.phases import input_of
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.notation.scalars import Scalar
 from awescli.physics.disturbances import DISTURBANCES, GUST_RATES, GUSTS, PHASE, both
-from awescli.physics.effects.past import BEHIND, past_of
+from awescli.physics.effects.past import ASKED, BEHIND, past_of
 from awescli.physics.flight_model import FlightModel
 from awescli.simulation.stepping import Stepping, longest_step
 
@@ -307,7 +307,7 @@ def inputs_of(log: Recorded, kite: FlightModel) -> np.ndarray:
         "motor_speed": log.inputs.get("motor_speed", zero),
         **dict.fromkeys((*(f"turbulence_{axis}" for axis in "nedp"), *DISTURBANCES, PHASE), zero),
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
-        **_past_inputs(log, kite),
+        **_past_inputs(log, kite, {"reel_out_speed": speed, **{name: log.inputs.get(name, zero) for name in SURFACES}}),
         **wind,
         **_phase_inputs(log, kite),
     }
@@ -317,16 +317,15 @@ def inputs_of(log: Recorded, kite: FlightModel) -> np.ndarray:
 def rates_at(log: FlightLog, kite: FlightModel, sample: int) -> dict[str, float]:
     """Rates of the recorded set-points, and of the load [N/s], and the set-points of the past, at a sample of a log, by name of the input:
     what lags behind them has its start from these (`Effect.initial`), where a flight sets out in the middle of a log."""
-    row, past = inputs_of(log, kite)[sample], {name for surface in SURFACES for name in past_of(surface)}
+    row, past = inputs_of(log, kite)[sample], {name for setpoint in ASKED for name in past_of(setpoint)}
     return {name: float(row[i]) for i, name in enumerate(kite.input_names) if name.endswith("_rate") or name in past}
 
 
-def _past_inputs(log: Recorded, kite: FlightModel) -> dict[str, np.ndarray]:
-    """By how much set-points differed before, of the surfaces of which that is asked; before a log begins they have stood still."""
+def _past_inputs(log: Recorded, kite: FlightModel, setpoints: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """By how much set-points differed before, of those of which that is asked; before a log begins they have stood still."""
     found = {}
-    for surface in (s for s in SURFACES if past_of(s)[0] in kite.input_names):
-        signal = log.inputs.get(surface, np.zeros(len(log)))
-        found |= {n: np.interp(log.time - ago, log.time, signal) - signal for n, ago in zip(past_of(surface), BEHIND, strict=True)}
+    for name, signal in ((name, signal) for name, signal in setpoints.items() if past_of(name)[0] in kite.input_names):
+        found |= {n: np.interp(log.time - ago, log.time, signal) - signal for n, ago in zip(past_of(name), BEHIND, strict=True)}
     return found
 
 

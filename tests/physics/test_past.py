@@ -87,3 +87,23 @@ def test_before_a_log_begins_its_surfaces_have_stood_still():
     assert inputs[k] == pytest.approx(there, abs=0.02)
     # only what some effect asks for
     assert not set(past_of("elevator")) & set(kite.input_names) and not set(past_of("rudder")) & set(Kite(DEVELOPMENT).input_names)
+
+
+@pytest.mark.parametrize("now", [25.0, 31.7, 48.3])
+@pytest.mark.parametrize("tau, limit", [(0.4, 100.0), (2.0, 100.0), (0.3, 0.15)])
+def test_a_drum_turns_as_its_past_has_left_it(tau, limit, now):
+    """Guards the start of a winch that follows its reference late, or slowly, against small steps of its equation from rest."""
+    kite = Kite(DEVELOPMENT, extra=("winch_tracking",))
+    kite = kite.with_values({"winch_tracking.tau": tau, "winch_tracking.a_max": limit, "winch_tracking.v_max": 100.0})
+    log = flight(duration=61.0).log
+
+    def reference(t):
+        return 1.0 + 3.0 * swing(t)
+
+    row = inputs_of(replace(log, inputs={**log.inputs, "reel_out_speed": reference(log.time)}), kite)[int(round(now / log.dt))]
+    asked = (*past_of("reel_out_speed"), "reel_out_speed", "reel_out_acceleration")
+    x, _, _ = at_point(kite, **{n: row[kite.input_names.index(n)] for n in asked})
+    v, h = float(reference(0.0)), 1e-3
+    for t in np.arange(0.0, now - h / 2, h):
+        v += h * float(np.clip((reference(t + h / 2) - v) / tau, -limit, limit))
+    assert x[12] == pytest.approx(v, abs=0.02) and x[13] == pytest.approx(-tau * v, abs=0.02 * tau)

@@ -6,6 +6,7 @@ from kites import DEVELOPMENT, lively
 from physics.effect_cases import both, deflection, flown
 
 from awescli.notation.quantities import SURFACES
+from awescli.physics.effects.past import BEHIND, past_of
 from awescli.physics.kite import Kite
 from awescli.simulation.rollout import Simulator
 
@@ -145,8 +146,9 @@ def test_backlash_is_the_play_operator(calm):
     assert np.ptp(found[160:]) < 0.1 * np.ptp(setpoint[160:]) + 2e-3 and np.ptp(found[:100]) > 0.8 * np.ptp(setpoint[:100])
 
 
-def wound(calm, speed, values):
-    """(paid-out speed, length behind the reference) (N+1,) along a segment on which the winch is asked for `speed` (N+1,)."""
+def wound(calm, speed, values, rising=0.0):
+    """(paid-out speed, length behind the reference) (N+1,) along a segment on which the winch is asked for `speed` (N+1,), which was
+    `rising` [m/s2] before."""
     kite = Kite(DEVELOPMENT, calm.log.wind.height, ("winch_tracking",))
     values = {f"winch_tracking.{n}": v for n, v in values.items()}
     segments = lively(kite, calm.log, count=1, seconds=4.0).segments
@@ -154,6 +156,8 @@ def wound(calm, speed, values):
     length = segments.inputs[0, 0, at["tether_length"]] + np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 2 * segments.dt)])
     asked = np.stack([length, speed, np.gradient(speed, segments.dt)], axis=1)[None]
     segments = segments.with_inputs(list(at.values()), asked)
+    past = [kite.input_names.index(n) for n in past_of("reel_out_speed")]
+    segments = segments.with_inputs(past, np.broadcast_to(-rising * np.array(BEHIND), (1, len(speed), len(BEHIND))))
     flown = Simulator(kite, (), step=0.005).rollout(segments, values)
     assert not flown.diverged.any()
     kite = kite.with_values(values)
@@ -166,7 +170,7 @@ def test_a_winch_follows_its_reference_late(calm):
     behind by tau v, as after a whole reel-out from rest; a torque limit of 0.1 m/s2 makes the speed a ramp, a speed limit ends it."""
     time = 0.02 * np.arange(201)
     ramp = 0.5 + 0.2 * time
-    v, behind = wound(calm, ramp, {"tau": 0.5})
+    v, behind = wound(calm, ramp, {"tau": 0.5}, rising=0.2)
     assert v == pytest.approx(ramp - 0.1, abs=1e-6) and behind == pytest.approx(0.5 * v, abs=1e-4)
     step = np.where(time < 1.0, 0.5, 1.0)
     v, _ = wound(calm, step, {"tau": 0.5})

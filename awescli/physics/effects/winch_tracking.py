@@ -3,13 +3,16 @@
 from types import SimpleNamespace
 
 from awescli.notation.parameters import Parameter
-from awescli.notation.scalars import Scalar
+from awescli.notation.scalars import Scalar, exp
 from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import clipped, lag_time, lagged
+from awescli.physics.effects.past import moves, past_of
 from awescli.physics.instant import Instant, Line
 
-UNSTEADY = 0.2
-"""[m/s] by how much a winch's speed may differ from what it follows where a rollout begins."""
+UNSTEADY = 0.02
+"""[m/s] by how much a winch's speed may differ from what its past has left, where a rollout begins."""
+REFERENCE = "reel_out_speed"
+"""What the winch follows."""
 FASTEST = 100.0
 """[m/s], [m/s2] a limit that no winch reaches: none."""
 
@@ -31,6 +34,7 @@ class WinchTracking(Effect):
         Parameter("a_max", FASTEST, "m/s2", 0.05, FASTEST, source="torque over inertia; gives form only"),
     )
     of_line = True
+    inputs = past_of(REFERENCE)
     states = ("speed", "ahead")
     units = ("m/s", "m")
     probes = {"tau": (0.2, 0.6)}
@@ -58,6 +62,12 @@ class WinchTracking(Effect):
         return a, v - asked.speed
 
     def initial(self, at: Instant, own: SimpleNamespace) -> tuple:
-        asked = self.received(at)
-        speed = clipped(asked.speed - own.tau * clipped(asked.acceleration, own.a_max), own.v_max)
+        # the speed to which the past of its reference has brought it, each change a ramp; behind as after a whole reel-out from rest
+        tau = lag_time(own.tau)
+        behind = at.inputs[past_of(REFERENCE)[-1]]
+        for seconds, before, after in moves(REFERENCE, at):
+            slope = (after - before) / seconds
+            reached = after - tau * slope + (behind - before + tau * slope) * exp(-seconds / tau)
+            behind = behind + clipped(reached - behind, own.a_max * seconds)
+        speed = clipped(self.received(at).speed + behind, own.v_max)
         return speed, -own.tau * speed
