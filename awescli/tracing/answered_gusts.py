@@ -11,10 +11,13 @@ whose estimates have no part in their error: E[x_estimated (x - x_estimated)] = 
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import Criteria
+from awescli.tracing.felt import gain_of_feeling
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, fit_added, fit_on
+from awescli.tracing.models import FittedModel, Say, fit_added, fit_on
 from awescli.tracing.tried import Tried
 
 SET_ASIDE = "set aside"
@@ -28,7 +31,30 @@ def of_answering(frame: Frame, key: str) -> bool:
 
 def doubtful(frame: Frame, tried: Tried, criteria: Criteria) -> bool:
     """May what a candidate gains be the controller's answer to gusts?"""
-    return tried.model is not None and of_answering(frame, tried.key) and tried.gain < criteria.clear_of_gusts
+    return tried.model is not None and of_answering(frame, tried.key) and (tried.gain < criteria.clear_of_gusts or felt(tried, criteria))
+
+
+def felt(tried: Tried, criteria: Criteria) -> bool:
+    """Does a candidate gain hardly more than it would of the same flight, were it not there?"""
+    return tried.felt > 0 and np.sqrt(max(tried.gain, 0.0)) - np.sqrt(tried.felt) < np.sqrt(criteria.in_gusts)
+
+
+def asked_of_controllers(
+    frame: Frame, here: FittedModel, tried: Sequence[Tried], criteria: Criteria, progress: Say = lambda text: None
+) -> tuple[Tried, ...]:
+    """What was tried, with what a controller makes of the effects of a surface where nothing is missing: asked of the one that gains most,
+    of every surface that answers the kite, where that is clear of gusts and not far beyond them."""
+    gains: dict[str, float] = {}
+    clear = [t for t in tried if t.model is not None and of_answering(frame, t.key) and t.gain >= criteria.clear_of_gusts]
+    for t in sorted(clear, key=lambda t: -t.gain):
+        surface = t.key.partition(":")[2]
+        if surface in gains:
+            continue
+        asked = t.gain < criteria.beyond_gusts and not any(f.closes for f in frame.flights)
+        if asked:
+            progress(f"flying again in other gusts, without {t.key}")
+        gains[surface] = gain_of_feeling(frame, here, t) if asked else 0.0
+    return tuple(replace(t, felt=gains[t.key.partition(":")[2]]) if t in clear else t for t in tried)
 
 
 def set_aside(frame: Frame, tried: Sequence[Tried], criteria: Criteria) -> tuple[Tried, ...]:

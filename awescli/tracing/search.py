@@ -10,7 +10,7 @@ import numpy as np
 from awescli.estimation.gauss_newton import OutOfReach
 from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
-from awescli.tracing.answered_gusts import SET_ASIDE, beside_answers, of_answering, set_aside
+from awescli.tracing.answered_gusts import SET_ASIDE, asked_of_controllers, beside_answers, felt, of_answering, set_aside
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame
 from awescli.tracing.models import (
@@ -318,9 +318,13 @@ def _best(
         if (t.partly and t.gain > most) or (astray and t.plausible and most == np.inf):
             finish(t)
     tried = tuple(replace(_of(t, here, m), finalist=True) if (m := finished.get(t.key)) else t for t in tried)
-    if gusty(here, criteria) and (best := beside_answers(frame, here, standing(), tried, criteria)):
+    if not gusty(here, criteria):
+        return min(standing(), key=lambda m: m.deviance, default=None), tried
+    tried = asked_of_controllers(frame, here, tried, criteria, progress)
+    if best := beside_answers(frame, here, standing(), tried, criteria):
         return best, set_aside(frame, tried, criteria)
-    return min(standing(), key=lambda m: m.deviance, default=None), tried
+    made_by_gusts = {t.key for t in tried if felt(t, criteria)}
+    return min((m for m in standing() if m.keys[-1] not in made_by_gusts), key=lambda m: m.deviance, default=None), tried
 
 
 def _finalists(frame: Frame, leaders: Sequence[Tried], criteria: Criteria) -> list[Tried]:

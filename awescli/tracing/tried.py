@@ -12,7 +12,8 @@ class Tried:
     """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
     the fit, "not fitted", "given up", "failed" or "set aside" (`answered_gusts`); gain: deviance by which the model leads the one before,
     unseen: the same on validation alone, both of all segments where it was fitted to a share of them; plausible: no strength at the end of
-    its range; partly: fitted to no more than what tells candidates apart (`fit_on_part`); finalist: fitted to the end."""
+    its range; partly: fitted to no more than what tells candidates apart (`fit_on_part`); finalist: fitted to the end; felt: deviance that
+    it would gain of the same flight, were it not there (`felt`), 0 where that was not asked."""
 
     score: Score
     significant: bool
@@ -23,6 +24,7 @@ class Tried:
     plausible: bool = True
     partly: bool = False
     finalist: bool = False
+    felt: float = 0.0
 
     @property
     def key(self) -> str:
