@@ -35,8 +35,9 @@ def doubtful(frame: Frame, tried: Tried, criteria: Criteria) -> bool:
 
 
 def felt(tried: Tried, criteria: Criteria) -> bool:
-    """Does a candidate gain hardly more than it would of the same flight, were it not there?"""
-    return tried.felt > 0 and np.sqrt(max(tried.gain, 0.0)) - np.sqrt(tried.felt) < np.sqrt(criteria.in_gusts)
+    """Does a candidate gain hardly more than it would of the same flight, were it not there? The root of a gain is a size over its standard
+    error, and the difference of two has a variance of 2."""
+    return tried.felt > 0 and (np.sqrt(max(tried.gain, 0.0)) - np.sqrt(tried.felt)) / np.sqrt(2) < np.sqrt(criteria.in_gusts)
 
 
 def asked_of_controllers(

@@ -100,14 +100,15 @@ class Criteria:
     gusty air: less, a controller that answers gusts may make of it (`tracing.answered_gusts`); and that a further effect must gain there.
     In JSBSim's turbulence a rudder that answers what gusts do seemed 28 ms late, worth 59, and another one 53 ms, worth 107; effects that
     were there and predicted no better by a tenth come to 250 and more."""
-    beyond_gusts: float = 1000.0
-    """Deviance from which such an effect is not asked what a controller makes of it where it is not there (`tracing.felt`): five times what
-    that has come to. Of one that gains less, the difference of the roots of both gains must come to the root of `in_gusts`: a gain is the
-    square of a size over its standard error."""
     in_gusts: float = 30.0
     """The same of any other effect, alone and beside the effect of a surface that gains most. On the silent flights of JSBSim's families 38
     to 42, on which this was set (traced by a852cd1), what is not there gains 6, and once 29, but 18 beside a rudder's lag; what is there
     gains 32 to 120."""
+    beyond_gusts: float = 1000.0
+    """Deviance from which an effect of such a surface is not asked what a controller makes of it where it is not there (`tracing.felt`):
+    five times what that has come to. What gains less must gain by as much more than that as another effect gains in gusts: by `in_gusts`
+    as the square of the difference of their roots, over 2. Of two lags that were not there (JSBSim, family 47, on which this was set) that
+    is 0.4 to 27, with other gusts each time, of three that were there 56 to 230."""
 
     # where no verdict is possible, what predicts better?
     predicts: float = 0.1
