@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from awescli.estimation.fit import Fit
+from awescli.estimation.links import RUNAWAY
 from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.problem import EstimationProblem
 from awescli.flightlog.smoothing import local_quadratic
@@ -29,8 +30,6 @@ ROUNDS = 100
 """Times that a flight and its set-points are brought to agree, at most: each brings them nearer, over a segment in some twenty."""
 AGREED = 1e-5
 """[rad] by which they may differ then."""
-WEAKER = 0.5
-"""Times the answers of surfaces with which a kite that diverges is flown once more."""
 AIR = (*GUSTS, *GUST_RATES)
 Flights = dict[int, tuple[np.ndarray, np.ndarray]]
 """First sample of a segment -> (set-points (N+1, 5), measured (N+1, n_out))."""
@@ -78,12 +77,16 @@ def _values(tried: Tried) -> tuple[dict[str, float], dict[str, float]]:
     return {n: v for n, v in values.items() if n in free}, {n: v for n, v in values.items() if n not in free}
 
 
+@RUNAWAY
 def answers(fit: Fit, surfaces: Sequence[int]) -> np.ndarray:
     """(surfaces, 9) by how much the recorded set-points of some surfaces change with the kite's `motion` [rad per unit], slow changes of
-    either aside: a linear regression."""
+    either aside: a linear regression over the segments that fly; zero where none does."""
     recorded = fit.misfit.observed.segments
-    signals = motion(_flown(fit, fit.own, recorded.setpoints), recorded.dt), recorded.setpoints[:, :, surfaces]
-    X, u = (np.concatenate([one - local_quadratic(one, recorded.dt, SLOWER) for one in each]) for each in signals)
+    flown = _flown(fit, fit.own, recorded.setpoints)
+    felt, asked = (a[~flown.diverged] for a in (motion(flown, recorded.dt), recorded.setpoints[:, :, surfaces]))
+    if not len(felt):
+        return np.zeros((len(surfaces), felt.shape[2]))
+    X, u = (np.concatenate([one - local_quadratic(one, recorded.dt, SLOWER) for one in each]) for each in (felt, asked))
     return np.linalg.lstsq(X, u, rcond=None)[0].T
 
 
@@ -95,30 +98,32 @@ def motion(flown: Trajectories, dt: float) -> np.ndarray:
     return np.concatenate([rates, turned, velocity], axis=2)
 
 
+@RUNAWAY
 def flown_again(fit: Fit, K: np.ndarray, surfaces: Sequence[int], seed: int) -> Flights:
     """The segments of a fit in other gusts, from where they began; `surfaces` answer by K what is different from the flight that was, all
-    else that acts is as it was. What is measured has noise of the levels that were found."""
+    else that acts is as it was. What is measured has noise of the levels that were found. One that diverges stays as it was recorded."""
     random, observed = np.random.default_rng(seed), fit.misfit.observed
     own = replace(fit.own, path=_other_gusts(fit.misfit, fit.own.path, random))
-    for weaker in (1.0, WEAKER, WEAKER**2, 0.0):
-        flown, setpoints = _closed(fit, own, weaker * K, surfaces)
-        if not flown.diverged.any():
-            break
+    flown, setpoints = _closed(fit, own, K, surfaces)
     measured = flown.outputs[:, :, [OUTPUTS.index(n) for n in observed.outputs]].copy()
     for name, drift in fit.misfit.drifted(own).items():
         measured[..., observed.outputs.index(name)] += drift
     measured += np.where(np.isfinite(observed.sigma), observed.sigma, 0.0) * random.standard_normal(measured.shape)
+    lost = flown.diverged[:, None, None]
+    setpoints, measured = np.where(lost, observed.segments.setpoints, setpoints), np.where(lost, observed.measured, measured)
     return {first: (setpoints[k], measured[k]) for k, first in enumerate(observed.segments.first.tolist())}
 
 
 def _closed(fit: Fit, own: NuisanceValues, K: np.ndarray, surfaces: Sequence[int]) -> tuple[Trajectories, np.ndarray]:
-    """(trajectories, set-points) that agree: what a flight makes the surfaces answer is flown next (Picard's iteration)."""
+    """(trajectories, set-points) that agree: what a flight makes the surfaces answer is flown next (Picard's iteration). In a segment that
+    diverges nothing answers."""
     recorded = fit.misfit.observed.segments
     before, setpoints = motion(_flown(fit, fit.own, recorded.setpoints), recorded.dt), recorded.setpoints
     for _ in range(ROUNDS):
         flown, asked = _flown(fit, own, setpoints), recorded.setpoints.copy()
-        asked[:, :, surfaces] += (motion(flown, recorded.dt) - before) @ K.T
-        if flown.diverged.any() or np.abs(asked - setpoints).max() < AGREED:
+        flies = ~flown.diverged[:, None, None]
+        asked[:, :, surfaces] += np.where(flies, motion(flown, recorded.dt) - before, 0.0) @ K.T
+        if np.where(flies, np.abs(asked - setpoints), 0.0).max() < AGREED:
             break
         setpoints = asked
     return flown, setpoints

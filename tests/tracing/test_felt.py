@@ -63,6 +63,22 @@ def test_what_a_controller_answers_is_read_off_its_flight(calm_fit):
     assert felt.answers(fit, [RUDDER]) == pytest.approx(K, abs=0.01)
 
 
+def test_a_segment_that_diverges_stays_as_it_was_recorded(calm_fit):
+    """Guards a trace whose model loses a segment: the others are flown again, and nothing that is no number comes of the lost one."""
+    starts = calm_fit.own.starts.copy()
+    starts[3, 3:6] = (400.0, -300.0, 900.0)
+    fit = SimpleNamespace(misfit=calm_fit.misfit, own=replace(calm_fit.own, starts=starts), parameters=calm_fit.parameters)
+    found, observed = felt.answers(fit, [RUDDER]), calm_fit.misfit.observed
+    made = felt.flown_again(fit, 0.3 * K, [RUDDER], seed=1)
+    assert np.isfinite(found).all() and all(np.isfinite(a).all() for pair in made.values() for a in pair)
+    kept = [k for k, first in enumerate(observed.segments.first.tolist()) if np.array_equal(made[first][1], observed.measured[k])]
+    assert kept == [3]
+    _, setpoints = felt._closed(calm_fit, calm_fit.own, K, [RUDDER])
+    assert np.array_equal(setpoints, observed.segments.setpoints)  # where nothing is different nothing answers
+    moved = [k for k, first in enumerate(made) if not np.array_equal(made[first][0], observed.segments.setpoints[k])]
+    assert moved == [k for k in range(12) if k != 3]
+
+
 def test_gusts_are_drawn_at_their_level_and_nothing_else_is(calm_fit):
     path = calm_fit.own.path + 0.7
     drawn = np.concatenate([felt._other_gusts(calm_fit.misfit, path, np.random.default_rng(k)) for k in range(20)])
