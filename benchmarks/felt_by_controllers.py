@@ -6,7 +6,8 @@ A flight of a KM1-like kite by JSBSim in gusts, with nothing missing, flown twic
 that sees what the sensors of the log say, their noise included; and by the law that sees the kite in our own simulator, whose gusts and
 roll gusts are of the form that the model has. To each the lag of a rudder is fitted that has none. A record of the rudder counts as given:
 what it says of gusts, because the law answered them, is not in the likelihood. Where it says more than the log's own gyros, estimates of
-what acts between rudder and kite are biased (feedback: Ljung, System Identification, 1999, ch. 13). The table goes to
+what acts between rudder and kite are biased (feedback: Ljung, System Identification, 1999, ch. 13). The last column is
+what the lag gains of the same flight, flown again in other gusts by the model without it (`tracing/bootstrap.py`). The table goes to
 benchmarks/results/felt_by_controllers.md.
 """
 
@@ -16,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import awescli  # noqa: F401  (thread settings before numpy)
@@ -78,13 +80,17 @@ def row(said: str, log, declared) -> str:
     """A flight's line of the table."""
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
+    from awescli.tracing.bootstrap import gain_under_null
     from awescli.tracing.frame import Frame, TracedFlight
     from awescli.tracing.models import fit_added, fit_null, fit_on
+    from awescli.tracing.tried import Tried
 
     frame = Frame((TracedFlight(log, split(find_loops(log), log=log), declared),), 5.0, tuple(log.measured), ())
     null, tau = fit_null(frame, {}, (1.0, 2.5)), f"{KEY}.tau"
     late = fit_on(frame, fit_added(frame, null, KEY, {tau: GUESS}, {}))
-    return f"| {said} | {1000 * late.table[tau].value:.0f} ms | {null.deviance - late.deviance:.0f} | {null.unseen - late.unseen:.0f} |"
+    gain = null.deviance - late.deviance
+    again = gain_under_null(frame, null, Tried(SimpleNamespace(key=KEY), True, model=late, gain=gain))
+    return f"| {said} | {1000 * late.table[tau].value:.0f} ms | {gain:.0f} | {null.unseen - late.unseen:.0f} | {again:.0f} |"
 
 
 def main(arguments=None) -> int:
@@ -94,8 +100,8 @@ def main(arguments=None) -> int:
     parser.add_argument("--kind", default="heading_bias", help="of foreign_kinds.yaml, whose conditions are flown without what it lacks")
     options = parser.parse_args(arguments)
     command = f"`python benchmarks/felt_by_controllers.py CACHE --family {options.family} --kind {options.kind}`"
-    head = "| the law sees | lag of a rudder that has none | deviance it gains | on unseen loops |"
-    lines = ["# A controller that feels the kite better than its log", "", command, "", head, "|" + "---|" * 4]
+    head = "| the law sees | lag of a rudder that has none | deviance it gains | on unseen loops | of the flight flown again |"
+    lines = ["# A controller that feels the kite better than its log", "", command, "", head, "|" + "---|" * 5]
     flight = partial(flown, options.kind, options.family, options.cache)
     flights = {
         "the truth": lambda: read(flight({})),

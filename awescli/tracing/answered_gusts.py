@@ -3,7 +3,7 @@
 A fit takes the record of a surface as given. In a closed loop that is sound where the controller answers what the log's own sensors say:
 then their noise is in the surface, too. One that feels the kite better than its log says with the surface where the kite really is, u =
 -K x, and the error of the estimated state goes with it, E[u (x - x_estimated)] = -K P. What acts between surface and kite is biased by that
-(Ljung, System Identification, 1999, ch. 13), and the more so the more gusts there are: a rudder that follows at once seemed 34 ms late, and
+(Ljung, System Identification, 1999, ch. 13), and the more so the more gusts there are: a rudder that follows at once seemed 44 ms late, and
 2 ms where its controller saw the log's sensors (`benchmarks/felt_by_controllers.py`). What other effects do goes with the states alone,
 whose estimates have no part in their error: E[x_estimated (x - x_estimated)] = 0. So it is with surfaces that a plan moves (`feedback`).
 """
@@ -13,9 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from awescli.physics.kite import make_effect
+from awescli.tracing.bootstrap import gain_under_null
 from awescli.tracing.criteria import Criteria
-from awescli.tracing.felt import gain_of_feeling
 from awescli.tracing.frame import Frame
 from awescli.tracing.models import FittedModel, Say, fit_added, fit_on
 from awescli.tracing.tried import Tried
@@ -31,16 +30,17 @@ def of_answering(frame: Frame, key: str) -> bool:
 
 def doubtful(frame: Frame, tried: Tried, criteria: Criteria) -> bool:
     """May what a candidate gains be the controller's answer to gusts?"""
-    return tried.model is not None and of_answering(frame, tried.key) and (tried.gain < criteria.clear_of_gusts or felt(tried, criteria))
+    little = tried.gain < criteria.clear_of_gusts or is_feedback(tried, criteria)
+    return tried.model is not None and of_answering(frame, tried.key) and little
 
 
-def felt(tried: Tried, criteria: Criteria) -> bool:
+def is_feedback(tried: Tried, criteria: Criteria) -> bool:
     """Does a candidate gain hardly more than it would of the same flight, were it not there? The root of a gain is a size over its standard
     error, and the difference of two has a variance of 2."""
-    return tried.felt > 0 and (np.sqrt(max(tried.gain, 0.0)) - np.sqrt(tried.felt)) / np.sqrt(2) < np.sqrt(criteria.in_gusts)
+    return tried.under_null > 0 and (np.sqrt(max(tried.gain, 0.0)) - np.sqrt(tried.under_null)) / np.sqrt(2) < np.sqrt(criteria.in_gusts)
 
 
-def asked_of_controllers(
+def with_gains_under_null(
     frame: Frame, here: FittedModel, tried: Sequence[Tried], criteria: Criteria, progress: Say = lambda text: None
 ) -> tuple[Tried, ...]:
     """What was tried, with what a controller makes of the effects of a surface where nothing is missing: asked of the one that gains most,
@@ -54,8 +54,8 @@ def asked_of_controllers(
         asked = t.gain < criteria.beyond_gusts and not any(f.closes for f in frame.flights)
         if asked:
             progress(f"flying again in other gusts, without {t.key}")
-        gains[surface] = gain_of_feeling(frame, here, t) if asked else 0.0
-    return tuple(replace(t, felt=gains[t.key.partition(":")[2]]) if t in clear else t for t in tried)
+        gains[surface] = gain_under_null(frame, here, t) if asked else 0.0
+    return tuple(replace(t, under_null=gains[t.key.partition(":")[2]]) if t in clear else t for t in tried)
 
 
 def set_aside(frame: Frame, tried: Sequence[Tried], criteria: Criteria) -> tuple[Tried, ...]:
@@ -86,7 +86,4 @@ def beside_answers(
 
 def _both(frame: Frame, best: FittedModel, other: Tried) -> FittedModel:
     """A model with a further candidate, from where that came alone."""
-    effect, table, free = make_effect(other.key, frame.declared), other.fitted.table, set(other.fitted.strengths)
-    values = {p.name: table[p.name].value for p in effect.rows()}
-    strengths = {n: v for n, v in values.items() if n in free}
-    return fit_added(frame, best, other.key, strengths, {n: v for n, v in values.items() if n not in free})
+    return fit_added(frame, best, other.key, *other.start)

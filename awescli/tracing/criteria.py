@@ -105,10 +105,10 @@ class Criteria:
     to 42, on which this was set (traced by a852cd1), what is not there gains 6, and once 29, but 18 beside a rudder's lag; what is there
     gains 32 to 120."""
     beyond_gusts: float = 1000.0
-    """Deviance from which an effect of such a surface is not asked what a controller makes of it where it is not there (`tracing.felt`):
-    five times what that has come to. What gains less must gain by as much more than that as another effect gains in gusts: by `in_gusts`
-    as the square of the difference of their roots, over 2. Of two lags that were not there (JSBSim, family 47, on which this was set) that
-    is 0.4 to 27, with other gusts each time, of three that were there 56 to 230."""
+    """Deviance from which an effect of such a surface is not asked what it would gain were it not there (`tracing.bootstrap`): five times
+    what that has come to. What gains less must gain by as much more than that as another effect gains in gusts: by `in_gusts`
+    as the square of the difference of their roots, over 2. Set on two lags that were not there (JSBSim, family 47: less, with any gusts)
+    and three that were (families 44 to 46: twice as much and more)."""
 
     # where no verdict is possible, what predicts better?
     predicts: float = 0.1

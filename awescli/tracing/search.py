@@ -10,7 +10,7 @@ import numpy as np
 from awescli.estimation.gauss_newton import OutOfReach
 from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
-from awescli.tracing.answered_gusts import SET_ASIDE, asked_of_controllers, beside_answers, felt, of_answering, set_aside
+from awescli.tracing.answered_gusts import SET_ASIDE, beside_answers, is_feedback, of_answering, set_aside, with_gains_under_null
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.frame import Frame
 from awescli.tracing.models import (
@@ -320,10 +320,10 @@ def _best(
     tried = tuple(replace(_of(t, here, m), finalist=True) if (m := finished.get(t.key)) else t for t in tried)
     if not gusty(here, criteria):
         return min(standing(), key=lambda m: m.deviance, default=None), tried
-    tried = asked_of_controllers(frame, here, tried, criteria, progress)
+    tried = with_gains_under_null(frame, here, tried, criteria, progress)
     if best := beside_answers(frame, here, standing(), tried, criteria):
         return best, set_aside(frame, tried, criteria)
-    made_by_gusts = {t.key for t in tried if felt(t, criteria)}
+    made_by_gusts = {t.key for t in tried if is_feedback(t, criteria)}
     return min((m for m in standing() if m.keys[-1] not in made_by_gusts), key=lambda m: m.deviance, default=None), tried
 
 

@@ -12,8 +12,8 @@ class Tried:
     """A candidate in a round. model: its fit, None where it was not fitted; significant: by its score, all candidates together; outcome: of
     the fit, "not fitted", "given up", "failed" or "set aside" (`answered_gusts`); gain: deviance by which the model leads the one before,
     unseen: the same on validation alone, both of all segments where it was fitted to a share of them; plausible: no strength at the end of
-    its range; partly: fitted to no more than what tells candidates apart (`fit_on_part`); finalist: fitted to the end; felt: deviance that
-    it would gain of the same flight, were it not there (`felt`), 0 where that was not asked."""
+    its range; partly: fitted to no more than what tells candidates apart (`fit_on_part`); finalist: fitted to the end; under_null: deviance
+    that it would gain of the same flight, were it not there (`bootstrap`), 0 where that was not asked."""
 
     score: Score
     significant: bool
@@ -24,7 +24,7 @@ class Tried:
     plausible: bool = True
     partly: bool = False
     finalist: bool = False
-    felt: float = 0.0
+    under_null: float = 0.0
 
     @property
     def key(self) -> str:
@@ -34,6 +34,13 @@ class Tried:
     def undecided(self) -> bool:
         """A finalist whose fit came to no end: it has proved nothing."""
         return self.finalist and not self.fitted.fit.ended
+
+    @property
+    def start(self) -> tuple[dict[str, float], dict[str, float]]:
+        """(strengths, shapes that were held) as it was fitted, by full name: from where it is fitted again elsewhere."""
+        table, free = self.fitted.table, self.fitted.strengths
+        values = {n: table[n].value for n in table if n.startswith(f"{self.key}.")}
+        return {n: v for n, v in values.items() if n in free}, {n: v for n, v in values.items() if n not in free}
 
     @property
     def fitted(self) -> FittedModel:

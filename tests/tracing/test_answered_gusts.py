@@ -73,14 +73,14 @@ def test_a_surface_that_a_plan_moves_is_not_doubted():
     (198.0, 172.0, False), (202.0, 64.0, False), (198.0, 30.0, True), (477.0, 128.0, True), (198.0, 0.0, True),
 ])  # fmt: skip
 def test_a_lag_that_gusts_make_again_is_no_name(monkeypatch, gain, again, named):
-    """Guards a rudder in JSBSim's gusts that follows at once: a lag of 40 ms gained 198, more than had been seen of any, and 172 in the
-    same flight flown again without it. It is no name, not even the first; and what else is there is found in its place."""
+    """Guards a rudder in JSBSim's gusts that follows at once: a lag of 40 ms gained 198, more than had been seen of any, and hardly less
+    in the same flight flown again without it. It is no name, not even the first; and what else is there is found in its place."""
     monkeypatch.setattr("awescli.tracing.rest.gusts_of", lambda model: [SimpleNamespace(level=0.5)])
     monkeypatch.setattr(searching, "fit_on", lambda frame, model: model)
     monkeypatch.setattr(searching, "refined", lambda frame, model, criteria, partly: model)
     monkeypatch.setattr(searching, "admissible", lambda *given: True)
     monkeypatch.setattr(searching, "plausible", lambda model, key: True)
-    monkeypatch.setattr(answered_gusts, "gain_of_feeling", lambda frame, here, tried: again)
+    monkeypatch.setattr(answered_gusts, "gain_under_null", lambda frame, here, tried: again)
     monkeypatch.setattr(answered_gusts, "fit_added", lambda frame, base, key, strengths, shapes: fitted(gain + 60.0))
     frame = SimpleNamespace(declared=DEVELOPMENT, answering=("rudder",), flights=())
     alone, _ = searching._best(frame, BASE, (tried(LAG, gain),), CRITERIA, lambda text: None)
@@ -92,12 +92,12 @@ def test_a_lag_that_gusts_make_again_is_no_name(monkeypatch, gain, again, named)
 def test_controllers_are_asked_once_for_a_surface_and_not_far_beyond_gusts(monkeypatch):
     """Guards the time: the likeliest effect of a surface stands for all of them, and what gains five times what gusts make is none."""
     asked = []
-    monkeypatch.setattr(answered_gusts, "gain_of_feeling", lambda frame, here, tried: asked.append(tried.key) or 100.0)
+    monkeypatch.setattr(answered_gusts, "gain_under_null", lambda frame, here, tried: asked.append(tried.key) or 100.0)
     frame = SimpleNamespace(declared=DEVELOPMENT, answering=("rudder", "elevator"), flights=())
     found = [tried("actuator_delay:rudder", 180.0), tried(LAG, 200.0), tried("actuator_lag:elevator", 1500.0), tried(BIAS, 300.0),
              tried("hinge_blowback:rudder", 90.0)]  # fmt: skip
-    said = answered_gusts.asked_of_controllers(frame, BASE, found, CRITERIA)
-    assert asked == [LAG] and [t.felt for t in said] == [100.0, 100.0, 0.0, 0.0, 0.0]
+    said = answered_gusts.with_gains_under_null(frame, BASE, found, CRITERIA)
+    assert asked == [LAG] and [t.under_null for t in said] == [100.0, 100.0, 0.0, 0.0, 0.0]
 
 
 def test_a_candidate_set_aside_contends_no_more():

@@ -1,4 +1,4 @@
-"""A flight flown again in other gusts: its surfaces answer as the record says, and a lag that gusts make is made again."""
+"""A flight flown again in other gusts: its surfaces answer as the record says, and nothing else is moved."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,13 +12,10 @@ from awescli.estimation.processes.gusts import Gusts
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
 from awescli.notation.quantities import SURFACES
-from awescli.simulation.campaign_flights import dev_like
 from awescli.simulation.rollout import Simulator
 from awescli.simulation.segments import observe
-from awescli.tracing import felt
+from awescli.tracing import bootstrap
 from awescli.tracing.frame import Frame, TracedFlight
-from awescli.tracing.models import fit_added, fit_null, fit_on
-from awescli.tracing.tried import Tried
 
 RUDDER = SURFACES.index("rudder")
 K = np.array([[0.02, -0.03, -0.25, 0.05, -0.04, -0.6, 0.001, -0.015, 0.002]])
@@ -41,10 +38,11 @@ def calm_fit(kite, calm):
 
 def test_surfaces_answer_what_is_different(calm_fit):
     """Guards the flight that is flown again: other gusts, from the same starts, and set-points that agree with it sample by sample."""
-    own = replace(calm_fit.own, path=felt._other_gusts(calm_fit.misfit, calm_fit.own.path, np.random.default_rng(3)))
-    flown, setpoints = felt._closed(calm_fit, own, K, [RUDDER])
+    own = replace(calm_fit.own, path=bootstrap._other_gusts(calm_fit.misfit, calm_fit.own.path, np.random.default_rng(3)))
+    flown, setpoints = bootstrap._closed(calm_fit, own, K, [RUDDER])
     recorded = calm_fit.misfit.observed.segments
-    moved = felt.motion(flown, recorded.dt) - felt.motion(felt._flown(calm_fit, calm_fit.own, recorded.setpoints), recorded.dt)
+    before = bootstrap._flown(calm_fit, calm_fit.own, recorded.setpoints)
+    moved = bootstrap.motion(flown, recorded.dt) - bootstrap.motion(before, recorded.dt)
     assert not flown.diverged.any() and np.abs(moved[:, 0, :6]).max() < 1e-9 < 0.01 < np.abs(moved[:, 100:, 5]).std()
     assert (setpoints - recorded.setpoints)[:, :, RUDDER] == pytest.approx((moved @ K.T)[..., 0], abs=1e-4)
     assert np.array_equal(np.delete(setpoints, RUDDER, axis=2), np.delete(recorded.setpoints, RUDDER, axis=2))
@@ -52,15 +50,15 @@ def test_surfaces_answer_what_is_different(calm_fit):
 
 def test_what_a_controller_answers_is_read_off_its_flight(calm_fit):
     """Guards the regression: set-points that answer gusts by K say K again."""
-    own = replace(calm_fit.own, path=felt._other_gusts(calm_fit.misfit, calm_fit.own.path, np.random.default_rng(4)))
+    own = replace(calm_fit.own, path=bootstrap._other_gusts(calm_fit.misfit, calm_fit.own.path, np.random.default_rng(4)))
     observed, dt = calm_fit.misfit.observed, calm_fit.misfit.observed.segments.dt
     setpoints = observed.segments.setpoints.copy()
     for _ in range(100):
-        answer = felt.motion(felt._flown(calm_fit, own, setpoints), dt) @ K.T
+        answer = bootstrap.motion(bootstrap._flown(calm_fit, own, setpoints), dt) @ K.T
         setpoints[:, :, RUDDER] = observed.segments.setpoints[:, :1, RUDDER] + answer[..., 0] - answer[:, :1, 0]
     answered = replace(observed, segments=replace(observed.segments, setpoints=setpoints))
     fit = SimpleNamespace(misfit=replace(calm_fit.misfit, observed=answered), own=own, parameters=calm_fit.parameters)
-    assert felt.answers(fit, [RUDDER]) == pytest.approx(K, abs=0.01)
+    assert bootstrap.feedback_gains(fit, [RUDDER]) == pytest.approx(K, abs=0.01)
 
 
 def test_a_segment_that_diverges_stays_as_it_was_recorded(calm_fit):
@@ -68,12 +66,12 @@ def test_a_segment_that_diverges_stays_as_it_was_recorded(calm_fit):
     starts = calm_fit.own.starts.copy()
     starts[3, 3:6] = (400.0, -300.0, 900.0)
     fit = SimpleNamespace(misfit=calm_fit.misfit, own=replace(calm_fit.own, starts=starts), parameters=calm_fit.parameters)
-    found, observed = felt.answers(fit, [RUDDER]), calm_fit.misfit.observed
-    made = felt.flown_again(fit, 0.3 * K, [RUDDER], seed=1)
+    found, observed = bootstrap.feedback_gains(fit, [RUDDER]), calm_fit.misfit.observed
+    made = bootstrap.flown_again(fit, 0.3 * K, [RUDDER], seed=1)
     assert np.isfinite(found).all() and all(np.isfinite(a).all() for pair in made.values() for a in pair)
     kept = [k for k, first in enumerate(observed.segments.first.tolist()) if np.array_equal(made[first][1], observed.measured[k])]
     assert kept == [3]
-    _, setpoints = felt._closed(calm_fit, calm_fit.own, K, [RUDDER])
+    _, setpoints = bootstrap._closed(calm_fit, calm_fit.own, K, [RUDDER])
     assert np.array_equal(setpoints, observed.segments.setpoints)  # where nothing is different nothing answers
     moved = [k for k, first in enumerate(made) if not np.array_equal(made[first][0], observed.segments.setpoints[k])]
     assert moved == [k for k in range(12) if k != 3]
@@ -81,7 +79,7 @@ def test_a_segment_that_diverges_stays_as_it_was_recorded(calm_fit):
 
 def test_gusts_are_drawn_at_their_level_and_nothing_else_is(calm_fit):
     path = calm_fit.own.path + 0.7
-    drawn = np.concatenate([felt._other_gusts(calm_fit.misfit, path, np.random.default_rng(k)) for k in range(20)])
+    drawn = np.concatenate([bootstrap._other_gusts(calm_fit.misfit, path, np.random.default_rng(k)) for k in range(20)])
     for w, (_, axis) in enumerate(calm_fit.misfit.labels):
         assert drawn[..., w].std() == pytest.approx(0.8, rel=0.15) and abs(drawn[..., w].mean()) < 0.3, axis
         near, far = (np.corrcoef(drawn[:, 0, w], drawn[:, k, w])[0, 1] for k in (1, -1))
@@ -96,25 +94,9 @@ def test_what_was_flown_again_stands_in_the_place_of_what_was_recorded(calm):
     steps = as_recorded.fitted.segments.steps
     ramp = np.linspace(0.0, 0.2, steps + 1)[:, None] * np.arange(1.0, 6.0)
     made = {first: (ramp, np.full((steps + 1, 2), float(first))) for first in every}
-    (again,) = felt.FlownAgain(frame.flights, frame.horizon, frame.outputs, frame.per_flight, 8.0, 0.0, (made,)).problems(())
+    (again,) = bootstrap.FlownAgain(frame.flights, frame.horizon, frame.outputs, frame.per_flight, 8.0, 0.0, (made,)).problems(())
     assert len(again.fitted.segments) < len(as_recorded.fitted.segments)
     for o in (again.fitted, again.validation):
         column = again.kite.input_names.index("rudder_rate")
         assert o.measured[:, 0, 0].tolist() == o.segments.first.tolist() and np.array_equal(o.segments.setpoints[0], ramp)
         assert o.segments.inputs[:, 1:, column] == pytest.approx(0.2 / steps / o.segments.dt * (1 + RUDDER))
-
-
-@pytest.mark.campaign
-@pytest.mark.parametrize("seed", [71, 72])
-def test_a_lag_that_gusts_make_is_made_again(seed):
-    """Guards the whole of it: a rudder without a lag, in gusts, by a law that feels the kite as it is. What a lag gains of that flight and
-    of the one flown again differ by chance alone: their roots have a standard deviation of 1 each."""
-    made = dev_like(DEVELOPMENT, seed, {"turbulence": {"sigma": 0.8, "L": 150.0}}, air="table", duration=100.0)
-    frame = Frame((TracedFlight(made.log, split(find_loops(made.log)), made.declared),), 5.0, tuple(made.log.measured))
-    key = "actuator_lag:rudder"
-    null = fit_null(frame, {}, (1.0, 2.5))
-    late = fit_on(frame, fit_added(frame, null, key, {f"{key}.tau": 0.03}, {}))
-    gain = null.deviance - late.deviance
-    tried = Tried(SimpleNamespace(key=key), True, "converged", late, gain)
-    again = felt.gain_of_feeling(frame, null, tried)
-    assert abs(np.sqrt(max(gain, 0.0)) - np.sqrt(again)) < 4.0, (gain, again)
