@@ -34,9 +34,10 @@ def fits(flight: str, folder: Path) -> list[dict]:
     from awescli.physics.declaration import read_kite
     from awescli.stages import STAGES
     from awescli.stages.plan import read_plan
+    from awescli.tracing.fitted_model import FittedModel, bounded
     from awescli.tracing.frame import Frame, TracedFlight
     from awescli.tracing.investigate import moving
-    from awescli.tracing.models import FittedModel, bounded, fit_added, fit_on
+    from awescli.tracing.models import fit_added, fit_on
 
     plan = read_plan(HERE.parent / "examples" / PLANS[flight] / "stages.yaml", STAGES, {"flight": str(folder)})
     log, kite = read_flight(plan.flight), read_kite(plan.kite)

@@ -22,6 +22,9 @@ FLOORS = {
 
 HEAVY = {"numpy", "scipy", "torch", "torchdiffeq", "polars", "llvmlite", "plotly", "matplotlib", "safetensors", "jinja2"}
 
+LONGEST = 400
+"""Lines of a file."""
+
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py")
 
 
@@ -55,6 +58,11 @@ def tree(file):
 
 def test_every_room_has_a_floor(file):
     assert room_of(file) in FLOORS
+
+
+def test_a_file_can_be_read_in_one_go(file):
+    """Guards the size of files: what goes on for longer answers more than one question."""
+    assert len(file.read_text().splitlines()) <= LONGEST
 
 
 @pytest.mark.parametrize("room", [r for r in FLOORS if (PACKAGE / r).is_dir()])

@@ -10,7 +10,7 @@ nuisances have taken up are missing in the residual, and a fit can be no surer t
 
 import numpy as np
 
-from awescli.estimation.fit import Fit
+from awescli.estimation.fitted import Fit
 
 LAGS = 0.25
 """Lags that count, as a share of a segment: longer ones are averages of too few samples (Morelli & Klein take a fifth)."""

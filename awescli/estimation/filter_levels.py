@@ -8,8 +8,9 @@ them, spread over the flight, tells the levels; an hour would ask for an hour's 
 from dataclasses import replace
 
 from awescli.estimation.known import Known
+from awescli.estimation.levels_in_turn import LOOSE, fit_levels
 from awescli.estimation.problem import build
-from awescli.estimation.staged_fit import LEVEL_ROUNDS, LOOSE, fit_levels, wide_open
+from awescli.estimation.staged_fit import LEVEL_ROUNDS, wide_open
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Split
 from awescli.notation.quantities import MEASURED

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 from scipy.linalg import qr
 
-from awescli.estimation.fit import JointFit
+from awescli.estimation.fitted import JointFit
 from awescli.estimation.limits import scaling
 
 EXCITED = 0.5

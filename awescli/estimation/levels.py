@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from awescli.estimation.fit import Fit
+from awescli.estimation.fitted import Fit
 from awescli.estimation.information_filter import Information
 from awescli.estimation.links import Gram, Links
 from awescli.estimation.misfit import Misfit, NuisanceValues

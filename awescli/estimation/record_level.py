@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from awescli.estimation.fit import Fit, fit
+from awescli.estimation.fit import fit
+from awescli.estimation.fitted import Fit
 from awescli.estimation.known import Known
 from awescli.estimation.levels import relevelled
 from awescli.estimation.problem import build

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from awescli.estimation.fit import JointFit
+from awescli.estimation.fitted import JointFit
 from awescli.estimation.levels import prior_deviance
 from awescli.estimation.problem import EstimationProblem
 from awescli.estimation.staged_fit import Flight, fit_flights

@@ -16,6 +16,7 @@ from awescli.flightlog.split import Range
 from awescli.learning.acceptance import gate, ungated, verdict
 from awescli.learning.comparison import adam_alone
 from awescli.learning.correction import Correction, HybridKite
+from awescli.learning.horizon import Horizon, predictions
 from awescli.learning.network_inputs import inputs_for
 from awescli.learning.normalisation import drifting, outside_share, untrained
 from awescli.learning.optimisers import Adam, Lowest, lbfgs
@@ -165,7 +166,7 @@ def train(
         known_starts=config.known_starts, by_range=config.by_range,
     )  # fmt: skip
     horizons = _usable(config.horizons, log, train_ranges, validation_ranges, config)
-    sets = [_Horizon(problem, h, train_ranges, validation_ranges, correction.weights) for h in horizons]
+    sets = [Horizon(problem, h, train_ranges, validation_ranges, correction.weights) for h in horizons]
     n = correction.weights.size
     if state is None:
         adam = Adam.fresh(n, config.rate, config.clip)
@@ -220,59 +221,7 @@ def _usable(
     return fit
 
 
-class _Horizon:
-    """Training and validation segments of one horizon. The unit of error is the physics' own on the training segments."""
-
-    def __init__(
-        self,
-        problem: Problem,
-        seconds: float,
-        train_ranges: Sequence[Range],
-        validation_ranges: Sequence[Range],
-        null: np.ndarray,
-    ):
-        self.problem, self.seconds = problem, seconds
-        steps = max(2, int(round(seconds / problem.log.dt)))
-        first = predictions(train_ranges, steps, problem.warmup, max(1, steps // 2), problem.log.valid)
-        later = predictions(validation_ranges, steps, problem.warmup, max(1, steps // 2), problem.log.valid)
-        if not len(first) or not len(later):
-            raise BadInput(f"no whole segment of {seconds:g} s in the training or validation ranges", do="Use shorter horizons.")
-        # neighbours share samples: spread them over the batches. An evenly mixed order that needs no random state
-        first = first[np.random.default_rng([len(first), steps]).permutation(len(first))]
-        self.train_observed, self.validation_observed = problem.observed(first, steps), problem.observed(later, steps)
-        self.sigma = problem.data(self.train_observed, null).sigma
-        self.baseline = problem.costs(self.validation(null), null)
-
-    def train(self, weights: np.ndarray) -> Data:
-        return self.problem.data(self.train_observed, weights, self.sigma)
-
-    def validation(self, weights: np.ndarray) -> Data:
-        return self.problem.data(self.validation_observed, weights, self.sigma)
-
-    def validation_costs(self, weights: np.ndarray) -> np.ndarray:
-        """(K, n_out)"""
-        return self.problem.costs(self.validation(weights), weights)
-
-    def lowest(self, weights: np.ndarray) -> Lowest:
-        """Watches validation during a round. Starts are held at what they are for these weights, as those of training are: anew at
-        every iteration they would cost more than the gradient."""
-        held = self.validation(weights)
-        return Lowest(lambda w: float(self.problem.costs(held, w).mean()))
-
-    def best_of(self, *points: np.ndarray | None) -> tuple[np.ndarray, float]:
-        """(point, validation cost) of the lowest, each with its own starts."""
-        return min(((w, float(self.validation_costs(w).mean())) for w in points if w is not None), key=lambda found: found[1])
-
-
-def predictions(ranges: Sequence[Range], steps: int, warmup: int, stride: int, valid: np.ndarray) -> np.ndarray:
-    """First predicted samples of segments whose warm-up and horizon lie inside one range and are valid for the most part."""
-    found = [np.arange(a + warmup, b - steps - 1, stride) for a, b in ranges]
-    first = np.concatenate(found) if found else np.empty(0, int)
-    share = np.array([valid[k - warmup : k + steps + 1].mean() for k in first])
-    return first[share > 0.8].astype(int) if len(first) else first.astype(int)
-
-
-def _round(problem: Problem, sets: list[_Horizon], state: State, config: TrainingConfig, seconds: Callable) -> State:
+def _round(problem: Problem, sets: list[Horizon], state: State, config: TrainingConfig, seconds: Callable) -> State:
     """One round of the present phase, and the decision what comes next."""
     second_order = state.phase == len(sets)
     stage = sets[min(state.phase, len(sets) - 1)]
@@ -327,7 +276,7 @@ def _adam(
 
 
 def _concluded(
-    problem: Problem, sets: Sequence[_Horizon], state: State, config: TrainingConfig, correction: Correction, dropped: Mapping[str, str],
+    problem: Problem, sets: Sequence[Horizon], state: State, config: TrainingConfig, correction: Correction, dropped: Mapping[str, str],
     out_of_time: bool, ranges: tuple[Sequence[Range], Sequence[Range]], clock: Callable,
 ) -> Trained:  # fmt: skip
     """The verdict on the best weights, and the numbers that go with it."""
@@ -372,7 +321,7 @@ def _nulled(correction: Correction) -> np.ndarray:
 
 
 def compare(
-    problem: Problem, last: _Horizon, phase: int, state: State, config: TrainingConfig, correction: Correction, clock: Callable
+    problem: Problem, last: Horizon, phase: int, state: State, config: TrainingConfig, correction: Correction, clock: Callable
 ) -> tuple[dict[str, Correction], dict]:
     """(name -> correction, numbers) of L-BFGS, and of Adam alone from the same start at either limit; see `comparison`."""
     column = {name: i for i, name in enumerate(HISTORY)}

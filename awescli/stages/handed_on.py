@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from awescli.physics.declaration import KiteDeclaration
-    from awescli.tracing.models import FittedModel
+    from awescli.tracing.fitted_model import FittedModel
 
 FITTED = "identified by awes"
 """How the source of a fitted value begins."""

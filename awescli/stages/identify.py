@@ -15,7 +15,7 @@ from awescli.stages.further_flights import FurtherFlight, flights_of, refused_fl
 from awescli.stages.per_phase import by_phase, phases_fitted, phases_of, refused_phases
 
 if TYPE_CHECKING:
-    from awescli.estimation.fit import Fit
+    from awescli.estimation.fitted import Fit
     from awescli.estimation.problem import EstimationProblem
     from awescli.estimation.staged_fit import Flight
     from awescli.flightlog.log import FlightLog
@@ -244,7 +244,7 @@ def better_than_declared(problem: "EstimationProblem", fit: "Fit", horizon: floa
 
 def owners(flights: "Sequence[Flight]", per_flight: Sequence[str]) -> tuple[dict[str, str], set[str]]:
     """(unknown -> the flight that it belongs to, where there are several flights; unknowns that are errors of a wind record)."""
-    from awescli.estimation.staged_fit import own_names
+    from awescli.estimation.levels_in_turn import own_names
 
     flight_of, record = {}, set()
     for flight in flights:

@@ -15,8 +15,9 @@ import numpy as np
 
 from awescli.tracing.bootstrap import gain_under_null
 from awescli.tracing.criteria import Criteria
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, Say, fit_added, fit_on
+from awescli.tracing.models import Say, fit_added, fit_on
 from awescli.tracing.tried import Tried
 
 SET_ASIDE = "set aside"

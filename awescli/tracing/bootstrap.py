@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from awescli.estimation.fit import Fit
+from awescli.estimation.fitted import Fit
 from awescli.estimation.links import RUNAWAY
 from awescli.estimation.misfit import Misfit, NuisanceValues
 from awescli.estimation.problem import EstimationProblem
@@ -19,8 +19,9 @@ from awescli.notation.quantities import OUTPUTS, STATES, SURFACES
 from awescli.physics.disturbances import GUST_RATES, GUSTS
 from awescli.simulation.rollout import Trajectories
 from awescli.simulation.segments import Observed
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, fit_added, fit_on, fit_on_part
+from awescli.tracing.models import fit_added, fit_on, fit_on_part
 from awescli.tracing.tried import Tried
 
 SLOWER = 1.5

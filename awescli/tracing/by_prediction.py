@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from awescli.estimation.levels_in_turn import fit_levels
 from awescli.estimation.prediction import predict
-from awescli.estimation.staged_fit import fit_levels
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, Say
+from awescli.tracing.models import Say
 from awescli.tracing.screen import Score, Screening, screen
 from awescli.tracing.search import mends
 from awescli.tracing.shapes import plausible

@@ -17,8 +17,9 @@ from awescli.notation.parameters import Parameter
 from awescli.physics.kite import make_effect
 from awescli.tracing.candidates import Variant, variants
 from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, Say, fit_instead
+from awescli.tracing.models import Say, fit_instead
 from awescli.tracing.screen import CandidateColumns, Score, firm, informed
 from awescli.tracing.shapes import plausible, refined
 

@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from awescli.estimation.fit import Fit
+from awescli.estimation.fitted import Fit
 from awescli.estimation.information_filter import Information
 from awescli.estimation.laplace import APART, differences
 from awescli.estimation.links import Gram, joined
 from awescli.notation.parameters import ParameterTable
 from awescli.tracing.criteria import CRITERIA, Criteria
-from awescli.tracing.models import FittedModel
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.screen import firm
 
 FEWEST = 3

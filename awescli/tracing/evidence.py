@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from awescli.notation.quantities import SURFACES
 from awescli.tracing.classes import Rival
 from awescli.tracing.criteria import CRITERIA
-from awescli.tracing.models import FittedModel
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.rest import Repetition, Rest
 from awescli.tracing.search import Search
 

@@ -12,15 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from awescli.estimation.staged_fit import COARSE
+from awescli.estimation.levels_in_turn import COARSE
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.reconstruction.result import clearly_matters
 from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
 from awescli.tracing.lateness import TURNS, lateness
-from awescli.tracing.models import FittedModel, Say, fit_all_added, fit_in_gusts
+from awescli.tracing.models import Say, fit_all_added, fit_in_gusts
 from awescli.tracing.shapes import plausible
 
 LOOKED_AT = 60.0

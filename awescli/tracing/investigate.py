@@ -23,9 +23,10 @@ from awescli.tracing.classes import rivals
 from awescli.tracing.constancy import gains_along, steadiness
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import AbsorbedEffect, BoundsLeft, Evidence
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
 from awescli.tracing.instruments import InstrumentError
-from awescli.tracing.models import FittedModel, Say, fit_added, fit_beyond, fit_on, fit_without, fit_without_process, promised_beyond
+from awescli.tracing.models import Say, fit_added, fit_beyond, fit_on, fit_without, fit_without_process, promised_beyond
 from awescli.tracing.rest import Rest, channels_of, gusts_of, gusty, repetition_of_gusts, rest_of
 from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, search

@@ -10,10 +10,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from awescli.estimation.fit import Fit
+from awescli.estimation.fitted import Fit
 from awescli.estimation.levels import smoothed_residual
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, fit_on
+from awescli.tracing.models import fit_on
 
 FAR = 6.0
 """Standard deviations by which one value at least of an outlier is off, ..."""

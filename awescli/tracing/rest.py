@@ -11,8 +11,9 @@ from awescli.estimation.processes.base import Group
 from awescli.flightlog.loops import Loops, find_loops
 from awescli.physics.disturbances import GUSTS
 from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, fit_bare
+from awescli.tracing.models import fit_bare
 
 BINS = 12
 """Parts of a loop."""

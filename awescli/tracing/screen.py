@@ -28,8 +28,8 @@ from awescli.simulation.rollout import Columns
 from awescli.simulation.scores import error
 from awescli.tracing.candidates import Variant, variants
 from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel
 from awescli.tracing.rest import gusty
 
 SHORT = 1.0

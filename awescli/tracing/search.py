@@ -12,17 +12,9 @@ from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
 from awescli.tracing.answered_gusts import SET_ASIDE, beside_answers, is_feedback, of_answering, set_aside, with_gains_under_null
 from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import (
-    FittedModel,
-    Say,
-    begins_nowhere,
-    fit_added,
-    fit_on,
-    fit_on_part,
-    fit_swapped,
-    fit_without,
-)
+from awescli.tracing.models import Say, begins_nowhere, fit_added, fit_on, fit_on_part, fit_swapped, fit_without
 from awescli.tracing.rest import gusty
 from awescli.tracing.screen import Score, Screening, begun, holm, screen
 from awescli.tracing.shapes import plausible, refined

@@ -10,8 +10,9 @@ from awescli.notation.present import present
 from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.fitted_model import FittedModel, bounded
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import QUICK, WHOLE, FittedModel, begins_nowhere, bounded, fit_held, fit_on, part_of
+from awescli.tracing.models import QUICK, WHOLE, begins_nowhere, fit_held, fit_on, part_of
 
 AT_END = 1e-3
 """Share of its range, of a lower end above zero itself, within which a strength sits at that end."""

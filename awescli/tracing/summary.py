@@ -15,9 +15,9 @@ from awescli.physics.effects.base import Effect
 from awescli.physics.kite import make_effect
 from awescli.simulation.rollout import Simulator
 from awescli.tracing.evidence import AbsorbedEffect
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.instruments import InstrumentError
 from awescli.tracing.investigate import Finding
-from awescli.tracing.models import FittedModel
 from awescli.tracing.residuals import residual_study
 from awescli.tracing.rest import Rest
 from awescli.tracing.separate import separate

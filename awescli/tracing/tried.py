@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from awescli.notation.present import present
-from awescli.tracing.models import FittedModel
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.screen import Score
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, isfinite, log
 
-from awescli.estimation.fit import UNFINISHED
+from awescli.estimation.fitted import UNFINISHED
 from awescli.estimation.processes.drift import Drift
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.evidence import PRICE, Evidence

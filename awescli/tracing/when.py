@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from awescli.tracing.criteria import CRITERIA, Criteria
+from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
-from awescli.tracing.models import FittedModel, fit_apart
+from awescli.tracing.models import fit_apart
 
 
 @dataclass(frozen=True)

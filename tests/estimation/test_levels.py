@@ -7,9 +7,10 @@ import pytest
 from kites import DEVELOPMENT, flight, lively, truly
 from scipy import stats
 
-from awescli.estimation import staged_fit
+from awescli.estimation import levels_in_turn, staged_fit
 from awescli.estimation.fit import fit
 from awescli.estimation.levels import LONGER, mean_squares, noise_factors, opened, prior_deviance, relevelled
+from awescli.estimation.levels_in_turn import _hurried
 from awescli.estimation.misfit import Misfit
 from awescli.estimation.problem import build, levels_found, simulator_of
 from awescli.estimation.processes.base import Group, Prior, spacing
@@ -17,7 +18,7 @@ from awescli.estimation.processes.drift import Drift
 from awescli.estimation.processes.gusts import Gusts
 from awescli.estimation.processes.model_error import ModelError
 from awescli.estimation.processes.pitch_yaw_gusts import PitchYawGusts
-from awescli.estimation.staged_fit import MODEL_ERROR, _closed, _hurried, fit_in_stages
+from awescli.estimation.staged_fit import MODEL_ERROR, _closed, fit_in_stages
 from awescli.flightlog.split import Split
 from awescli.notation.parameters import ParameterTable
 from awescli.physics.disturbances import DISTURBANCES, both
@@ -255,7 +256,7 @@ def test_a_fit_settles_between_nodes_that_are_far_apart_first(monkeypatch, ends)
     ends at the same values; what has not come to its minimum there is forgotten. Without gusts there is one fit as before."""
     problem, _ = in_gusts(0.8)
     gusty = problem.with_processes(staged_fit.wide_open(problem.processes))
-    plain, asked = staged_fit.fit_levels, []
+    plain, asked = levels_in_turn.fit_levels, []
 
     def counting(problems, labels, tables, *, tolerance, owns, **how):
         result, found = plain(problems, labels, tables, tolerance=tolerance, owns=owns, **how)
@@ -263,11 +264,11 @@ def test_a_fit_settles_between_nodes_that_are_far_apart_first(monkeypatch, ends)
         failed = replace(result, solution=replace(result.solution, kkt=result.solution.cost))
         return (result if ends or len(asked) > 1 else failed), found
 
-    monkeypatch.setattr(staged_fit, "fit_levels", counting)
+    monkeypatch.setattr(levels_in_turn, "fit_levels", counting)
     tables = [problem.simulator.kite.parameters]
     how = {"labels": [""], "tables": tables, "per_flight": (), "prior": True, "rounds": 3, "tolerance": 0.1}
-    result, (found,) = staged_fit.fit_coarsely_first([gusty], **how)
-    assert [round(step, 9) for step, _ in asked] == [staged_fit.COARSE, spacing(gusty.processes)] and spacing(found.processes) < 0.03
+    result, (found,) = levels_in_turn.fit_coarsely_first([gusty], **how)
+    assert [round(step, 9) for step, _ in asked] == [levels_in_turn.COARSE, spacing(gusty.processes)] and spacing(found.processes) < 0.03
     assert (asked[1][1] is tables[0]) is not ends
     assert result.flights[0].misfit.nodes.size > 50
     if ends:
@@ -275,7 +276,7 @@ def test_a_fit_settles_between_nodes_that_are_far_apart_first(monkeypatch, ends)
         away = (result.solution.x - straight.solution.x) / np.sqrt(np.diag(straight.covariance))
         assert np.abs(away).max() < 0.5
         asked.clear()
-        staged_fit.fit_coarsely_first([problem], **how)
+        levels_in_turn.fit_coarsely_first([problem], **how)
         assert len(asked) == 1
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, lively, truly
 
-from awescli.estimation.fit import Share, fit_together
+from awescli.estimation.fit import fit_together
+from awescli.estimation.fitted import Share
 from awescli.estimation.identifiability import describe
 from awescli.estimation.limits import limits_of, scaling
 from awescli.estimation.misfit import Misfit

@@ -8,7 +8,8 @@ from kites import DEVELOPMENT, lively, truly
 from scipy import stats
 
 from awescli.estimation import misfit as misfits
-from awescli.estimation.fit import JointFit, fit, relaxed
+from awescli.estimation.fit import fit, relaxed
+from awescli.estimation.fitted import JointFit
 from awescli.estimation.identifiability import describe
 from awescli.estimation.misfit import DIVERGED_COST, Misfit
 from awescli.estimation.processes.base import Group

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, declared, flight, lively, truly
 
-from awescli.estimation.fit import Share, fit, fit_together
+from awescli.estimation.fit import fit, fit_together
+from awescli.estimation.fitted import Share
 from awescli.estimation.identifiability import describe
 from awescli.estimation.misfit import Misfit
 from awescli.estimation.several_starts import Optimum, spread_of

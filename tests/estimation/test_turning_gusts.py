@@ -64,7 +64,7 @@ def test_they_stay_where_they_are_likelier(log, monkeypatch, gained, ended, take
         return after, found
 
     monkeypatch.setattr(staged_fit, "fit_levels", fit_levels)
-    monkeypatch.setattr(staged_fit, "_at_near_nodes", lambda turned, rough, there: (turned, [], []))
+    monkeypatch.setattr(staged_fit, "at_near_nodes", lambda turned, rough, there: (turned, [], []))
     assert staged_fit._turned(before, problems, [""], (), True, None) == ((after, found) if taken else (before, problems))
     assert [spacing for spacing, _ in begun] == ([staged_fit.COARSE, 0.02] if ended else [staged_fit.COARSE])
     assert all(levels["roll gusts"] > 0 and 0 < levels["moment_x"] < 0.2 for _, levels in begun)

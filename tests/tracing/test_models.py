@@ -9,7 +9,8 @@ from kites import DEVELOPMENT, flight
 from tracing.traced import null_model, short_flight, thinned
 
 from awescli.estimation import staged_fit
-from awescli.estimation.fit import Share, fit_together
+from awescli.estimation.fit import fit_together
+from awescli.estimation.fitted import Share
 from awescli.estimation.gauss_newton import OutOfReach
 from awescli.estimation.prediction import predict
 from awescli.estimation.problem import build, simulator_of
@@ -18,9 +19,10 @@ from awescli.estimation.staged_fit import Flight, fit_flights
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import Split, split
 from awescli.notation.parameters import Parameter, ParameterTable
-from awescli.tracing import models
+from awescli.tracing import fitted_model
+from awescli.tracing.fitted_model import FittedModel, _asked_of, bounded, judge
 from awescli.tracing.frame import Frame, TracedFlight
-from awescli.tracing.models import FittedModel, _asked_of, begins_nowhere, bounded, fit_added, fit_null, fit_on, judge, promised_beyond
+from awescli.tracing.models import begins_nowhere, fit_added, fit_null, fit_on, promised_beyond
 
 N, FIT, SEEN = 4, 30, 20
 
@@ -142,7 +144,7 @@ def test_what_integrating_out_adds_has_its_say_on_unseen_loops():
     assert (H + B.T @ B) @ (after - before) == pytest.approx(0.5 * np.arange(1.0, N + 1))
 
 
-@pytest.mark.parametrize("near_after, times, counted", [(1, 1, True), (2, 2, True), (99, models.JUDGED, False)])
+@pytest.mark.parametrize("near_after, times, counted", [(1, 1, True), (2, 2, True), (99, fitted_model.JUDGED, False)])
 def test_what_is_promised_far_from_where_loops_were_judged_is_not_counted(monkeypatch, near_after, times, counted):
     """Guards a stall in gusts (JSBSim): its onset was fitted next to a kink, and a linearisation promised 370 of deviance on unseen loops
     that were nowhere. They are judged where they ask to be until that is near."""
@@ -155,17 +157,17 @@ def test_what_is_promised_far_from_where_loops_were_judged_is_not_counted(monkey
         asked.append(moved)
         return (np.zeros(N) if len(asked) > near_after else 3.0 * np.ones(N)), 370.0, 1.0
 
-    monkeypatch.setattr(models, "_asked_of", _asked_of)
-    monkeypatch.setattr(models, "judge", lambda problem, table, before: judged)
-    monkeypatch.setattr(models, "by_segment", lambda f: np.array([-1e6 * len(asked)]))
-    _, _, _, deviance = models._unseen(fitted, [None], (judged,))
+    monkeypatch.setattr(fitted_model, "_asked_of", _asked_of)
+    monkeypatch.setattr(fitted_model, "judge", lambda problem, table, before: judged)
+    monkeypatch.setattr(fitted_model, "by_segment", lambda f: np.array([-1e6 * len(asked)]))
+    _, _, _, deviance = fitted_model._unseen(fitted, [None], (judged,))
     moved = asked[-1]
     assert len(asked) == times + 1
     assert deviance == pytest.approx(-1e6 * len(asked) + moved @ fitted.solution.H @ moved - (370.0 if counted else 0.0) + 1.0)
     # a step that leads away is not taken: of a quick fit, which is far from its end, it may
     asked.clear()
-    monkeypatch.setattr(models, "by_segment", lambda f: np.array([1e6 * len(asked)]))
-    _, shift, step, deviance = models._unseen(fitted, [None], (judged,))
+    monkeypatch.setattr(fitted_model, "by_segment", lambda f: np.array([1e6 * len(asked)]))
+    _, shift, step, deviance = fitted_model._unseen(fitted, [None], (judged,))
     assert deviance == 1e6 + 1.0 and not shift.any() and not step.any()
 
 
@@ -180,15 +182,15 @@ def test_what_unseen_loops_ask_is_the_slope_of_their_deviance():
     problem, table = replace(problem, names=names), problem.kite.parameters
     fitted = fit_together([Share(problem.misfit(), table, table, names)], tolerance=0.1, probes=16)
     found = fitted.flights[0].parameters
-    judged = models.judge(problem, found)
+    judged = fitted_model.judge(problem, found)
     std = 1 / np.sqrt(np.diag(fitted.solution.H))
 
     def deviance(name, moved):
         at = found.with_values({name: found[name].value + moved})
-        return models.by_segment(models.judge(problem, at, judged)).sum()
+        return fitted_model.by_segment(fitted_model.judge(problem, at, judged)).sum()
 
     asked = np.array([(deviance(name, -s) - deviance(name, s)) / 4 for name, s in zip(names, std, strict=True)])
-    with_slope, without = std * models._validation(fitted, (judged,))[1], std * judged.information.b
+    with_slope, without = std * fitted_model._validation(fitted, (judged,))[1], std * judged.information.b
     assert np.abs(with_slope - asked).max() < 0.01 and np.abs(without - asked).max() > 0.05
 
 
