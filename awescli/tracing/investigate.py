@@ -296,6 +296,7 @@ def absorbed_effects(frame: Frame, null: FittedModel, keys: Sequence[str], crite
         return ()
     columns = CandidateColumns([v for e in effects for v in variants(e)])
     H = informed(frame, null, [e.key for e in effects], columns, frame.horizon)[0]
+    nothing = {p.name: p.value for e in effects for p in e.rows()}
     found, n = [], len(null.fit.names)
     for bound in at_bound:
         i = null.fit.names.index(bound)
@@ -303,7 +304,7 @@ def absorbed_effects(frame: Frame, null: FittedModel, keys: Sequence[str], crite
             key = name.rpartition(".")[0]
             if abs(H[i, j]) < criteria.collinear * np.sqrt(max(H[i, i] * H[j, j], 1e-300)):
                 continue
-            trial = fit_added(frame, null, key, {name: 0.0}, {}, alone=False)
+            trial = fit_added(frame, null, key, {name: nothing[name]}, {}, alone=False)
             gain = null.fit.solution.cost - trial.fit.solution.cost
             if bound not in trial.at_bound and gain > criteria.at_bound:
                 found.append(AbsorbedEffect(key, bound, gain, trial.widened().light()))

@@ -13,6 +13,7 @@ from awescli.estimation import staged_fit
 from awescli.estimation.processes.base import spacing
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import split
+from awescli.physics.kite import Kite
 from awescli.tracing import investigate, models, search
 
 RIVALS = ("actuator_lag:rudder", "actuator_delay:rudder", "sideslip_drag", "airspeed_scale", "position_latency", "surface_bias:yaw",
@@ -86,6 +87,23 @@ def test_a_rudder_of_the_wrong_sign_is_no_effect():
     account, finding = traced_flight(declared, log, parts, 3.0, candidates=candidates, curriculum=(1.0,))
     assert account["verdict"] == "unexplained" and account["effects"] == []
     assert finding.evidence.bare.chi2 > 100 and "hinge_blowback:rudder" in account["sentence"]
+
+
+def test_what_may_hide_in_a_bound_is_fitted_from_where_it_does_nothing(monkeypatch):
+    """Guards a trace that ended with an error: the air's density was to begin at a factor of 0, beyond its bounds."""
+    keys = ("air_density", "surface_bias:yaw")
+    begun = {}
+
+    def fit_added(frame, base, key, strengths, shapes, alone):
+        assert Kite(DEVELOPMENT, extra=(key,)).parameters.with_values(strengths)
+        begun.update(strengths)
+        return SimpleNamespace(at_bound=["CLa"], fit=base.fit)
+
+    monkeypatch.setattr(investigate, "fit_added", fit_added)
+    monkeypatch.setattr(investigate, "informed", lambda frame, null, keys, columns, horizon: [np.ones((1 + len(columns.names),) * 2)])
+    null = SimpleNamespace(at_bound=["CLa"], fit=SimpleNamespace(names=("CLa",), solution=SimpleNamespace(cost=1.0)))
+    assert investigate.absorbed_effects(SimpleNamespace(declared=DEVELOPMENT, horizon=2.0), null, keys) == ()
+    assert begun == {"air_density.c": 1.0, "surface_bias:yaw.b": 0.0}
 
 
 @pytest.mark.slow
