@@ -6,6 +6,9 @@ from awescli.control.laws import LAWS
 from awescli.controller_fit.noise import NOISE
 from awescli.notation.errors import BadInput, did_you_mean
 
+FEWEST_FOLDS = 2
+"""With fewer nothing is left to be judged on."""
+
 
 @dataclass(frozen=True)
 class ControllerConfig:
@@ -13,7 +16,8 @@ class ControllerConfig:
 
     kind: one of LAWS; method: how the terms of a gaussian law are found: greedy, convex (linear programmes alone), or best: greedy, with
     and without what a linear programme prefers, whichever predicts better; features: a set of FEATURE_SETS, 'auto', or names; surfaces:
-    None for all that move; folds: of whole loops; few_loops: refuse fewer loops than folds, or take blocks of time;
+    None for all that move; folds: of whole loops; few_loops: fewer loops than folds make fewer folds, are refused, or
+    give way to blocks of time;
     most_nonzeros, candidates, width_factors (times sqrt(number of features)), counts: its basis; condition_limit: of its regression;
     alphas: the convex step's tolerances in units of eps, the first that all but `outliers` of the samples meet; gamma_share: the error's
     Lipschitz bound, as a share of gamma; smooth_window_s: 0 fits to the states as measured; refit_with_validation: after
@@ -28,7 +32,7 @@ class ControllerConfig:
     additions: tuple[str, ...] = ("inverse_speed", "range", "wing_along_line", "nose_along_line", "v_d", "reel_out_speed")
     surfaces: tuple[str, ...] | None = None
     folds: int = 4
-    few_loops: str = "refuse"
+    few_loops: str = "fewer"
     most_nonzeros: int = 79
     candidates: int = 200
     counts: tuple[int, ...] = (15, 30, 45, 60)
@@ -55,5 +59,15 @@ class ControllerConfig:
     def __post_init__(self) -> None:
         if self.kind not in LAWS:
             raise BadInput(f"unknown kind of control law '{self.kind}'", do=did_you_mean(self.kind, LAWS))
-        if self.folds < 2:
-            raise BadInput(f"{self.folds} folds", do="Set folds to 2 or more.")
+        if self.folds < FEWEST_FOLDS:
+            raise BadInput(f"{self.folds} folds", do=f"Set folds to {FEWEST_FOLDS} or more.")
+
+
+def too_few_loops(loops: int, folds: int, few_loops: str) -> BadInput | None:
+    """What is wrong with so many loops in the training part, if anything is. few_loops: as of ControllerConfig."""
+    least = {"blocks": 0, "fewer": FEWEST_FOLDS, "refuse": folds}[few_loops]
+    if loops >= least:
+        return None
+    there = "1 loop" if loops == 1 else f"{loops} loops"
+    do = f"Set folds to at most {loops}" if loops >= FEWEST_FOLDS else "Set few_loops to blocks"
+    return BadInput(f"{there} in the training part, fewer than {least} folds", do=f"{do}, or give a longer training range.")

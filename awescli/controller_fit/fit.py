@@ -8,7 +8,7 @@ import numpy as np
 from awescli.control.law import Law, deflections_of_states
 from awescli.control.laws import LAWS
 from awescli.controller_fit.centres import thin
-from awescli.controller_fit.config import ControllerConfig
+from awescli.controller_fit.config import ControllerConfig, too_few_loops
 from awescli.controller_fit.convex import fit_convex
 from awescli.controller_fit.features import Choice, estimate_delay, feature_report, observed_limits, observed_rates, rank_features
 from awescli.controller_fit.gaussian import fit_gaussian
@@ -21,7 +21,6 @@ from awescli.controller_fit.samples import Samples, answered, gather, in_blocks,
 from awescli.controller_fit.steering import Steering, find_steering
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.split import Range
-from awescli.notation.errors import BadInput
 
 FITS = {"gaussian": fit_gaussian, "network": fit_network, "linear": fit_linear}
 """kind -> (problem, config, holds) -> one (fields of the law, report) after the other."""
@@ -56,11 +55,13 @@ def fit_controller(
     limits = observed_limits(samples, config.limits, config.limit_margin)
     rates = observed_rates(samples)
     limited = {surface: r["fastest"] for surface, r in rates.items() if r["limited"]}
-    samples = _in_folds(answered(samples, 0, limited), config)
+    asked = config
+    samples, config = _in_folds(answered(samples, 0, limited), asked)
     samples, steering, choices, sets = _seen(samples, config)
     delay = estimate_delay(samples, choices[0].features, config.folds)
     if delay["delay_s"] > 0:
-        samples, steering, choices, sets = _seen(_in_folds(answered(samples, round(delay["delay_s"] / samples.dt), {}), config), config)
+        samples, config = _in_folds(answered(samples, round(delay["delay_s"] / samples.dt), {}), asked)
+        samples, steering, choices, sets = _seen(samples, config)
     common = {
         "surfaces": samples.surfaces,
         "limits": limits,
@@ -86,6 +87,7 @@ def fit_controller(
         "features": feature_report(samples, best.choice, config.folds) | sets,
         "surfaces": list(samples.surfaces),
         "constants": samples.constants,
+        "folds": config.folds,
         "folds_of": "loops" if (samples.loop == gathered.loop).all() else "blocks",
         "loops": int(samples.loop.max()) + 1,
         "delay": delay,
@@ -99,15 +101,15 @@ def fit_controller(
     return ControllerFit(replace(best.law, metrics=metrics), report, {kind: a.law for kind, a in found.items()})
 
 
-def _in_folds(samples: Samples, config: ControllerConfig) -> Samples:
-    """The samples with loops enough for the folds, or with blocks of time in their place where that is allowed. Raises BadInput."""
+def _in_folds(samples: Samples, config: ControllerConfig) -> tuple[Samples, ControllerConfig]:
+    """(The samples with loops enough for the folds, or blocks of time in their place; settings with no more folds than that). Raises
+    BadInput where there are too few."""
     loops = loops_flown(samples)
-    if loops >= config.folds:
-        return samples
-    if config.few_loops == "blocks":
-        return in_blocks(samples, config.folds)
-    few = f"{loops} loops in the training part, fewer than {config.folds} folds"
-    raise BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
+    if few := too_few_loops(loops, config.folds, config.few_loops):
+        raise few
+    if loops < config.folds and config.few_loops == "blocks":
+        return in_blocks(samples, config.folds), config
+    return samples, replace(config, folds=min(loops, config.folds))
 
 
 def _seen(samples: Samples, config: ControllerConfig) -> tuple[Samples, Steering, list[Choice], dict]:

@@ -24,8 +24,8 @@ class FitControllerConfig(StageConfig):
         None, description="surfaces the law drives; default all that move in the log"
     )
     folds: int = Field(4, ge=2, le=20, description="folds of whole loops for cross-validation")
-    few_loops: Literal["refuse", "blocks"] = Field(
-        "refuse", description="fewer loops than folds in the training part: an error, or folds of blocks of time, and said"
+    few_loops: Literal["fewer", "blocks", "refuse"] = Field(
+        "fewer", description="fewer loops than folds in the training part: fewer folds, or folds of blocks of time, and said; or an error"
     )
     most_nonzeros: int = Field(79, ge=1, le=2000, description="most Gaussians the law may keep")
     closed_loop_time: float = Field(60.0, gt=0, le=600, description="seconds that the law must fly the declared model in closed loop")
@@ -44,6 +44,7 @@ class FitController(Stage):
 
     def check(self, inputs: Inputs, config: FitControllerConfig) -> Iterator[tuple[str, BadInput]]:
         from awescli.control.features import check_features
+        from awescli.controller_fit.config import too_few_loops
         from awescli.controller_fit.features import FEATURE_SETS
         from awescli.controller_fit.samples import gather, loops_flown
         from awescli.notation.errors import BadInput, did_you_mean
@@ -65,9 +66,8 @@ class FitController(Stage):
         except BadInput as e:
             yield "surfaces", e
             return
-        if config.few_loops == "refuse" and (loops := loops_flown(samples)) < config.folds:
-            few = f"{loops} loops in the training part, fewer than {config.folds} folds"
-            yield "folds", BadInput(few, do=f"Set folds to at most {loops}, or give a longer training range.")
+        if few := too_few_loops(loops_flown(samples), config.folds, config.few_loops):
+            yield "folds", few
 
     def run(self, context: Context, config: FitControllerConfig) -> dict[str, Any]:
         from awescli.artifacts import write_json
@@ -112,6 +112,8 @@ class FitController(Stage):
         write_json(context.folder / "metrics.json", metrics)
         if config.few_loops == "blocks" and fitted.report["folds_of"] == "blocks":
             context.progress.note("fewer loops than folds: the law was chosen on blocks of time")
+        elif (folds := fitted.report["folds"]) < config.folds:
+            context.progress.note(f"fewer loops than folds: the law was chosen on {folds} folds of one loop")
         for kind, line in fitted.report["comparison"].items():
             if not line["nonzeros"]:
                 context.progress.note(f"the {kind} law is zero everywhere")

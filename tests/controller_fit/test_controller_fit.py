@@ -127,7 +127,7 @@ def test_fit_is_deterministic():
         (lambda log: replace(log, inputs={k: s for k, s in log.inputs.items() if k != "rudder"}), {}, "no surface moves"),
         (lambda log: log, {"surfaces": ("aileron",)}, "'aileron' never moves"),
         (lambda log: log, {"surfaces": ("flaps",)}, "logs no set-point of 'flaps'"),
-        (lambda log: log, {"folds": 40}, "fewer than 40 folds"),
+        (lambda log: log, {"folds": 40, "few_loops": "refuse"}, "fewer than 40 folds"),
         (lambda log: log, {"features": "invarant"}, "Did you mean 'invariant'"),
         (lambda log: log, {"features": ("downwind_azimuth",)}, "no feature is left"),
         (lambda log: log, {"features": ("reel_out_speed",)}, "constant"),
@@ -363,12 +363,15 @@ def test_a_slack_has_the_price_of_its_row():
 
 
 def test_few_loops_are_cut_into_blocks_of_time():
-    """Guards short flights: three loops cannot be six folds; where that is allowed, six blocks of equal length are, and it is said."""
+    """Guards short flights: three loops cannot be six folds, but three, and it is said; or six blocks of equal length are, where that is
+    wanted."""
     log, parts, settings = circling(), ([(0, 1200)], [(1200, 1700)]), {"kind": "linear", "features": FIXED, "folds": 6}
     with pytest.raises(BadInput, match="3 loops in the training part, fewer than 6 folds"):
-        fit_controller(log, *parts, ControllerConfig(**settings))
+        fit_controller(log, *parts, ControllerConfig(**settings, few_loops="refuse"))
+    fit = fit_controller(log, *parts, ControllerConfig(**settings))
+    assert (fit.report["folds"], fit.report["folds_of"]) == (3, "loops") and np.isfinite(fit.report["nrmse"]["test"]["rudder"])
     fit = fit_controller(log, *parts, ControllerConfig(**settings, few_loops="blocks"))
-    assert fit.report["folds_of"] == "blocks" and np.isfinite(fit.report["nrmse"]["test"]["rudder"])
+    assert (fit.report["folds"], fit.report["folds_of"]) == (6, "blocks") and np.isfinite(fit.report["nrmse"]["test"]["rudder"])
     cut = in_blocks(gather(log, *parts), 6)
     assert np.bincount(cut.loop[cut.train]).tolist() == [200] * 6 and (np.diff(cut.loop) >= 0).all()
 
@@ -390,6 +393,16 @@ def test_a_loop_of_which_nothing_is_left_is_none(lost):
     assert np.unique(gather(log, *parts).loop[:ends]).size == 3
     assert loops_flown(gather(log, *parts)) == (2 if lost == "but for three samples" else 3)
     with pytest.raises(BadInput, match="2 loops in the training part, fewer than 3 folds"):
-        fit_controller(log, *parts, ControllerConfig(**settings))
+        fit_controller(log, *parts, ControllerConfig(**settings, few_loops="refuse"))
+    assert fit_controller(log, *parts, ControllerConfig(**settings)).report["folds"] == 2
     fit = fit_controller(log, *parts, ControllerConfig(**settings, few_loops="blocks"))
     assert fit.report["folds_of"] == "blocks" and np.isfinite(fit.report["nrmse"]["test"]["rudder"])
+
+
+def test_one_block_is_too_few():
+    """Guards cross-validation: with one loop, or one block of a flight without loops, nothing is left to judge a law on."""
+    log, settings = circling(), {"kind": "linear", "features": FIXED}
+    parts = [(0, 190)], [(3000, 3500)]
+    with pytest.raises(BadInput, match="1 loop in the training part, fewer than 2 folds") as error:
+        fit_controller(log, *parts, ControllerConfig(**settings))
+    assert "few_loops to blocks" in str(error.value)

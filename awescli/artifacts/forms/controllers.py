@@ -178,6 +178,7 @@ class ControllerFit(Metrics):
     method: Text = Field(default="", description="how the terms were chosen: greedy, convex, or the best of both")
     samples: int = Field(default=0, description="samples that it was fitted to")
     loops: int = Field(default=0, description="loops of the flight, or blocks of one that does not circle")
+    folds: int = Field(default=0, description="how many parts cross-validation leaves out in turn")
     folds_of: Text = Field(default="", description="what cross-validation leaves out: loops, or blocks of time")
     pattern: Circle | None = Field(default=None, description="circle that the law steers for; nothing for a flight without one")
     constants: dict[str, Number] = Field(default={}, description="surface that never moved -> where it stands [rad]")
