@@ -197,7 +197,7 @@ def outliers(evidence: Evidence) -> Body:
     if not many:
         return ""
     values = listed([f"{count} of {channel(name)}" for name, count in many.items()])
-    return Paragraph((f"Values that were left out, for they are far off for a moment, with good ones on either side: {values}.",))
+    return Paragraph((f"Values that were left out, for they are far off for a moment, or from one to the next and back: {values}.",))
 
 
 def roll_gusts(evidence: Evidence) -> Body:

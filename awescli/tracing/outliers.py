@@ -1,8 +1,9 @@
-"""Values that are no measurement: far off all that a fitted model and its processes say, for a moment, with good ones on either side.
+"""Values that are no measurement: far off all that a fitted model and its processes say, for a moment, with good ones on either side; or
+off from one value to the next, and back as fast.
 
 The reader takes out what leaps (`flightlog.spikes`). What that leaves, some ten standard deviations of a sensor's noise, counts in a sum of
-squares as much as what an effect does, and noise that has to hold it hides the effect. Nothing that flies is off for a moment only: a model
-that lacks something is off for as long as the kite takes to answer.
+squares as much as what an effect does, and noise that has to hold it hides the effect. Nothing that flies is off for a moment only, or at
+once: a model that lacks something is off for as long as the kite takes to answer, and goes there as slowly as a kite moves.
 """
 
 from collections import Counter
@@ -24,6 +25,11 @@ DRAGGED = 0.15
 """Share of the farthest value by which those on either side may be off: a fit gives way to what is hundreds of them off."""
 BRIEF = 0.06
 """[s] how long it lasts at most, unless it is a single value."""
+LEAP, AT_ONCE = 9.0, 3.0
+"""A burst begins and ends with a change of the residual, from one value to the next, by so many standard deviations, and so many times
+what 95 % of the changes are. What lies between may have been followed by a drift of the sensor; the leaps are not."""
+BURST, ALIKE = 1.0, 0.5
+"""[s] a burst lasts at most; share of the larger leap by which the two that bound it may differ."""
 RARE = 0.05
 """Share of a channel's values, at most: more, and its noise is of another kind."""
 PASSES = 4
@@ -51,7 +57,8 @@ def outliers(fitted: Fit, judged: Fit) -> Mapping[str, Sequence[int]]:
         observed, r = fit.misfit.observed, smoothed_residual(fit)
         for (k, y), name in zip(np.ndindex(len(r), len(observed.outputs)), len(r) * list(observed.outputs), strict=True):
             count[name] += int(np.isfinite(r[k, :, y]).sum())
-            found.setdefault(name, set()).update((observed.segments.first[k] + _off(r[k, :, y], observed.segments.dt)).tolist())
+            for those in (_off(r[k, :, y], observed.segments.dt), _bursts(r[k, :, y], observed.segments.dt)):
+                found.setdefault(name, set()).update((observed.segments.first[k] + those).tolist())
     return {name: sorted(rows) for name, rows in found.items() if 0 < len(rows) <= RARE * count[name]}
 
 
@@ -66,4 +73,31 @@ def _off(r: np.ndarray, dt: float) -> np.ndarray:
         beside = np.r_[off[max(first - 2, 0) : first], off[last : last + 2]]
         if brief and off[first:last].max() > FAR and (beside <= good).all():
             found = np.append(found, new[first:last])
+    return found
+
+
+def _bursts(r: np.ndarray, dt: float) -> np.ndarray:
+    """Samples of a whitened residual (N,), NaN as in `_off`, between two leaps to either side; up to an end where one has its fellow beyond
+    it. Of a slow sensor nothing is said: between its values a kite moves, too."""
+    new = np.flatnonzero(np.isfinite(r))
+    change, most = np.diff(r[new]), round(BURST / dt)
+    if not change.size:
+        return new[:0]
+    least = max(LEAP, AT_ONCE * float(np.quantile(np.abs(change), 0.95)))
+    at = np.flatnonzero((np.abs(change) > least) & (np.diff(new) <= round(BRIEF / dt)))
+    found, left = np.zeros(0, int), at.tolist()
+    alone = []
+    while left:
+        first = left.pop(0)
+        near = [k for k in left if new[k] - new[first] <= most]
+        back = [k for k in near if abs(change[first] + change[k]) < ALIKE * max(abs(change[first]), abs(change[k]))]
+        if back:
+            left = [k for k in left if k > back[0]]
+            if back[0] > first + 1:  # of a single value `_off` says more
+                found = np.append(found, new[first + 1 : back[0] + 1])
+        elif not near and (not alone or new[first] - new[alone[-1]] > most):
+            alone.append(first)
+    for leap in alone:
+        short = [part for part in (new[: leap + 1], new[leap + 1 :]) if part[-1] - part[0] < most]
+        found = np.append(found, short[0]) if len(short) == 1 else found
     return found
