@@ -30,6 +30,8 @@ LEAP, AT_ONCE = 9.0, 3.0
 what 95 % of the changes are. What lies between may have been followed by a drift of the sensor; the leaps are not."""
 BURST, ALIKE = 1.0, 0.5
 """[s] a burst lasts at most; share of the larger leap by which the two that bound it may differ."""
+NEAR = 0.75
+"""Share of a leap by which the value before a burst, and the one behind it, may be off: half of it where a drift goes along."""
 RARE = 0.05
 """Share of a channel's values, at most: more, and its noise is of another kind."""
 PASSES = 4
@@ -79,25 +81,30 @@ def _off(r: np.ndarray, dt: float) -> np.ndarray:
 def _bursts(r: np.ndarray, dt: float) -> np.ndarray:
     """Samples of a whitened residual (N,), NaN as in `_off`, between two leaps to either side; up to an end where one has its fellow beyond
     it. Of a slow sensor nothing is said: between its values a kite moves, too."""
-    new = np.flatnonzero(np.isfinite(r))
-    change, most = np.diff(r[new]), round(BURST / dt)
+    new, most = np.flatnonzero(np.isfinite(r)), round(BURST / dt)
+    change = np.diff(r[new])
     if not change.size:
         return new[:0]
-    least = max(LEAP, AT_ONCE * float(np.quantile(np.abs(change), 0.95)))
-    at = np.flatnonzero((np.abs(change) > least) & (np.diff(new) <= round(BRIEF / dt)))
-    found, left = np.zeros(0, int), at.tolist()
-    alone = []
+    leaps = np.abs(change) > max(LEAP, AT_ONCE * float(np.quantile(np.abs(change), 0.95)))
+    left = np.flatnonzero(leaps & (np.diff(new) <= round(BRIEF / dt))).tolist()
+    bursts, alone = [], []
     while left:
         first = left.pop(0)
         near = [k for k in left if new[k] - new[first] <= most]
         back = [k for k in near if abs(change[first] + change[k]) < ALIKE * max(abs(change[first]), abs(change[k]))]
         if back:
             left = [k for k in left if k > back[0]]
-            if back[0] > first + 1:  # of a single value `_off` says more
-                found = np.append(found, new[first + 1 : back[0] + 1])
+            bursts.append((first + 1, back[0] + 1))
         elif not near and (not alone or new[first] - new[alone[-1]] > most):
             alone.append(first)
     for leap in alone:
-        short = [part for part in (new[: leap + 1], new[leap + 1 :]) if part[-1] - part[0] < most]
-        found = np.append(found, short[0]) if len(short) == 1 else found
-    return found
+        sides = [(0, leap + 1), (leap + 1, new.size)]
+        short = [(a, b) for a, b in sides if new[b - 1] - new[a] < most]
+        bursts += short if len(short) == 1 else []
+    # of a single value `_off` says more
+    return np.concatenate([new[:0], *(new[a:b] for a, b in bursts if b > a + 1 and _from_near(r[new], a, b))])
+
+
+def _from_near(r: np.ndarray, a: int, b: int) -> bool:
+    """Are the values beside r[a:b] nearer to what the model says than the leaps between are large? Where a model runs away they are not."""
+    return all(abs(r[out]) < NEAR * abs(r[out] - r[into]) for out, into in ((a - 1, a), (b, b - 1)) if 0 <= out < r.size)

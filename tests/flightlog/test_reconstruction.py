@@ -185,6 +185,7 @@ KINDS = {
     "late attitude": ({"late": {ATTITUDE: 0.06}}, "attitude_latency", "phi", 0.06),
     "very late attitude": ({"late": {ATTITUDE: 0.25}}, "attitude_latency", "phi", 0.25),
     "late velocity": ({"late": {VELOCITY: 0.1}}, "velocity latency", "v_n", 0.1),
+    "velocity": ({"bias": {"v_d": -0.8}}, "velocity bias", "v_d", -0.8),
     "late rates": ({"late": {RATES: 0.06}}, "rate latency", "p", 0.06),
     "late acceleration": ({"late": {ACCELERATION: 0.1}}, "acceleration latency", "a_x", 0.1),
     "pitch gyro": ({"bias": {"q": 2.5 * DEG}}, "imu_bias", "q", 2.5 * DEG),
@@ -309,7 +310,7 @@ def test_what_a_log_lacks_is_left_out(true):
     log = Sensors(bias={"q": 2.5 * DEG}).record(true, 9)
     poor = replace(log, measured={k: v for k, v in log.measured.items() if k not in ("a_x", "V_a")}, wind=None)
     path = reconstruct(poor)
-    assert {e.name for e in path.errors} == {"imu_bias", "attitude_latency", "position_latency"}
+    assert {e.name for e in path.errors} == {"imu_bias", "attitude_latency", "velocity bias", "position_latency"}
     assert [e.acts_on for e in path.findings] == [("q",)]
 
 

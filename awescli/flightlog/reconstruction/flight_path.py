@@ -46,7 +46,7 @@ DEG = np.pi / 180
 MATTERS = {
     "rates": 0.5 * DEG, "accelerations": 0.5, "attitude_latency": 0.03, "rate latency": 0.03, "velocity latency": 0.05,
     "acceleration latency": 0.05, "position_latency": 0.05,
-    "heading_bias": 1.5 * DEG, "airspeed_scale": 0.03, "airspeed_lag": 0.25, "vane_bias": 1.5 * DEG,
+    "velocity bias": 0.3, "heading_bias": 1.5 * DEG, "airspeed_scale": 0.03, "airspeed_lag": 0.25, "vane_bias": 1.5 * DEG,
 }  # fmt: skip
 """Sizes from which an error changes what a model learns [SI]: those at which the library's effects begin (`source` of their parameters).
 A lag of the airspeed only from where gusts, to which the flight answers, do not pass for one (0.15 s on UMN's Thor)."""
@@ -207,7 +207,8 @@ def _say_attitude(s: Solution) -> list[SensorError]:
 
 def _say_position(s: Solution) -> list[SensorError]:
     # height may be a barometer's; receivers smooth what is quick: in UMN's Thor and the AP2 slow motion alone tells what was put in
-    return [_delay(s, "position_latency", ("p_n", "p_e", "p_d"), agreeing=2, slow=True)]
+    late = _delay(s, "position_latency", ("p_n", "p_e", "p_d"), agreeing=2, slow=True)
+    return [*(_error(s, n, "velocity bias", (n,), "m/s") for n in VELOCITY), late]
 
 
 def _say_velocity(s: Solution) -> list[SensorError]:
