@@ -79,8 +79,8 @@ def _off(r: np.ndarray, dt: float) -> np.ndarray:
 
 
 def _bursts(r: np.ndarray, dt: float) -> np.ndarray:
-    """Samples of a whitened residual (N,), NaN as in `_off`, between two leaps to either side; up to an end where one has its fellow beyond
-    it. Of a slow sensor nothing is said: between its values a kite moves, too."""
+    """Samples of a whitened residual (N,), NaN as in `_off`, between two leaps to either side; up to an end where the one leap there is may
+    have its fellow beyond it. Of a slow sensor nothing is said: between its values a kite moves, too."""
     new, most = np.flatnonzero(np.isfinite(r)), round(BURST / dt)
     change = np.diff(r[new])
     if not change.size:
@@ -95,12 +95,12 @@ def _bursts(r: np.ndarray, dt: float) -> np.ndarray:
         if back:
             left = [k for k in left if k > back[0]]
             bursts.append((first + 1, back[0] + 1))
-        elif not near and (not alone or new[first] - new[alone[-1]] > most):
+        else:
             alone.append(first)
     for leap in alone:
-        sides = [(0, leap + 1), (leap + 1, new.size)]
-        short = [(a, b) for a, b in sides if new[b - 1] - new[a] < most]
-        bursts += short if len(short) == 1 else []
+        ends = [(a, b) for a, b in ((0, leap + 1), (leap + 1, new.size)) if new[b - 1] - new[a] < most]
+        like_no_other = np.delete(np.abs(change), leap).max(initial=0.0) < ALIKE * abs(change[leap])
+        bursts += ends if len(ends) == 1 and like_no_other else []
     # of a single value `_off` says more
     return np.concatenate([new[:0], *(new[a:b] for a, b in bursts if b > a + 1 and _from_near(r[new], a, b))])
 

@@ -74,6 +74,8 @@ def residual(**changes) -> np.ndarray:
         ({"_100_120": 14.0}, 0.1, []),  # at 10 Hz a kite moves between two values
         ({"_100_140": 14.0 * np.sin(np.linspace(0.0, np.pi, 40))}, 0.02, []),  # as slowly as something flies
         ({"_0_250": 200.0, "_100_120": 14.0}, 0.02, []),  # where a model has run away
+        # a position that is corrected twice, before it ends
+        ({"_228_236": np.linspace(0.0, 5.0, 8), "_236_244": np.linspace(-5.0, 7.0, 8), "_244_250": -9.0}, 0.02, []),
         ({"_100_101": 14.0}, 0.02, []),  # a single value is not for this rule
     ],
 )  # fmt: skip
