@@ -20,7 +20,7 @@ NULL = ("sensors_agree", "null_flew", "null_converged", "null_follows", "null_ne
 OBJECTIONS = {
     "sensors_plausible": "a sensor would have to drift, or be noisier, beyond what is plausible for it",
     "no_better_empirical_term": "as few empirical terms fit better",
-    "effect_predicts": "gusts may gain as much, and unseen loops are not predicted better by a tenth (error times {row.value:.2f})",
+    "effect_predicts": "gusts may gain as much, and unseen loops are not predicted better by enough (error times {row.value:.2f})",
     "gusts_do_not_repeat": "what would have to be gusts beside it repeats from loop to loop, as no gust does",
     "rest_is_small": "what is left repeats from loop to loop, and is worth {row.value:.2f} of what it gains",
     "effect_leads": "another effect, which is no answer itself, fits better",
@@ -177,8 +177,8 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     gain, unseen = before.deviance - after.deviance, before.unseen - after.unseen
     least = c.decisive + c.per_parameter * (len(after.strengths) - len(before.strengths))
     there = bool(after.keys)
-    clear = c.clear_of_gusts if e.of_answering else c.in_gusts
-    asked = there and gain < clear and max(e.gusts.values(), default=0.0) >= c.gusty
+    better = c.predicts if gain < (c.clear_of_gusts if e.of_answering else c.in_gusts) else c.predicts_little
+    asked = there and gain < c.clear_of_gusts and max(e.gusts.values(), default=0.0) >= c.gusty
     most = max(e.along, key=lambda channel: e.along[channel], default="")
     return (
         Criterion(
@@ -200,9 +200,9 @@ def _of_answer(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
         Criterion(
             "effect_predicts",
             e.error_ratio if asked else "not asked",
-            1 - c.predicts,
-            e.error_ratio <= 1 - c.predicts if asked else None,
-            f"its prediction error on validation loops over that before, where gusts may gain as much (< {clear:g})",
+            1 - better,
+            e.error_ratio <= 1 - better if asked else None,
+            f"its prediction error on validation loops over that before, where gusts may gain as much (< {c.clear_of_gusts:g})",
             "set on development flights",
         ),
         Criterion(

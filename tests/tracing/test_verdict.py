@@ -207,7 +207,7 @@ def passed(e: Evidence) -> dict:
 GOOD = model(900.0, ("sideslip_drag",), validation=250.0)
 LARGE = model(600.0, ("sideslip_drag",), validation=100.0)
 AGAIN = Repetition({"force_z": 0.5}, {"force_z": 0.001}, 8)
-SMALL, CLEAR = (model(deviance, ("sideslip_drag",), validation=250.0) for deviance in (970.1, 970.0))
+SMALL, CLEAR, ALMOST_SURE, SURE = (model(deviance, ("sideslip_drag",), validation=250.0) for deviance in (970.1, 970.0, 850.1, 850.0))
 LATE, CLEARLY_LATE = (model(deviance, ("actuator_lag:rudder",), validation=250.0) for deviance in (850.1, 850.0))
 
 
@@ -261,6 +261,10 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
             ("effect_predicts", {"answer": a, "gusts": GUSTY, "error_ratio": 0.89}, {"answer": a, "gusts": GUSTY, "error_ratio": 0.91})
             for a in (SMALL, LATE)
         ),
+        *(
+            ("effect_predicts", {"answer": a, "gusts": GUSTY, "error_ratio": 0.97}, {"answer": a, "gusts": GUSTY, "error_ratio": 0.99})
+            for a in (CLEAR, ALMOST_SURE)
+        ),
         ("effect_leads", {"answer": GOOD, "beside": 109.0}, {"answer": GOOD, "beside": 111.0}),
         ("effect_steady", {"answer": GOOD, "steadiness": 2e-4}, {"answer": GOOD, "steadiness": 5e-5}),
         ("effect_constant", {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 99.0}}, {"answer": GOOD, "along": {"V_a": 3.0, "a_y": 101.0}}),
@@ -288,7 +292,7 @@ def test_what_a_flight_does_not_allow_to_test_is_neither_passed_nor_failed():
     assert found["null_as_identified"] is None and found["rest_repeats"] is None and found["gusts_do_not_repeat"] is None
     assert found["effect_predicts"] is None
     calm = {"vertical gusts": 0.1}
-    for answer, gusts in ((SMALL, calm), (LATE, calm), (CLEAR, GUSTY), (CLEARLY_LATE, GUSTY)):
+    for answer, gusts in ((SMALL, calm), (LATE, calm), (SURE, GUSTY), (CLEARLY_LATE, GUSTY)):
         assert passed(evidence(answer, gusts=gusts, error_ratio=1.1))["effect_predicts"] is None
     # what does not repeat may be as large as it likes, and what is too little to be seen repeats by chance
     for rest in (Rest(50.0, 1.0, {}, {}, replace(AGAIN, p={"force_z": 0.02}), MANY), Rest(19.0, 1.0, {}, {}, AGAIN, MANY)):
