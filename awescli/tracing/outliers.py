@@ -85,24 +85,32 @@ def _bursts(r: np.ndarray, dt: float) -> np.ndarray:
     change = np.diff(r[new])
     if not change.size:
         return new[:0]
-    leaps = np.abs(change) > max(LEAP, AT_ONCE * float(np.quantile(np.abs(change), 0.95)))
-    left = np.flatnonzero(leaps & (np.diff(new) <= round(BRIEF / dt))).tolist()
-    bursts, alone = [], []
-    while left:
-        first = left.pop(0)
-        near = [k for k in left if new[k] - new[first] <= most]
-        back = [k for k in near if abs(change[first] + change[k]) < ALIKE * max(abs(change[first]), abs(change[k]))]
-        if back:
-            left = [k for k in left if k > back[0]]
-            bursts.append((first + 1, back[0] + 1))
-        else:
-            alone.append(first)
+    least = max(LEAP, AT_ONCE * float(np.quantile(np.abs(change), 0.95)))
+    pairs, alone = _paired(np.flatnonzero((np.abs(change) > least) & (np.diff(new) * dt <= BRIEF)).tolist(), change, new, most)
+    bursts = [(first + 1, last + 1) for first, last in pairs]
     for leap in alone:
         ends = [(a, b) for a, b in ((0, leap + 1), (leap + 1, new.size)) if new[b - 1] - new[a] < most]
         like_no_other = np.delete(np.abs(change), leap).max(initial=0.0) < ALIKE * abs(change[leap])
         bursts += ends if len(ends) == 1 and like_no_other else []
     # of a single value `_off` says more
     return np.concatenate([new[:0], *(new[a:b] for a, b in bursts if b > a + 1 and _from_near(r[new], a, b))])
+
+
+def _paired(leaps: list[int], change: np.ndarray, new: np.ndarray, most: int) -> tuple[list[tuple[int, int]], list[int]]:
+    """(leaps away and back, at most so many samples apart; those without a fellow). change: (M-1,) of the M values at samples `new`."""
+    pairs, alone = [], []
+    while leaps:
+        first, *leaps = leaps
+        size = abs(change[first])
+        back = [
+            k for k in leaps if new[k] - new[first] <= most and abs(change[first] + change[k]) < ALIKE * max(size, abs(change[k]))
+        ]  # fmt: skip
+        if back:
+            pairs.append((first, back[0]))
+            leaps = [k for k in leaps if k > back[0]]
+        else:
+            alone.append(first)
+    return pairs, alone
 
 
 def _from_near(r: np.ndarray, a: int, b: int) -> bool:

@@ -71,7 +71,8 @@ def residual(**changes) -> np.ndarray:
         ({"_100_250": 14.0}, 0.02, []),  # a step is no burst
         ({"_100_160": 14.0}, 0.02, []),  # nor is what stays for longer than a second,
         ({"_100_160": 14.0}, 0.01, range(100, 160)),  # which is as many samples more at twice the rate
-        ({"_100_120": 14.0}, 0.1, []),  # at 10 Hz a kite moves between two values
+        ({"_100_108": 14.0}, 0.05, range(100, 108)),
+        ({"_100_108": 14.0}, 0.1, []),  # at 10 Hz a kite moves between two values
         ({"_100_140": 14.0 * np.sin(np.linspace(0.0, np.pi, 40))}, 0.02, []),  # as slowly as something flies
         ({"_0_250": 200.0, "_100_120": 14.0}, 0.02, []),  # where a model has run away
         # a position that is corrected twice, before it ends
