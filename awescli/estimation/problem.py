@@ -96,6 +96,10 @@ class EstimationProblem:
         cut = build(simulator or self.simulator, self.log, self.split, horizon, self.outputs, **how)
         return replace(cut.with_factors(self.factors), processes=self.processes, prior=self.prior, names=self.names)
 
+    def without_values(self, rows: Mapping[str, Sequence[int]]) -> "EstimationProblem":
+        """The same without some values of the log, channel -> samples."""
+        return replace(self, log=self.log.without_values(rows)).shorter(self.horizon)
+
 
 def simulator_of(
     declaration: KiteDeclaration,

@@ -1,16 +1,23 @@
 """A fit from several starts: the best of them, and what their optima say of each other."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from awescli.estimation.fitted import JointFit
 from awescli.estimation.levels import prior_deviance
+from awescli.estimation.outliers import outliers
 from awescli.estimation.problem import EstimationProblem
 from awescli.estimation.staged_fit import Flight, fit_flights
 
+GROSS = 300.0
+"""Squares (chi-square) that values in a row must come to, to be worth another fit: a position 4 m off for 0.8 s comes to 64000, and moves
+parameters by a hundred standard deviations."""
+PASSES = 4
+"""Further fits at most: the noise is too large until the farthest values are gone."""
 SAME_OPTIMUM = 4.0
 """Difference in deviance below which two starts have led to the same optimum: levels are not fitted closer."""
 
@@ -24,10 +31,14 @@ class Optimum:
     x: np.ndarray
 
 
+Starts = tuple[JointFit, tuple[EstimationProblem, ...], list[Optimum]]
+"""The best fit, its problems, and where every start has led."""
+
+
 def fit_from_starts(
     flights: Sequence[Flight], horizons: Sequence[float], starts: int, seed: int, *, on_start: Callable[[int], None] = lambda i: None,
     **how: Any
-) -> tuple[JointFit, tuple[EstimationProblem, ...], list[Optimum]]:  # fmt: skip
+) -> Starts:  # fmt: skip
     """`fit_flights` from the declared values and from `starts` - 1 draws of the prior inside its bounds; the best of them, and all."""
     random = np.random.default_rng([seed, 3])
     found: list[tuple[JointFit, tuple[EstimationProblem, ...]]] = []
@@ -42,6 +53,22 @@ def fit_from_starts(
             found = [(result, problems)]
     (result, problems) = found[0]
     return result, problems, optima
+
+
+def fit_without_outliers(flights: Sequence[Flight], *args: Any, **how: Any) -> tuple[Starts, list[Flight], dict[str, int]]:
+    """(`fit_from_starts` of what is left, the flights without gross outliers, channel -> how many values these are): what a fit that has
+    come to its minimum cannot follow, and what drags it along, is left out, and the fit begins anew."""
+    many: Counter[str] = Counter()
+    flights = list(flights)
+    found = fit_from_starts(flights, *args, **how)
+    for _ in range(PASSES):
+        gross = [outliers([fit], GROSS) for fit in found[0].flights] if found[0].ended else []
+        if not any(gross):
+            break
+        many.update({name: len(rows) for flight in gross for name, rows in flight.items()})
+        flights = [replace(f, problem=f.problem.without_values(rows)) for f, rows in zip(flights, gross, strict=True)]
+        found = fit_from_starts(flights, *args, **how)
+    return found, flights, dict(many)
 
 
 def _whole_deviance(result: JointFit, problems: Sequence[EstimationProblem]) -> float:

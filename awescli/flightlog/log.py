@@ -1,6 +1,6 @@
 """FlightLog: one flight, equally long signals, finite, SI, NED/FRD, one uniform clock, frozen."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -121,6 +121,11 @@ class FlightLog:
     def is_new(self, name: str) -> np.ndarray:
         """(N,) bool: the samples at which a signal's sensor gave a new value."""
         return self.fresh.get(name, np.ones(len(self), bool))
+
+    def without_values(self, rows: Mapping[str, Sequence[int]]) -> "FlightLog":
+        """The same without some values, signal -> samples: its sensor said nothing there."""
+        gone = {name: self.is_new(name) & ~np.isin(np.arange(len(self)), of) for name, of in rows.items()}
+        return replace(self, fresh={**self.fresh, **gone})
 
     @property
     def body_velocity(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

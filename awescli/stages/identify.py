@@ -87,7 +87,7 @@ class Identify(Stage):
     def run(self, context: Context, config: IdentifyConfig) -> dict[str, Any]:
         from awescli.artifacts import write_json, write_text
         from awescli.estimation.identifiability import describe
-        from awescli.estimation.several_starts import fit_from_starts, spread_of
+        from awescli.estimation.several_starts import fit_without_outliers, spread_of
         from awescli.estimation.staged_fit import fit_output_error, unaided
         from awescli.physics.declaration import kite_text, read_kite
         from awescli.simulation.closed_loop import without_setpoint_dynamics
@@ -108,10 +108,13 @@ class Identify(Stage):
             task.advance()
             task.update(f"{words}{horizon:g} s, iteration {i}: cost {cost:.6g}")
 
-        fitted, problems, optima = fit_from_starts(
+        (fitted, problems, optima), flights, left_out = fit_without_outliers(
             flights, [h for h in config.curriculum if h < config.horizon], config.starts, context.seed, on_start=on_start,
             per_flight=config.per_flight, prior=config.prior, in_gusts=config.air == "gusts", on_iteration=on_iteration,
         )  # fmt: skip
+        if left_out:
+            said = ", ".join(f"{many} of {channel}" for channel, many in left_out.items())
+            context.progress.note(f"left out, for no model could follow them: {said}")
         method = "filter error" if problems[0].processes else "output error"
         good = fitted.ended and better_than_declared(problems[0], fitted.flights[0], config.horizon, config.known_starts)
         if problems[0].processes and not good and config.air == "calm":
@@ -132,7 +135,8 @@ class Identify(Stage):
             "outcome": fitted.solution.outcome, "method": method, "chi2": chi2, "chi2_with_processes": fitted.chi2,
             "outputs": list(problems[0].outputs), "kkt_residual": fitted.solution.kkt,
             "cost_history": list(fitted.solution.history), "surfaces": config.surfaces,
-            "initial_states": config.initial_states, "weights": config.weights, "horizon_asked_s": asked, **scored[0],
+            "initial_states": config.initial_states, "weights": config.weights, "horizon_asked_s": asked, "outliers": left_out,
+            **scored[0],
         }  # fmt: skip
         if len(flights) > 1:
             metrics["flights"] = {f.label or f.problem.log.name: s for f, s in zip(flights, scored, strict=True)}

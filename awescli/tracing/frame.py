@@ -122,11 +122,8 @@ class Frame:
 
     def without(self, rows: Sequence[Mapping[str, Sequence[int]]]) -> "Frame":
         """The same without some samples of channels, of every flight: their sensors said nothing there."""
-        flights = []
-        for flight, of in zip(self.flights, rows, strict=True):
-            fresh = {**flight.log.fresh, **{name: flight.log.is_new(name) & ~np.isin(np.arange(len(flight.log)), of[name]) for name in of}}
-            flights.append(replace(flight, log=replace(flight.log, fresh=fresh)))
-        return replace(self, flights=tuple(flights))
+        each = zip(self.flights, rows, strict=True)
+        return replace(self, flights=tuple(replace(flight, log=flight.log.without_values(of)) for flight, of in each))
 
     def problems(self, keys: Sequence[str]) -> list[EstimationProblem]:
         """The flights cut up for the declared kite with the effects `keys` at null."""

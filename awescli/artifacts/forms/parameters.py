@@ -61,6 +61,7 @@ class Fit(Predicted):
     )
     surfaces: Literal["recorded", "controller"] = Field(description="recorded: set-points replayed; controller: the loop closed")
     chi2_with_processes: Misfit | None = Field(default=None, description="chi2 of the model with its processes integrated out [-]")
+    outliers: dict[str, int] = Field(default={}, description="channel -> values that were left out: no model could follow them")
     weights: Literal["noise", "range"] = Field(default="noise", description="what an error of a channel was counted in")
     initial: Before | None = Field(default=None, description="errors of the declared model")
     cost_history: list[Finite] = Field(default=[], description="cost, iteration by iteration, over all horizons [-]")
