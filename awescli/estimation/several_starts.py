@@ -14,8 +14,8 @@ from awescli.estimation.problem import EstimationProblem
 from awescli.estimation.staged_fit import Flight, fit_flights
 
 GROSS = 300.0
-"""Squares (chi-square) that values in a row must come to, to be worth another fit: a position 4 m off for 0.8 s comes to 64000, and moves
-parameters by a hundred standard deviations."""
+"""Squares (chi-square) that values in a row must come to, to be worth another fit: a position that is off by forty times its noise for
+half a second comes to 40000 at 50 Hz. Two values of the AP2's flight that are off come to less."""
 PASSES = 4
 """Further fits at most: the noise is too large until the farthest values are gone."""
 SAME_OPTIMUM = 4.0
