@@ -57,12 +57,14 @@ def fit_from_starts(
 
 def fit_without_outliers(flights: Sequence[Flight], *args: Any, **how: Any) -> tuple[Starts, list[Flight], dict[str, int]]:
     """(`fit_from_starts` of what is left, the flights without gross outliers, channel -> how many values these are): what a fit that has
-    come to its minimum cannot follow, and what drags it along, is left out, and the fit begins anew."""
+    come to its minimum and loses no segment cannot follow, and what drags it along, is left out, and the fit begins anew."""
     many: Counter[str] = Counter()
     flights = list(flights)
     found = fit_from_starts(flights, *args, **how)
     for _ in range(PASSES):
-        gross = [outliers([fit], GROSS) for fit in found[0].flights] if found[0].ended else []
+        fit = found[0]
+        flies = fit.ended and all(f.flies.all() for f in fit.flights)
+        gross = [outliers([f], GROSS) for f in fit.flights] if flies else []
         if not any(gross):
             break
         many.update({name: len(rows) for flight in gross for name, rows in flight.items()})
