@@ -34,11 +34,11 @@ RARE = 0.05
 
 
 def outliers(fits: Sequence[Fit], worth: float = 0.0) -> dict[str, list[int]]:
-    """Channel -> samples of the log that are outliers, of one flight in several fits. worth: squares (chi-square) that the values in a row
-    must come to at least."""
+    """Channel -> samples of the log that are outliers, of one flight in several fits; a model that flies no segment says nothing of them.
+    worth: squares (chi-square) that the values in a row must come to at least."""
     found: dict[str, set[int]] = {}
     count: Counter[str] = Counter()
-    for fit in (f for f in fits if len(f.counted)):
+    for fit in (f for f in fits if len(f.counted) and f.flies.any()):
         observed, r = fit.misfit.observed, smoothed_residual(fit)
         for (k, y), name in zip(np.ndindex(len(r), len(observed.outputs)), len(r) * list(observed.outputs), strict=True):
             own, dt = r[k, :, y], observed.segments.dt

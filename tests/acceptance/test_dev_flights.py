@@ -181,6 +181,21 @@ def test_errors_of_some_values_change_no_verdict(name, tmp_path):
 
 
 @pytest.mark.campaign
+@pytest.mark.parametrize("column, length, size", [("V_a", 25, 6.0), ("phi", 5, 12.0), ("r_eb_eN", 40, 4.0), ("LoadFiltered", 10, -80.0)])
+def test_bursts_hide_no_drag(column, length, size, tmp_path):
+    """Guards dirty logs: four times a sensor is off for a tenth of a second to eight. What hid d05's drag is left out, and counted."""
+    shutil.copytree(FLIGHTS / "d05", flight := tmp_path / "d05")
+    table = pl.read_csv(flight / "kite.csv")
+    x = table[column].cast(pl.Float64).to_numpy().copy()
+    for i in np.random.default_rng(3).integers(500, x.size - 500, 4):
+        x[i : i + length] += size
+    table.with_columns(pl.Series(column, x)).write_csv(flight / "kite.csv")
+    _, _, finding = trace_of(flight, tmp_path / "kite.yaml")
+    assert finding.verdict == "found" and finding.evidence.model.keys == ("sideslip_drag",)
+    assert sum(finding.outliers.values()) >= length
+
+
+@pytest.mark.campaign
 def test_accelerometers_ahead_of_the_reference_point_have_their_name(tmp_path):
     """Guards a box that stands where there was room for it: what it feels of the rotation was taken for the arm of the antenna."""
     shutil.copytree(FLIGHTS / "d01", flight := tmp_path / "d01")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from controller_fit.circling import FIXED, PARTS, circling
 
 from awescli.control.features import FEATURE_SETS, evaluate
 from awescli.control.law import deflections_of_log, deflections_of_states, state_mapping
@@ -18,50 +19,13 @@ from awescli.controller_fit.fit import fit_controller
 from awescli.controller_fit.greedy import greedy_order
 from awescli.controller_fit.hold import displaced
 from awescli.controller_fit.lp import sparse_coefficients
-from awescli.controller_fit.noise import NOISE
 from awescli.controller_fit.pattern import fit_pattern
 from awescli.controller_fit.ridge import solve_ridge, triangle, well_conditioned
-from awescli.controller_fit.samples import answered, gather, in_blocks, loops_flown
+from awescli.controller_fit.samples import answered, gather
 from awescli.controller_fit.steering import TERMS, find_steering
-from awescli.flightlog.log import FlightLog
 from awescli.notation.errors import BadInput
 
 SHARED = Path(__file__).parents[2].parent / "shared"
-
-
-def circling(n=6000, noise=0.0, seed=0, surfaces=("rudder",)):
-    """A kite on a wobbling circle of 50 m around 35 deg elevation, at 50 Hz, flown by a law known in closed form."""
-    r = np.random.default_rng(seed)
-    t = np.arange(n) * 0.02
-
-    def wobble(size, k):
-        return size * sum(np.sin(2 * np.pi * f * t + r.uniform(0, 7)) for f in np.linspace(0.03, 0.21, k))
-
-    angle, length = 2 * np.pi * t / 9 + wobble(0.05, 4), 250 + t
-    rho = (50 + wobble(1.0, 5)) / length
-    c, east, up = np.array([np.cos(0.6), 0, -np.sin(0.6)]), np.array([0, 1.0, 0]), np.array([-np.sin(0.6), 0, -np.cos(0.6)])
-    P = length[:, None] * (np.cos(rho)[:, None] * c + np.sin(rho)[:, None] * (np.sin(angle)[:, None] * east + np.cos(angle)[:, None] * up))
-    V = np.gradient(P, 0.02, axis=0)
-    m = dict(zip(("p_n", "p_e", "p_d", "v_n", "v_e", "v_d"), [*P.T, *V.T], strict=True))
-    m |= {"phi": 0.5 + wobble(0.1, 3), "theta": wobble(0.2, 3), "psi": wobble(0.5, 4)}
-    m |= {k: wobble(0.05, 6) for k in "pqr"}
-    still = np.zeros(n)
-    log = FlightLog(
-        "circling", 0.0, 0.02, t, m, {"tether_length": length, "reel_out_speed": np.ones(n), "aileron": still + 0.02}, np.ones(n, bool)
-    )
-    z = state_mapping(log)
-    # the law knows the circle that its flight shows (its mean over the training part), so that it lies in the class that is fitted
-    radius, course, speed, turn = evaluate(("radius_error", "course_error", "speed", "r"), z, fit_pattern(z, np.arange(n) < 3000))
-    truth = {
-        "rudder": 0.02 * radius + 0.4 * course + 0.3 * turn + 0.1 * np.tanh(4 * course) * 40 / speed,
-        "elevator": 0.05 - 0.01 * radius + 0.2 * turn,
-    }
-    shaken = {k: s + noise * NOISE.get(k, 0) * r.normal(size=n) for k, s in m.items()}
-    return replace(log, measured=shaken, inputs=dict(log.inputs) | {s: truth[s] for s in surfaces})
-
-
-PARTS = ([(0, 3000)], [(3000, 4200)])
-FIXED = ("radius_error", "course_error", "speed", "r")
 
 
 @pytest.mark.parametrize("kind", LAWS)
@@ -360,49 +324,3 @@ def test_a_slack_has_the_price_of_its_row():
     phi, affine, u = np.zeros((2, 0)), np.ones((2, 1)), np.array([0.1, 0.3])
     for price, expected in (([100.0, 1.0], 0.1), ([1.0, 100.0], 0.3)):
         assert sparse_coefficients(phi, affine, u, 0.0, none, 0.0, 0.0, np.array(price)).affine[0] == pytest.approx(expected)
-
-
-def test_few_loops_are_cut_into_blocks_of_time():
-    """Guards short flights: three loops cannot be six folds, but three, and it is said; or six blocks of equal length are, where that is
-    wanted."""
-    log, parts, settings = circling(), ([(0, 1200)], [(1200, 1700)]), {"kind": "linear", "features": FIXED, "folds": 6}
-    with pytest.raises(BadInput, match="3 loops in the training part, fewer than 6 folds"):
-        fit_controller(log, *parts, ControllerConfig(**settings, few_loops="refuse"))
-    fit = fit_controller(log, *parts, ControllerConfig(**settings))
-    assert (fit.report["folds"], fit.report["folds_of"]) == (3, "loops") and np.isfinite(fit.report["nrmse"]["test"]["rudder"])
-    fit = fit_controller(log, *parts, ControllerConfig(**settings, few_loops="blocks"))
-    assert (fit.report["folds"], fit.report["folds_of"]) == (6, "blocks") and np.isfinite(fit.report["nrmse"]["test"]["rudder"])
-    cut = in_blocks(gather(log, *parts), 6)
-    assert np.bincount(cut.loop[cut.train]).tolist() == [200] * 6 and (np.diff(cut.loop) >= 0).all()
-
-
-@pytest.mark.parametrize("lost", ["but for three samples", "at the limit of its rate"])
-def test_a_loop_of_which_nothing_is_left_is_none(lost):
-    """Guards a plan that stopped at "2 loops in the training part, fewer than 3 folds" where blocks of time were allowed: of three loops
-    one is a sliver, or one in which all set-points move as fast as they can."""
-    log, settings = circling(), {"kind": "linear", "features": FIXED, "folds": 3}
-    loop = gather(log, [(0, 3000)], [(3000, 3500)]).loop
-    begins = np.searchsorted(loop, [1, 2, 3])
-    ends = int(begins[1]) + 3
-    if lost == "at the limit of its rate":
-        rudder, ends = log.inputs["rudder"].copy(), int(begins[2])
-        there = slice(begins[0], begins[1])
-        rudder[there] = rudder[begins[0] - 1] + 0.1 * (np.arange(begins[1] - begins[0]) % 2 == 0)
-        log = replace(log, inputs={**log.inputs, "rudder": rudder})
-    parts = [(0, ends)], [(1500, 2000)]
-    assert np.unique(gather(log, *parts).loop[:ends]).size == 3
-    assert loops_flown(gather(log, *parts)) == (2 if lost == "but for three samples" else 3)
-    with pytest.raises(BadInput, match="2 loops in the training part, fewer than 3 folds"):
-        fit_controller(log, *parts, ControllerConfig(**settings, few_loops="refuse"))
-    assert fit_controller(log, *parts, ControllerConfig(**settings)).report["folds"] == 2
-    fit = fit_controller(log, *parts, ControllerConfig(**settings, few_loops="blocks"))
-    assert fit.report["folds_of"] == "blocks" and np.isfinite(fit.report["nrmse"]["test"]["rudder"])
-
-
-def test_one_block_is_too_few():
-    """Guards cross-validation: with one loop, or one block of a flight without loops, nothing is left to judge a law on."""
-    log, settings = circling(), {"kind": "linear", "features": FIXED}
-    parts = [(0, 190)], [(3000, 3500)]
-    with pytest.raises(BadInput, match="1 loop in the training part, fewer than 2 folds") as error:
-        fit_controller(log, *parts, ControllerConfig(**settings))
-    assert "few_loops to blocks" in str(error.value)

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from tracing.test_outliers import with_errors
-from tracing.traced import null_model
+from tracing.traced import null_model, with_errors
 
 from awescli.estimation.outliers import _bursts, _off
 from awescli.estimation.several_starts import GROSS, fit_from_starts, fit_without_outliers

@@ -4,23 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tracing.traced import null_model
+from tracing.traced import null_model, with_errors
 
 from awescli.estimation.outliers import outliers
-from awescli.tracing.frame import Frame
 from awescli.tracing.models import fit_null
 from awescli.tracing.outliers import without_outliers
-
-
-def with_errors(frame: Frame, errors) -> Frame:
-    """The frame with `errors`: channel -> {sample: standard deviations of its noise} put into the log."""
-    (flight,) = frame.flights
-    measured, noise = dict(flight.log.measured), flight.declared.noise.channels()
-    for name, those in errors.items():
-        measured[name] = measured[name].copy()
-        for row, size in those.items():
-            measured[name][row] += size * noise[name][0]
-    return replace(frame, flights=(replace(flight, log=replace(flight.log, measured=measured)),))
 
 
 @pytest.mark.parametrize("name, size", [("V_a", 20.0), ("p_e", -40.0), ("phi", 60.0)])

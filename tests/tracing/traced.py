@@ -56,6 +56,17 @@ def thinned(log: FlightLog, every: int) -> FlightLog:
     return replace(log, dt=every * log.dt, time=log.time[::every], valid=log.valid[::every], **cut)
 
 
+def with_errors(frame: Frame, errors) -> Frame:
+    """The frame with `errors`: channel -> {sample: standard deviations of its noise} put into the log."""
+    (flight,) = frame.flights
+    measured, noise = dict(flight.log.measured), flight.declared.noise.channels()
+    for name, those in errors.items():
+        measured[name] = measured[name].copy()
+        for row, size in those.items():
+            measured[name][row] += size * noise[name][0]
+    return replace(frame, flights=(replace(flight, log=replace(flight.log, measured=measured)),))
+
+
 @cache
 def null_model(effects: tuple = (), seed: int = 31, duration: float = 50.0, horizon: float = 2.0):
     """(frame, fitted declared model) of a short flight of few unknowns. effects: ((key, ((short name, value), ...)), ...)"""
