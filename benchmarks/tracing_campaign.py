@@ -102,6 +102,12 @@ def sized(key: str, share: float) -> dict:
     return values
 
 
+def at_once(several: int, seed: int, family: int) -> list[str]:
+    """So many effects of LARGE, drawn without a look at whether they can be told apart."""
+    keys, rng = list(LARGE), np.random.default_rng([seed, family])
+    return [keys[k] for k in sorted(rng.choice(len(keys), several, replace=False))]
+
+
 def cases(family: int = 1) -> dict[str, dict]:
     """name -> {set, truth (key -> values), seed, ...}; seeds differ from those of any test, and from family to family."""
     found = {}
@@ -130,6 +136,12 @@ def cases(family: int = 1) -> dict[str, dict]:
             found[f"outside-{name.replace(' ', '_')}-{repeat}"] = {"set": "outside", "truth": truth, "seed": 6000 + 10 * i + repeat}
     for i, pair in enumerate(PAIRS):
         found[f"pair-{'+'.join(pair)}"] = {"set": "pair", "truth": {k: sized(k, 1.0) for k in pair}, "seed": 7000 + i}
+    for i in range(24):
+        together = at_once(3 if i % 3 == 2 else 2, 9600 + i, family)
+        found[f"together-{i:02d}-{'+'.join(together)}"] = {
+            "set": {2: "drawn pair", 3: "drawn triple"}[len(together)], "truth": {k: sized(k, 1.0) for k in together}, "seed": 9600 + i,
+            "air": ("table", "power")[i % 2],
+        }  # fmt: skip
     for i, key in enumerate(("actuator_lag:rudder", "sideslip_drag", "airspeed_scale", "load_cell_lag")):
         truth = {key: sized(key, 1.0), "wind_offset": {"dN": 0.8, "dE": 0.5}}
         found[f"wrong-wind-{key}"] = {"set": "wrong wind too", "truth": truth, "seed": 8000 + i}
