@@ -125,6 +125,7 @@ def cases(family: int = 1) -> dict[str, dict]:
                 "set": "calm x1, guesses from priors", "truth": {key: sized(key, 1.0)}, "seed": 10_000 + 10 * i + repeat,
                 "air": ("table", "power")[repeat],
             }  # fmt: skip
+        found[f"five-{key}"] = {"set": "five flights, calm x0.25", "truth": {key: sized(key, 0.25)}, "seed": 9700 + 10 * i, "flights": 5}
         blown = {"sigma": 0.6, "L": round(drawn(3000 + i, family), 1)}
         found[f"turbulent-{key}"] = {"set": "turbulent x1", "truth": {key: sized(key, 1.0), "turbulence": blown}, "seed": 3000 + i}
         found[f"short-{key}"] = {"set": "40 s", "truth": {key: sized(key, 1.0)}, "seed": 4000 + i, "duration": 42.0}
@@ -165,6 +166,7 @@ def run_case(name: str, case: dict) -> dict:
     from awescli.physics.declaration import read_kite
     from awescli.simulation.campaign_flights import dev_like
     from awescli.tracing.flight import trace_flight
+    from awescli.tracing.frame import TracedFlight
     from awescli.tracing.summary import summary
 
     truth = read_kite(HERE.parent / "data" / "kites" / "development.yaml")
@@ -179,7 +181,9 @@ def run_case(name: str, case: dict) -> dict:
         if case["set"].startswith("wrong bounds"):
             declared = with_wrong_bounds(declared, truth, BOUNDED, case["seed"])
         parts = split(find_loops(flight.log), log=flight.log)
-        finding = trace_flight(declared, flight.log, parts)
+        others = [dev_like(truth, case["seed"] + n, effects, **how).log for n in range(1, case.get("flights", 1))]
+        also = [TracedFlight(log, split(find_loops(log), log=log), declared, str(n)) for n, log in enumerate(others, 2)]
+        finding = trace_flight(declared, flight.log, parts, also=also)
         before, after = (predict(model, flight.log, parts.test, 5.0) for model in (finding.before(), finding.after()))
         told = summary(finding, flight.log, 5.0, before, after)
         spent, lasted = time.process_time() - begin, time.perf_counter() - clock
