@@ -145,10 +145,16 @@ def slight(frame: Frame, record: Sequence[Round], here: FittedModel, best: Fitte
 
 def asked(frame: Frame, record: Sequence[Round], model: FittedModel, key: str, criteria: Criteria = CRITERIA) -> float:
     """Deviance that a further name must gain, in the air that a model sees."""
-    gains = [t.gain for r in record for t in r.contenders if t.key == r.accepted]
+    gains = [(t.key, t.gain) for r in record for t in r.contenders if t.key == r.accepted]
     if not gains or make_effect(key, frame.declared).empirical:
         return 0.0
-    return max(criteria.form * max(gains), criteria.clear_of_gusts if gusty(model, criteria) else 0.0)
+    left = max(gain * _left_by_form(frame, accepted, criteria) for accepted, gain in gains)
+    return max(left, criteria.clear_of_gusts if gusty(model, criteria) else 0.0)
+
+
+def _left_by_form(frame: Frame, key: str, criteria: Criteria) -> float:
+    """Share of what an effect gains that its form may leave."""
+    return criteria.known_form if make_effect(key, frame.declared).place in ("line", "report") else criteria.form
 
 
 def _detectable(screening: Screening) -> dict[str, tuple[str, float]]:

@@ -64,6 +64,13 @@ def test_sensors_that_contradict_each_other_are_told_before_a_model_is_asked(lat
     assert [s.startswith(begin) for s, begin in zip(all_compared, said, strict=True)] == [True] * len(said) and places == ()
 
 
+def test_a_gyro_of_the_wrong_scale_is_told_before_a_model_is_asked():
+    log = Sensors().record(true_flight(3, 60.0).log, 7)
+    log = replace(log, measured={**log.measured, "r": 0.9 * log["r"]})
+    (said,) = flight.contradictions([reconstruct(log).findings], MEASURED)
+    assert said.startswith("r reads ") and " % low against the attitude" in said
+
+
 @pytest.mark.parametrize(
     ("verdict", "chi2", "against", "asked"),
     [

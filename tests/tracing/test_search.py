@@ -220,17 +220,21 @@ def test_what_model_error_helps_yet_is_fitted_to_the_end(monkeypatch, quick, res
     assert best is whole[named] and [t.gain for t in tried] == [1212.0, 1254.0 if named == "delay" else quick]
 
 
-@pytest.mark.parametrize("key, gain, most, doubted", [
-    ("lift_stall", 24.5, 799.0, True), ("lift_stall", 24.5, 200.0, False), ("airspeed_scale", 402.0, 2117.0, False),
-    ("custom_term:m_y*alpha", 24.5, 799.0, False), ("lift_stall", 24.5, 0.0, False),
+@pytest.mark.parametrize("accepted, key, gain, most, doubted", [
+    ("pitch_curvature", "lift_stall", 24.5, 799.0, True), ("pitch_curvature", "lift_stall", 24.5, 200.0, False),
+    ("pitch_curvature", "airspeed_scale", 402.0, 2117.0, False), ("pitch_curvature", "custom_term:m_y*alpha", 24.5, 799.0, False),
+    ("pitch_curvature", "lift_stall", 24.5, 0.0, False), ("surface_effectiveness:rudder", "lift_stall", 137.0, 2792.0, True),
+    ("clock_offset:winch", "wind_offset", 378.0, 13_059.0, False), ("imu_bias:rates", "heading_bias", 750.0, 10_022.0, False),
+    ("imu_bias:rates", "heading_bias", 150.0, 10_022.0, True),
 ])  # fmt: skip
-def test_what_the_form_of_an_effect_leaves_gets_no_name(monkeypatch, key, gain, most, doubted):
+def test_what_the_form_of_an_effect_leaves_gets_no_name(monkeypatch, accepted, key, gain, most, doubted):
     """Guards a pitch moment with the cube of alpha (four of four flights): called a pitch curvature, of its square, *and* a stall that
-    gained 3 to 7 % of it. A second effect that is there gains more, a first one has nothing to be measured by, a term claims no name."""
-    first = searching.Tried(SimpleNamespace(key="pitch_curvature"), True, "converged", fitted(most), most)
-    record = [searching.Round(BASE, (first,), "pitch_curvature", ())] if most else []
+    gained 3 to 7 % of it. A second effect that is there gains more, a first one has nothing to be measured by, a term claims no name. And
+    guards what is there beside an error of a clock or of gyros, whose form is known: it may gain ten thousand."""
+    first = searching.Tried(SimpleNamespace(key=accepted), True, "converged", fitted(most), most)
+    record = [searching.Round(BASE, (first,), accepted, ())] if most else []
     best = fitted(gain)
-    best.keys = ("pitch_curvature", key)
+    best.keys = (accepted, key)
     group = SimpleNamespace(level=0.1)
     monkeypatch.setattr("awescli.tracing.rest.gusts_of", lambda model: [group])
     assert searching.slight(SimpleNamespace(declared=DEVELOPMENT), record, BASE, best) is doubted

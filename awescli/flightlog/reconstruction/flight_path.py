@@ -20,7 +20,8 @@ from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
 from awescli.flightlog.reconstruction.identities import DELAYS, Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
-from awescli.flightlog.reconstruction.solve import Solution, delay_by_channel, solve, thinned
+from awescli.flightlog.reconstruction.scales import scales_of, solve_with_scales
+from awescli.flightlog.reconstruction.solve import Solution, delay_by_channel, thinned
 from awescli.notation.errors import NumericalFailure
 from awescli.notation.present import present
 from awescli.notation.quantities import ANGLES, UNITS
@@ -68,12 +69,12 @@ def reconstruct(log: FlightLog) -> FlightPath:
             identity = build(motion)
             if not _enough(identity):
                 continue
-            solution = solve(identity)
+            solution = solve_with_scales(identity)
         except NumericalFailure as e:
             notes.append(f"Of {name} nothing can be said: {e}")
             continue
         noise |= {n.channel: _beside_attitude(n, noise) for n in _noise(solution)}
-        said = [_beside_velocity(_beside_drift(e, noise, motion), errors) for e in say(solution)]
+        said = [_beside_velocity(_beside_drift(e, noise, motion), errors) for e in (*scales_of(solution), *say(solution))]
         if set(held) & set(needs):
             said = [replace(e, agrees=False) if e.unit == "s" else e for e in said]
         errors += said
@@ -121,16 +122,20 @@ def _beside_velocity(error: SensorError, before: Sequence[SensorError]) -> Senso
 
 
 def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
-    """The motion as its sensors would have logged it without the errors that were found: what comes next is not to find them again."""
+    """The motion as its sensors would have logged it without the errors that were found, and without all scales that are there: what comes
+    next is not to find them again. A roll angle that reads 2 % too little left an accelerometer 0.6 m/s2 off."""
     signals = dict(motion.log.measured)
-    for e in errors:
-        for name in e.acts_on if e.found else ():
+    there = [e for e in errors if e.found or e.name == "scale"]
+    for e in there:
+        for name in e.acts_on:
             if e.unit == "s":
                 signal = np.unwrap(signals[name]) if name in ANGLES else signals[name]
                 signals[name] = np.interp(motion.log.time + e.size, motion.log.time, signal)
+            elif e.unit == "-":
+                signals[name] = signals[name] / (1 + e.size)
             else:
                 signals[name] = signals[name] - e.size
-    return replace(motion, log=replace(motion.log, measured=signals)) if any(e.found for e in errors) else motion
+    return replace(motion, log=replace(motion.log, measured=signals)) if there else motion
 
 
 def _moved(build: Callable[..., Identity], motion: Motion) -> Identity:

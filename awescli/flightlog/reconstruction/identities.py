@@ -50,7 +50,7 @@ class Identity:
     """A Series with what it is made of. channels: the m measured ones; laws: of its states, at their start, with `known` of white levels,
     laws and memories; drifts: law -> channels that drift; moved: of `DELAYS`, what was taken out before [s]; asks: what is reported beside
     the columns, as sums of columns with weights; white_by_differences: white noise was found by them beforehand; lag: how slowly the sensor
-    answers, as far as it was asked."""
+    answers, as far as it was asked; scales: signal -> (n, m) what a unit of it too much adds, a shape where it is asked."""
 
     name: str
     channels: tuple[str, ...]
@@ -63,6 +63,7 @@ class Identity:
     asks: tuple[tuple[str, dict[str, float]], ...] = ()
     white_by_differences: bool = False
     lag: Lag | None = None
+    scales: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def attitude_of_rates(motion: Motion, late: float = 0.0) -> Identity:
@@ -100,7 +101,11 @@ def attitude_of_rates(motion: Motion, late: float = 0.0) -> Identity:
     series = Series(y, X, H, seen, motion.restart, motion.time, ("p", "q", "r", *TILTS, *DELAYS["delay"]),
                     np.array([*[0.5] * 3, *[TILTED] * 3, 0.5, 0.5]))  # fmt: skip
     drifts = {"roll and pitch drift": ("phi", "theta"), "yaw drift": ("psi",)}
-    return replace(_identity("attitude", ("phi", "theta", "psi"), series, laws, drifts, 0.002 * deg), moved={"delay": late})
+    own = motion.run(motion.steps(R * w[:, None, :]))
+    scales = {n: -np.einsum("nij,nj->ni", to_euler, own[:, :, i]) for i, n in enumerate(("p", "q", "r"))}
+    scales |= {n: _of_one(angles, i) for i, n in enumerate(("phi", "theta"))}
+    found = _identity("attitude", ("phi", "theta", "psi"), series, laws, drifts, 0.002 * deg)
+    return replace(found, moved={"delay": late}, scales=scales)
 
 
 def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
@@ -119,7 +124,9 @@ def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
         _from_begin(motion, motion.three(*channels) - place), X, _two_states(motion), motion.seen(*channels), motion.restart, motion.time,
         ("v_n", "v_e", "v_d", *DELAYS["delay"]), np.array([0.5, 0.5, 0.5, 1.0, 1.0]),
     )  # fmt: skip
-    return replace(_identity("position", channels, series, laws, {"position drift": channels}, 0.0005), moved={"delay": late})
+    scales = {n: _from_begin(motion, _of_one(motion.three(*channels), i)) for i, n in enumerate(channels[:2])}
+    found = _identity("position", channels, series, laws, {"position drift": channels}, 0.0005)
+    return replace(found, moved={"delay": late}, scales=scales)
 
 
 def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float = 0.0) -> Identity:
@@ -165,7 +172,11 @@ def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float 
     # errors of attitude times acceleration are no random walk: the white noise is what differences of high order leave
     white = tuple(max(white_noise(series.y[:, i], series.seen[:, i]) or w, 0.0005) for i, w in enumerate(found.white))
     known = (*(Known(w, KNOWN) for w in white), *found.known[len(white) :])
-    return replace(found, white_by_differences=True, white=white, known=known, moved={"delay": late, "acceleration delay": filtered})
+    moved = {"delay": late, "acceleration delay": filtered}
+    of_accelerations = -motion.run(motion.steps(R * a[:, None, :]))
+    scales = {n: of_accelerations[:, :, i] for i, n in enumerate(("a_x", "a_y", "a_z"))}
+    scales |= {n: _from_begin(motion, _of_one(motion.three(*channels), i)) for i, n in enumerate(channels[:2])}
+    return replace(found, white_by_differences=True, white=white, known=known, moved=moved, scales=scales)
 
 
 def _identity(
@@ -205,6 +216,11 @@ def _delays(motion: Motion, rate: np.ndarray) -> np.ndarray:
 def _drift_in_time(motion: Motion) -> np.ndarray:
     """(n, 3, 3): what a constant error of a rate leaves on each of three axes."""
     return motion.run(motion.steps(np.ones(len(motion))))[:, None, None] * np.eye(3) * -1.0
+
+
+def _of_one(y: np.ndarray, i: int) -> np.ndarray:
+    """(n, 3) y on its axis i alone."""
+    return y * np.eye(3)[i]
 
 
 def _from_begin(motion: Motion, y: np.ndarray) -> np.ndarray:

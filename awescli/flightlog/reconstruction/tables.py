@@ -12,6 +12,12 @@ ALIKE = 1.25
 VAGUE = 20.0
 """Ratio of the ends of an interval from which it is not worth printing."""
 
+AGAINST = {
+    **dict.fromkeys(("p", "q", "r"), "the attitude"), **dict.fromkeys(("phi", "theta"), "the rates"),
+    **dict.fromkeys(("v_n", "v_e"), "the acceleration"), **dict.fromkeys(("a_x", "a_y", "a_z", "p_n", "p_e"), "the velocity"),
+}  # fmt: skip
+"""Signal -> what its scale is measured against."""
+
 
 def noise_table(path: FlightPath, declared: Mapping[str, float]) -> dict[str, dict[str, object]]:
     """Channel -> unit, declared and measured white noise with its 95 % interval, drift with its memory [s], and what that means. declared:
@@ -55,6 +61,7 @@ def said(error: SensorError) -> str:
         "acceleration latency": f"acceleration late by {amount} s against the velocity",
         "airspeed_lag": f"airspeed lags by {amount} s",
         "airspeed_scale": f"airspeed reads {amount} % {'high' if size > 0 else 'low'}",
+        "scale": f"{where} reads {amount} % {'high' if size > 0 else 'low'} against {AGAINST.get(where, 'others')}",
         "heading_bias": f"heading off by {'-' if size < 0 else ''}{amount} {unit}",
     }
     return f"{words.get(error.name, f'{where} off by ' + ('-' if size < 0 else '') + f'{amount} {unit}')} +- {std:.{places}f}"

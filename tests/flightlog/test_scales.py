@@ -1,0 +1,64 @@
+"""Scales of single signals by kinematics, against what was put in: told where they are, and nothing else in their place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from kites import flight
+from sensors import POSITION, RATES, Sensors
+
+from awescli.flightlog.reconstruction.flight_path import reconstruct
+from awescli.flightlog.reconstruction.tables import said
+
+DEG = np.pi / 180
+SCALED = {
+    "a position": ({"p_n": 1.1}, 0.002), "a position in feet": (dict.fromkeys(POSITION[:2], 1 / 0.3048), 0.02),
+    "a velocity": ({"v_n": 0.85}, 0.15), "an acceleration": ({"a_z": 1.15}, 0.2), "a gyro": ({"p": 0.9}, 0.15),
+    "three gyros": (dict.fromkeys(RATES, 1.08), 0.15), "a roll angle": ({"phi": 1.05}, 0.1),
+}  # fmt: skip
+"""What is scaled, by how much; share of the error to which it is to be known."""
+AIR = {"calm": {}, "rough": {"gusts": (0.3, 3.0), "attitude": (0.2 * DEG, 2.0), "outliers": 0.003, "gap": 1.5}}
+
+
+@pytest.fixture(scope="module")
+def true():
+    """150 s of loops as they truly were."""
+    return flight(3, 150.0).log
+
+
+def scaled(log, factors):
+    return replace(log, measured={**log.measured, **{n: f * log[n] for n, f in factors.items()}})
+
+
+@pytest.mark.parametrize("air", AIR)
+@pytest.mark.parametrize("what", SCALED)
+def test_a_scale_is_told_and_nothing_in_its_place(true, what, air):
+    """Guards against wrong names: a velocity that reads a tenth too much was an accelerometer 1.4 m/s2 off, a gyro two that are."""
+    factors, known = SCALED[what]
+    path = reconstruct(scaled(Sensors(**AIR[air]).record(true, 7), factors))
+    assert [(e.name, e.acts_on) for e in path.findings] == [("scale", (n,)) for n in factors], path.findings
+    for e in path.findings:
+        assert e.size == pytest.approx(factors[e.acts_on[0]] - 1, rel=known), e
+
+
+def test_a_gyro_that_is_off_by_a_constant_has_no_scale(true):
+    """The yaw rate of a circle is nearly constant: its scale and its bias say much the same."""
+    path = reconstruct(Sensors(bias={"r": 1.5 * DEG}).record(true, 7))
+    assert [(e.name, e.acts_on[0]) for e in path.findings] == [("imu_bias", "r")], path.findings
+
+
+def test_what_is_measured_after_it_is_compared_without_it(true):
+    """Attitude is what velocity and acceleration are compared through: a roll angle of the wrong scale, taken out, leaves their errors."""
+    log = scaled(Sensors(bias={"a_z": 1.2}).record(true, 7), {"phi": 1.08})
+    assert {(e.name, e.acts_on[0]) for e in reconstruct(log).findings} == {("scale", "phi"), ("imu_bias", "a_z")}
+
+
+def test_small_scales_are_not_told(true):
+    """Nor is what they do to others: a roll angle that reads 2 % too little left an accelerometer 0.6 m/s2 off."""
+    path = reconstruct(scaled(Sensors().record(true, 7), {"p": 1.02, "p_e": 0.98, "phi": 0.98}))
+    assert not path.findings, path.findings
+
+
+def test_a_scale_in_words(true):
+    path = reconstruct(scaled(Sensors().record(true, 7), {"p_n": 0.9}))
+    assert [said(e).split(" % ")[1].split(" +- ")[0] for e in path.findings] == ["low against the velocity"]
