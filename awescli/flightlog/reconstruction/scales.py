@@ -15,13 +15,13 @@ from awescli.flightlog.reconstruction.solve import ENOUGH, Solution, solve, thin
 
 PRIOR = 0.3
 """Of a scale's error, about zero."""
-BLURRED: dict[str, float] = {n: 0.1 for n in ("v_n", "v_e", "a_x", "a_y", "a_z")}
+BLURRED: dict[str, float] = {n: 0.1 for n in ("v_n", "v_e", "a_x", "a_y", "a_z")} | {n: 0.15 for n in ("p_n", "p_e")}
 """Size of a scale below which it is not asked: between velocity and acceleration errors of the attitude, and an antenna that is not where
-the accelerometers are, pass for some per cent ..."""
+the accelerometers are, pass for some per cent; position and velocity of a piece of the AP2's record differ by 9 %, along one axis ..."""
 LEAST = 0.01
 """... and of all others: less leaves less than noise."""
-MATTERS = 0.03
-"""Size of a scale from which it is told, as that of the airspeed."""
+MATTERS = 0.05
+"""Size of a scale from which it is told."""
 WORTH, SURE = 30.0, 8.0
 """Deviance that a scale must be worth, and its standard deviations: noise may be of another form than is assumed."""
 MOST = 3
