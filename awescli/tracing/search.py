@@ -151,13 +151,15 @@ def asked(frame: Frame, record: Sequence[Round], model: FittedModel, key: str, c
     gains = [(t.key, t.gain) for r in record for t in r.contenders if t.key == r.accepted]
     if not gains or make_effect(key, frame.declared).empirical:
         return 0.0
-    left = max(gain * _left_by_form(frame, accepted, criteria) for accepted, gain in gains)
-    return max(left, criteria.clear_of_gusts if gusty(model, criteria) else 0.0)
+    blown = gusty(model, criteria)
+    left = max(gain * _left_by_form(frame, accepted, blown, criteria) for accepted, gain in gains)
+    return max(left, criteria.clear_of_gusts if blown else 0.0)
 
 
-def _left_by_form(frame: Frame, key: str, criteria: Criteria) -> float:
-    """Share of what an effect gains that its form may leave."""
-    return criteria.known_form if make_effect(key, frame.declared).place in ("line", "report") else criteria.form
+def _left_by_form(frame: Frame, key: str, blown: bool, criteria: Criteria) -> float:
+    """Share of what an effect gains that its form may leave. In gusts more may be left: a surface that answers them seems late."""
+    known = make_effect(key, frame.declared).place in ("line", "report") and not blown
+    return criteria.known_form if known else criteria.form
 
 
 def _detectable(screening: Screening) -> dict[str, tuple[str, float]]:

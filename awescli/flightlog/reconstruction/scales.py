@@ -22,8 +22,10 @@ LEAST = 0.01
 """... and of all others: less leaves less than noise."""
 MATTERS = 0.05
 """Size of a scale from which it is told."""
-WORTH, SURE = 30.0, 8.0
-"""Deviance that a scale must be worth, and its standard deviations: noise may be of another form than is assumed."""
+WORTH, LIKELY = 30.0, 8.0
+"""Deviance that a scale must be worth, and its standard deviations: noise may be of another form than is assumed ..."""
+SURE = 12.0
+"""... and in the end, beside all others. In a piece of the AP2's record the roll angle differs from what the rates say by 8 of them."""
 MOST = 3
 """Scales at once: of all axes of a sensor."""
 
@@ -38,7 +40,7 @@ def solve_with_scales(identity: Identity) -> Solution:
         more = solve(_with_scale(best.identity, signal))
         gain = best.levels.deviance - more.levels.deviance - 2 * np.log(PRIOR)
         size, std = more.values[f"scale {signal}"], more.std[f"scale {signal}"]
-        if gain < WORTH or abs(size) < max(SURE * std, _least(signal)):
+        if gain < WORTH or abs(size) < max(LIKELY * std, _least(signal)):
             return best
         best = more
     return best
@@ -49,7 +51,7 @@ def scales_of(solution: Solution) -> list[SensorError]:
     found = []
     for signal in solution.identity.scales:
         b, std = (of.get(f"scale {signal}") for of in (solution.values, solution.std))
-        if b is not None and std is not None:
+        if b is not None and std is not None and abs(b) > SURE * std:
             found.append(SensorError("scale", None, (signal,), b / (1 - b), std / (1 - b) ** 2, "-", max(MATTERS, _least(signal))))
     return found
 
