@@ -7,8 +7,10 @@ import pytest
 from kites import flight
 from sensors import POSITION, RATES, Sensors
 
+from awescli.flightlog.reconstruction import scales
 from awescli.flightlog.reconstruction.flight_path import reconstruct
 from awescli.flightlog.reconstruction.tables import said
+from awescli.notation.errors import NumericalFailure
 
 DEG = np.pi / 180
 SCALED = {
@@ -62,3 +64,17 @@ def test_small_scales_are_not_told(true):
 def test_a_scale_in_words(true):
     path = reconstruct(scaled(Sensors().record(true, 7), {"p_n": 0.8}))
     assert [said(e).split(" % ")[1].split(" +- ")[0] for e in path.findings] == ["low against the velocity"]
+
+
+def test_a_scale_that_cannot_be_solved_for_leaves_what_is_said_without(true, monkeypatch):
+    """`solve` fails where a scale stands beside the biases: what they are without it is said, and no number of it."""
+    plain = scales.solve
+
+    def solve(identity):
+        if any(c.startswith("scale ") for c in identity.series.columns):
+            raise NumericalFailure("singular", "shapes cannot be distinguished", do="Look.")
+        return plain(identity)
+
+    monkeypatch.setattr(scales, "solve", solve)
+    path = reconstruct(scaled(Sensors(bias={"psi": 3 * DEG}).record(true, 7), {"p_n": 1.2}))
+    assert {e.name for e in path.findings} == {"heading_bias"} and not path.notes and not any(e.name == "scale" for e in path.errors)

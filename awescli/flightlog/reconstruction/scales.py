@@ -12,6 +12,7 @@ from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood, Seri
 from awescli.flightlog.reconstruction.identities import Identity
 from awescli.flightlog.reconstruction.result import SensorError
 from awescli.flightlog.reconstruction.solve import ENOUGH, Solution, solve, thinned
+from awescli.notation.errors import NumericalFailure
 
 PRIOR = 0.3
 """Of a scale's error, about zero."""
@@ -37,7 +38,11 @@ def solve_with_scales(identity: Identity) -> Solution:
         signal = _likeliest(best.identity)
         if signal is None:
             return best
-        more = solve(_with_scale(best.identity, signal))
+        try:
+            more = solve(_with_scale(best.identity, signal))
+        except NumericalFailure:
+            # what is said without that scale stands
+            return best
         gain = best.levels.deviance - more.levels.deviance - 2 * np.log(PRIOR)
         size, std = more.values[f"scale {signal}"], more.std[f"scale {signal}"]
         if gain < WORTH or abs(size) < max(LIKELY * std, _least(signal)):
