@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from free_flight import free_flight
 from kites import flight
 from sensors import POSITION, RATES, Sensors
 
@@ -14,9 +15,9 @@ from awescli.notation.errors import NumericalFailure
 
 DEG = np.pi / 180
 SCALED = {
-    "a position": ({"p_n": 1.2}, 0.002), "a position in feet": (dict.fromkeys(POSITION[:2], 1 / 0.3048), 0.02),
+    "a position": ({"p_n": 1.1}, 0.002), "a position in feet": (dict.fromkeys(POSITION[:2], 1 / 0.3048), 0.02),
     "a velocity": ({"v_n": 0.85}, 0.15), "an acceleration": ({"a_z": 1.15}, 0.2), "a gyro": ({"p": 0.9}, 0.15),
-    "three gyros": (dict.fromkeys(RATES, 1.08), 0.15), "a roll angle": ({"phi": 1.05}, 0.1),
+    "three gyros": (dict.fromkeys(RATES, 1.08), 0.15), "a roll angle": ({"phi": 1.08}, 0.1),
 }  # fmt: skip
 """What is scaled, by how much; share of the error to which it is to be known."""
 AIR = {"calm": {}, "rough": {"gusts": (0.3, 3.0), "attitude": (0.2 * DEG, 2.0), "outliers": 0.003, "gap": 1.5}}
@@ -57,8 +58,16 @@ def test_what_is_measured_after_it_is_compared_without_it(true):
 
 def test_small_scales_are_not_told(true):
     """Nor is what they do to others: a roll angle that reads 2 % too little left an accelerometer 0.6 m/s2 off."""
-    path = reconstruct(scaled(Sensors().record(true, 7), {"p": 1.02, "p_e": 0.9, "phi": 0.98}))
+    path = reconstruct(scaled(Sensors().record(true, 7), {"p": 1.02, "p_e": 0.97, "phi": 0.98}))
     assert not path.findings, path.findings
+
+
+def test_noise_of_a_small_motion_is_no_scale():
+    """Guards against a wrong name: white noise of an angle is in what is compared and in the angle itself, and where an aircraft flies
+    straight it passed for a pitch angle that reads 19 % too much."""
+    log = free_flight(seconds=60.0, seed=3)
+    path = reconstruct(log)
+    assert np.std(log["theta"]) < 10 * DEG and not any(e.name == "scale" for e in path.errors), path.errors
 
 
 def test_a_scale_in_words(true):

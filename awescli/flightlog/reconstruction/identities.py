@@ -15,6 +15,7 @@ from awescli.flightlog.quality import white_noise
 from awescli.flightlog.reconstruction.gauss_markov import Law, Series
 from awescli.flightlog.reconstruction.levels import Known
 from awescli.flightlog.reconstruction.motion_of import Motion, turn, turned_by
+from awescli.flightlog.smoothing import local_quadratic
 
 STEEP = np.deg2rad(80.0)
 """Pitch beyond which roll and yaw are not distinguished."""
@@ -32,6 +33,8 @@ TILTS, TILTED = ("tilt x", "tilt y", "tilt z"), 0.03
 """rad: prior of how far gyros, or accelerometers, are turned against the axes of the attitude: told as no error, and taken for none."""
 FILTERED = 0.1
 """s: prior of the delay of an acceleration, by its filter; on a straight flight it is that of the velocity with the other sign."""
+SMOOTH = 1.0
+"""s over which a channel is smoothed for what its own scale does."""
 SLOW = 2.0
 """s: motion that is slower is separated from motion that is quicker, for a delay delays both alike."""
 
@@ -103,7 +106,7 @@ def attitude_of_rates(motion: Motion, late: float = 0.0) -> Identity:
     drifts = {"roll and pitch drift": ("phi", "theta"), "yaw drift": ("psi",)}
     own = motion.run(motion.steps(R * w[:, None, :]))
     scales = {n: -np.einsum("nij,nj->ni", to_euler, own[:, :, i]) for i, n in enumerate(("p", "q", "r"))}
-    scales |= {n: _of_one(angles, i) for i, n in enumerate(("phi", "theta"))}
+    scales |= _scales(motion, ("phi", "theta"))
     found = _identity("attitude", ("phi", "theta", "psi"), series, laws, drifts, 0.002 * deg)
     return replace(found, moved={"delay": late}, scales=scales)
 
@@ -124,7 +127,7 @@ def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
         _from_begin(motion, motion.three(*channels) - place), X, _two_states(motion), motion.seen(*channels), motion.restart, motion.time,
         ("v_n", "v_e", "v_d", *DELAYS["delay"]), np.array([0.5, 0.5, 0.5, 1.0, 1.0]),
     )  # fmt: skip
-    scales = {n: _from_begin(motion, _of_one(motion.three(*channels), i)) for i, n in enumerate(channels[:2])}
+    scales = _scales(motion, channels[:2])
     found = _identity("position", channels, series, laws, {"position drift": channels}, 0.0005)
     return replace(found, moved={"delay": late}, scales=scales)
 
@@ -175,7 +178,7 @@ def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float 
     moved = {"delay": late, "acceleration delay": filtered}
     of_accelerations = -motion.run(motion.steps(R * a[:, None, :]))
     scales = {n: of_accelerations[:, :, i] for i, n in enumerate(("a_x", "a_y", "a_z"))}
-    scales |= {n: _from_begin(motion, _of_one(motion.three(*channels), i)) for i, n in enumerate(channels[:2])}
+    scales |= _scales(motion, channels[:2])
     return replace(found, white_by_differences=True, white=white, known=known, moved=moved, scales=scales)
 
 
@@ -218,9 +221,16 @@ def _drift_in_time(motion: Motion) -> np.ndarray:
     return motion.run(motion.steps(np.ones(len(motion))))[:, None, None] * np.eye(3) * -1.0
 
 
-def _of_one(y: np.ndarray, i: int) -> np.ndarray:
-    """(n, 3) y on its axis i alone."""
-    return y * np.eye(3)[i]
+def _scales(motion: Motion, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Signal -> (n, 3) what a unit of it too much adds, of some channels of an identity, each on its own axis; smooth: its noise is in the
+    channel, too, and would pass for a part of it (errors in variables; Fuller, Measurement Error Models, 1987, ch. 1)."""
+    ends = np.flatnonzero(motion.restart)[1:]
+    found = {}
+    for i, name in enumerate(names):
+        parts = np.split(motion.log[name][motion.rows], ends)
+        smooth = np.concatenate([local_quadratic(part, motion.dt, SMOOTH) for part in parts])
+        found[name] = _from_begin(motion, smooth[:, None] * np.eye(3)[i])
+    return found
 
 
 def _from_begin(motion: Motion, y: np.ndarray) -> np.ndarray:

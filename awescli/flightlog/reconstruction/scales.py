@@ -16,9 +16,9 @@ from awescli.notation.errors import NumericalFailure
 
 PRIOR = 0.3
 """Of a scale's error, about zero."""
-BLURRED: dict[str, float] = {n: 0.1 for n in ("v_n", "v_e", "a_x", "a_y", "a_z")} | {n: 0.15 for n in ("p_n", "p_e")}
+BLURRED: dict[str, float] = {n: 0.1 for n in ("v_n", "v_e", "a_x", "a_y", "a_z")}
 """Size of a scale below which it is not asked: between velocity and acceleration errors of the attitude, and an antenna that is not where
-the accelerometers are, pass for some per cent; position and velocity of a piece of the AP2's record differ by 9 %, along one axis ..."""
+the accelerometers are, pass for some per cent ..."""
 LEAST = 0.01
 """... and of all others: less leaves less than noise."""
 MATTERS = 0.05
@@ -26,18 +26,15 @@ MATTERS = 0.05
 WORTH, LIKELY = 30.0, 8.0
 """Deviance that a scale must be worth, and its standard deviations: noise may be of another form than is assumed ..."""
 SURE = 12.0
-"""... and in the end, beside all others. In a piece of the AP2's record the roll angle differs from what the rates say by 8 of them."""
-MOST = 3
-"""Scales at once: of all axes of a sensor."""
+"""... and in the end, beside all others of its sensor."""
+SENSORS = (("p", "q", "r"), ("phi", "theta"), ("v_n", "v_e"), ("a_x", "a_y", "a_z"), ("p_n", "p_e"))
+"""Scales at once are of one sensor: with both sides of an identity times zero nothing is left of it, noise included."""
 
 
 def solve_with_scales(identity: Identity) -> Solution:
     """The solution, with the shape `scale X` for every signal X whose scale is clearly off. Raises NumericalFailure."""
     best = solve(identity)
-    for _ in range(MOST):
-        signal = _likeliest(best.identity)
-        if signal is None:
-            return best
+    while (signal := _likeliest(best.identity)) is not None:
         try:
             more = solve(_with_scale(best.identity, signal))
         except NumericalFailure:
@@ -65,12 +62,11 @@ def _likeliest(identity: Identity) -> str | None:
     """The signal whose scale the levels of the start make likeliest, if any is worth a solution."""
     series = thinned(identity.series, ENOUGH)
     before = BandedLikelihood(series).at(np.array(identity.white), identity.laws).deviance
-    gains = {}
-    for signal in identity.scales:
-        if f"scale {signal}" not in series.columns:
-            with_it = thinned(_with_scale(identity, signal).series, ENOUGH)
-            found = BandedLikelihood(with_it).at(np.array(identity.white), identity.laws)
-            gains[signal] = before - found.deviance - 2 * np.log(PRIOR) if abs(found.beta[-1]) > _least(signal) / 2 else 0.0
+    gains, beside = {}, [n for n in identity.scales if f"scale {n}" in series.columns]
+    for signal in (n for n in identity.scales if n not in beside and any({n, *beside} <= set(sensor) for sensor in SENSORS)):
+        with_it = thinned(_with_scale(identity, signal).series, ENOUGH)
+        found = BandedLikelihood(with_it).at(np.array(identity.white), identity.laws)
+        gains[signal] = before - found.deviance - 2 * np.log(PRIOR) if abs(found.beta[-1]) > _least(signal) / 2 else 0.0
     best = max(gains, key=lambda signal: gains[signal], default=None)
     return best if best is not None and gains[best] > WORTH else None
 
