@@ -37,8 +37,8 @@ class Criteria:
     effects that were there gained 19 % and more (development flights)."""
     known_form: float = 0.02
     """The same, in calm air, beside an effect of the line or of what an instrument reports: a bias is a bias, and a string obeys Hooke. It
-    may gain a hundred times what another effect does: beside a winch clock 1 s late a constant wind of 1.5 m/s came to 3 % (tracing
-    campaign, family 52). In gusts a rudder that answers them seemed 40 ms late beside a late position in JSBSim, worth more than that."""
+    may gain many times what another effect does: beside a winch clock 1 s late a constant wind got no name (tracing campaign, family 52).
+    Not in gusts: there a rudder that answers them seemed late beside a late position (JSBSim, family 48)."""
     per_parameter: float = 2.0
     """Deviance that each strength costs beside (Akaike)."""
 

@@ -29,9 +29,9 @@ come down (a delay that lacked a third of the gain of a lag then led it in the e
 WORSE = 5.0
 """Deviance by which a fit with one effect more may end above the model without it: more, and the optimiser has failed."""
 PROMISED = 3.0
-"""Times the best gain of a round that a score promises: what was not fitted is fitted then, too. Where a model lacks several effects and
-has hardly ended, scores may be wrong: of the first five none gained a twentieth of what its score said, and a clock that was off, worth
-ten times as much as they, stood behind them (tracing campaign, family 52)."""
+"""Times the best gain of a round that a score promises: what was not fitted is fitted then, too, up to twice as many as compete. Where a
+model lacks several effects and has hardly ended, scores may be wrong: a winch clock that was off stood behind a dozen that gained nothing
+of what theirs said (tracing campaign, family 52)."""
 
 Candidate = TypeVar("Candidate", Score, Tried)
 CROWD = 2
@@ -205,7 +205,7 @@ def _race(
 
     for s in (s for s in scores if s in chosen):
         enter(s)
-    for s in (s for s in leaders if s.key not in entered):
+    for s in [s for s in leaders if s.key not in entered][: 2 * criteria.competitors]:
         if s.drop > PROMISED * max(t.gain for t in entered.values()):
             enter(s)
     return tuple(entered.get(s.key, Tried(s, s in leaders)) for s in scores)

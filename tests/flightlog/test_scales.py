@@ -57,14 +57,14 @@ def test_what_is_measured_after_it_is_compared_without_it(true):
 
 
 def test_small_scales_are_not_told(true):
-    """Nor is what they do to others: a roll angle that reads 2 % too little left an accelerometer 0.6 m/s2 off."""
+    """Nor is what they do to others: a roll angle that reads 2 % too little makes an accelerometer seem off."""
     path = reconstruct(scaled(Sensors().record(true, 7), {"p": 1.02, "p_e": 0.97, "phi": 0.98}))
     assert not path.findings, path.findings
 
 
 def test_noise_of_a_small_motion_is_no_scale():
     """Guards against a wrong name: white noise of an angle is in what is compared and in the angle itself, and where an aircraft flies
-    straight it passed for a pitch angle that reads 19 % too much."""
+    straight it passed for a pitch angle that reads too much."""
     log = free_flight(seconds=60.0, seed=3)
     path = reconstruct(log)
     assert np.std(log["theta"]) < 10 * DEG and not any(e.name == "scale" for e in path.errors), path.errors

@@ -42,6 +42,21 @@ def beaten(monkeypatch, ends, to_the_end=lambda frame, model, reach: model):
     return found, begun
 
 
+@pytest.mark.parametrize("drop, fitted_too", [(100.0, False), (130.0, True)])
+def test_what_a_score_promises_is_fitted_though_others_stand_before_it(monkeypatch, drop, fitted_too):
+    """Guards three effects at once: scores of a dozen others were wrong, and the clock behind them was never fitted. All gain 40 here."""
+    monkeypatch.setattr(searching, "fit_added", lambda frame, base, key, *rest: GOOD)
+    monkeypatch.setattr(searching, "fit_on_part", lambda frame, model: (frame, model))
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: plain())
+    drops = [*[1e4] * CRITERIA.competitors, drop]
+    start = lambda rows, share: ({"share": share}, {})  # noqa: E731
+    scores = tuple(SimpleNamespace(key=f"effect_{i}", p_value=1e-12, drop=d, start=start) for i, d in enumerate(drops))
+    screening = SimpleNamespace(scores=scores, rows={}, cosine=lambda a, b: 0.0)
+    found = searching._race(SimpleNamespace(declared=None), BASE, screening, 0.0, CRITERIA, lambda text: None)
+    assert [t.key for t in found] == [s.key for s in scores] and all(t.gain == 40.0 for t in found[:-1])
+    assert found[-1].outcome == ("converged" if fitted_too else "not fitted")
+
+
 @pytest.mark.parametrize("ends", [[GOOD], [FAILED, GOOD], [FAILED, LOST, GOOD]])
 def test_a_fit_that_fails_is_begun_elsewhere(monkeypatch, ends):
     """Guards A4: a fit that ends far above the model without the effect, or loses a segment, has failed, and the next start is tried."""
@@ -230,7 +245,7 @@ def test_what_model_error_helps_yet_is_fitted_to_the_end(monkeypatch, quick, res
 def test_what_the_form_of_an_effect_leaves_gets_no_name(monkeypatch, accepted, key, gain, most, doubted):
     """Guards a pitch moment with the cube of alpha (four of four flights): called a pitch curvature, of its square, *and* a stall that
     gained 3 to 7 % of it. A second effect that is there gains more, a first one has nothing to be measured by, a term claims no name. And
-    guards what is there beside an error of a clock or of gyros, whose form is known: it may gain ten thousand."""
+    guards what is there beside an error of a clock or of gyros, whose form is known: that gains many times as much."""
     first = searching.Tried(SimpleNamespace(key=accepted), True, "converged", fitted(most), most)
     record = [searching.Round(BASE, (first,), accepted, ())] if most else []
     best = fitted(gain)

@@ -123,7 +123,7 @@ def _beside_velocity(error: SensorError, before: Sequence[SensorError]) -> Senso
 
 def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
     """The motion as its sensors would have logged it without the errors that were found, and without all scales that are there: what comes
-    next is not to find them again. A roll angle that reads 2 % too little left an accelerometer 0.6 m/s2 off."""
+    next is not to find them again. A roll angle that reads 2 % too little makes an accelerometer seem off."""
     signals = dict(motion.log.measured)
     there = [e for e in errors if e.found or e.name == "scale"]
     for e in there:
