@@ -123,23 +123,28 @@ def repetition_of_gusts(frame: Frame, model: FittedModel) -> Repetition | None:
 def repetition_of(
     frame: Frame, model: FittedModel, axes: Sequence[tuple[str, str]], of: Callable[[np.ndarray], tuple[float, float]]
 ) -> Repetition | None:
-    """How much of the first flight's smoothed processes repeats over the phase of a loop (`repeated`), or goes on from loop to loop
-    (`lasting`). axes: (group, axis). None with too few loops."""
-    loops = find_loops(frame.flights[0].log)
-    if loops.kind != "loops":
-        return None
-    share, p, used, worth = {}, {}, 0, 0.0
-    groups = {g.name: g for process in model.problems[0].processes for g in process.groups}
-    step = frame.flights[0].log.dt * float(np.diff(loops.bounds).mean()) / BINS
+    """How much of smoothed processes repeats over the phase of a loop (`repeated`), or goes on from loop to loop (`lasting`): of each in
+    the flight where it is largest. axes: (group, axis). None with too few loops."""
+    share, p, used, worth = {}, {}, [], 0.0
     for label in axes:
-        times, values = _path(model, label)
-        axis, table = label[1], _by_loop(times, values, loops)
-        used = len(table)
-        if used < FEWEST:
+        place, group = _largest(model, label[0])
+        log = frame.flights[place].log
+        loops = find_loops(log)
+        if loops.kind != "loops":
             return None
+        axis, table = label[1], _by_loop(*_path(model, place, label), loops)
+        if len(table) < FEWEST:
+            return None
+        used.append(len(table))
         share[axis], p[axis] = of(table)
-        worth += paid(table, step, groups[label[0]])
-    return Repetition(share, p, used, worth)
+        worth += paid(table, log.dt * float(np.diff(loops.bounds).mean()) / BINS, group)
+    return Repetition(share, p, min(used), worth)
+
+
+def _largest(model: FittedModel, name: str) -> tuple[int, Group]:
+    """(place of the flight, group of a process) where it is largest: another flight may hold nothing of it."""
+    found = [(i, g) for i, p in enumerate(model.problems) for process in p.processes for g in process.groups if g.name == name]
+    return max(found, key=lambda each: each[1].level)
 
 
 def repeated(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
@@ -181,16 +186,14 @@ def lasting(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
     return float(np.clip(share, 0.0, 1.0)), float((1 + np.count_nonzero(by_chance >= seen)) / (1 + DRAWS))
 
 
-def _path(model: FittedModel, label: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
-    """(samples, smoothed values) of one (group, axis) of the processes at all nodes of the first flight."""
+def _path(model: FittedModel, place: int, label: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
+    """(samples, smoothed values) of one (group, axis) of the processes at all nodes of a flight that has it."""
     samples, values = [], []
-    for f in (model.fit.flights[0], model.judged[0]):
-        at = [i for i, own in enumerate(f.misfit.labels) if own == label]
-        if not at:
-            continue
+    for f in (model.fit.flights[place], model.judged[place]):
+        axis = f.misfit.labels.index(label)
         nodes = f.misfit.observed.segments.first[f.counted][:, None] + f.misfit.nodes
         samples.append(nodes.ravel())
-        values.append(f.own.path[f.counted][..., at[0]].ravel())
+        values.append(f.own.path[f.counted][..., axis].ravel())
     return np.concatenate(samples), np.concatenate(values)
 
 

@@ -1,12 +1,14 @@
 """What is left: what repeats from loop to loop is seen, what does not is not called so; noise does not grow to hide it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import stats
 from tracing.traced import null_model
 
 from awescli.estimation.processes.base import Group
-from awescli.tracing.rest import BINS, Repetition, Rest, lasting, paid, repeated, rest_of
+from awescli.tracing.rest import BINS, FEWEST, Repetition, Rest, lasting, paid, repeated, repetition_of, rest_of
 
 LOOPS = 10
 STEP = 0.8
@@ -117,6 +119,21 @@ def test_noise_does_not_grow_to_hide_what_is_missing():
     frame, null = null_model()
     bare, left = rest_of(frame, null)
     assert bare is null and left.chi2 == pytest.approx(1.0, abs=0.06) and left.worth == 0 and left.repetition is None
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_of_several_flights_the_one_is_asked_where_something_is_left(order):
+    """Guards against an error: a trace of five flights ended where the first of them left nothing and another did."""
+    both = null_model(), null_model((("sideslip_drag", (("k", 2.5),)),), seed=32, duration=120.0)
+    frames, models = zip(*(both[i] for i in order), strict=True)
+    of_both = SimpleNamespace(
+        problems=[m.problems[0] for m in models], judged=[m.judged[0] for m in models],
+        fit=SimpleNamespace(flights=[m.fit.flights[0] for m in models]),
+    )  # fmt: skip
+    frame, model = both[1]
+    axes = [(axis, axis) for axis in model.rest]
+    found = repetition_of(SimpleNamespace(flights=[f.flights[0] for f in frames]), of_both, axes, repeated)
+    assert axes and found == repetition_of(frame, model, axes, repeated) and found.loops >= FEWEST
 
 
 def test_a_slow_channel_may_leave_more_by_chance():

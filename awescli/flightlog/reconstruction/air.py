@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from awescli.flightlog.quality import white_noise
 from awescli.flightlog.reconstruction.gauss_markov import Law, Series
-from awescli.flightlog.reconstruction.identities import WIDE, Identity
+from awescli.flightlog.reconstruction.identities import SMOOTH, WIDE, Identity
 from awescli.flightlog.reconstruction.levels import Known
 from awescli.flightlog.reconstruction.motion_of import Motion
 from awescli.flightlog.smoothing import local_quadratic
@@ -49,10 +49,12 @@ def airspeed_of_motion(motion: Motion, wind: np.ndarray | None = None, lag: floa
     error = motion.log["V_a"][motion.rows] - speed
     mean = float(speed[seen].mean()) if seen.any() else SLOWEST
     changes = [local_quadratic(part, motion.dt, SPAN, derivative=1) for part in _stretches(speed, motion)]
+    # its noise is in the error, too, and would pull a factor on it to minus one (errors in variables)
+    slow = np.concatenate([local_quadratic(part, motion.dt, SMOOTH) for part in _stretches(speed, motion)])
     shapes = _wind_shapes(G[:, None, :], motion, wind, higher) | {
-        "scale": speed[:, None], "offset": np.ones((len(motion), 1)), "late": -np.concatenate(changes)[:, None],
+        "scale": slow[:, None], "offset": np.ones((len(motion), 1)), "late": -np.concatenate(changes)[:, None],
         # whoever holds the airspeed flies slower over ground when a gust comes from ahead: it then passes for a factor on what varies
-        "answered": (speed - mean)[:, None],
+        "answered": (slow - mean)[:, None],
     }  # fmt: skip
     answered = float(np.clip(np.var(error[seen]) / max(np.var(speed[seen]), 0.01), 1e-4, 1.0)) if seen.any() else 1.0
     laws = (Law("gusts and airspeed drift", (0,), GUSTS, GUST_MEMORY),)
@@ -63,13 +65,14 @@ def airspeed_of_motion(motion: Motion, wind: np.ndarray | None = None, lag: floa
 
 def lagged(signal: np.ndarray, motion: Motion, lag: float) -> np.ndarray:
     """What a sensor with a lag [s] of first order makes of a signal (n, ...), exactly where it is constant between the middles of samples;
-    every stretch begins at its first value."""
-    if lag <= 0:
+    every stretch begins at its first value. A negative lag: the same filter, from the end of each stretch backwards in time."""
+    if lag == 0:
         return signal
-    a, parts = np.exp(-motion.dt / lag), []
+    a, way, parts = np.exp(-motion.dt / abs(lag)), 1 if lag > 0 else -1, []
     for part in _stretches(signal, motion):
-        held = np.concatenate([part[:1], (part[1:] + part[:-1]) / 2])
-        parts.append(lfilter([1 - a], [1, -a], held, axis=0, zi=a * held[:1])[0])
+        flown = part[::way]
+        held = np.concatenate([flown[:1], (flown[1:] + flown[:-1]) / 2])
+        parts.append(lfilter([1 - a], [1, -a], held, axis=0, zi=a * held[:1])[0][::way])
     return np.concatenate(parts)
 
 

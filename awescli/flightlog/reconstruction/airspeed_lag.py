@@ -40,7 +40,9 @@ def airspeed_lag(motion: Motion, wind: np.ndarray | None) -> Lag:
     around = [_deviance(motion, wind, first + k * step) for k in range(3)]
     curvature = (around[0] - 2 * around[1] + around[2]) / step**2
     std = float(np.hypot(np.sqrt(2 / curvature), NEAR)) if curvature > 0 else LAGS[-1]
-    return Lag(size, std, tried[0.0] - least > CLEAR_GAIN)
+    # the noise of velocities is averaged by a lag, too, and as much by the same filter backwards in time, which no sensor is
+    without = min(tried[0.0], _deviance(motion, wind, -size))
+    return Lag(size, std, without - least > CLEAR_GAIN)
 
 
 def _deviance(motion: Motion, wind: np.ndarray | None, lag: float) -> float:

@@ -18,10 +18,11 @@ from awescli.flightlog.reconstruction.air import airspeed_of_motion, recorded, v
 from awescli.flightlog.reconstruction.airspeed_lag import airspeed_lag
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
 from awescli.flightlog.reconstruction.identities import DELAYS, Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
+from awescli.flightlog.reconstruction.levels import estimate_levels
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
 from awescli.flightlog.reconstruction.scales import scales_of, solve_with_scales
-from awescli.flightlog.reconstruction.solve import Solution, delay_by_channel, thinned
+from awescli.flightlog.reconstruction.solve import Solution, delay_by_channel, thinned, without_outliers
 from awescli.notation.errors import NumericalFailure
 from awescli.notation.present import present
 from awescli.notation.quantities import ANGLES, UNITS
@@ -36,6 +37,8 @@ SHARE = 0.25
 """Of the white noise, below which a drift is not worth a word."""
 MOVED = 0.02
 """s: a longer delay is taken out first, so that the rest is linear."""
+NEAREST = 0.75
+"""Samples: of a shorter delay no whole one is taken out, or two neighbours would take turns."""
 PLACED = 0.01
 """Of a sample, to which interpolation places a signal in time: no delay is known better."""
 STEPS = 4
@@ -138,18 +141,18 @@ def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
     return replace(motion, log=replace(motion.log, measured=signals)) if there else motion
 
 
-def _moved(build: Callable[..., Identity], motion: Motion) -> Identity:
+def _moved(build: Callable[..., Identity], motion: Motion, whole: bool = False) -> Identity:
     """The identity with a delay taken out of its reference, which says how much: the delay's column is linear in it. As it is where that
-    comes to no end, or makes it less likely by more than levels that are guesses may (one of deviance a sample): in rates in deg/s, or of
-    another axis, some delay always takes a little of what is left."""
-    late, begun = 0.0, build(motion, 0.0)
-    identity, before = begun, np.inf
+    comes to no end, or is not likelier: in rates in deg/s, or of another axis, some delay always takes a little of what is left. whole: by
+    whole samples, as of a signal that is not integrated yet: between two of them noise is averaged, and half a sample passes for a delay.
+    """
+    begun = identity = build(motion, 0.0)
+    late = 0.0
     for _ in range(STEPS if _enough(begun) else 0):
-        deviance, more = _first_look(identity, "late")
-        before = deviance if identity is begun else before
-        if abs(more) < MOVED:
-            return identity if deviance <= before + thinned(identity.series, FEWEST * 10).seen.sum() else begun
-        late += more
+        more = _first_look(identity, "late")
+        if _near(more, motion):
+            return min(begun, identity, key=_deviance) if late else begun
+        late += _whole(more, motion) if whole else more
         identity = build(motion, late)
     return begun
 
@@ -157,20 +160,33 @@ def _moved(build: Callable[..., Identity], motion: Motion) -> Identity:
 def _velocity(motion: Motion) -> Identity:
     """About the delay of the acceleration that a first look finds: its column is linear in it."""
     identity = _moved(velocity_of_acceleration, motion)
-    if not _enough(identity):
+    late = _first_look(identity, "acceleration late") if _enough(identity) else 0.0
+    if _near(late, motion):
         return identity
-    first, late = _first_look(identity, "acceleration late")
-    if abs(late) < MOVED:
-        return identity
-    again = _moved(partial(velocity_of_acceleration, filtered=late), motion)
-    return again if _first_look(again, "acceleration late")[0] < first else identity
+    again = _moved(partial(velocity_of_acceleration, filtered=_whole(late, motion)), motion)
+    return min(identity, again, key=_deviance)
 
 
-def _first_look(identity: Identity, column: str) -> tuple[float, float]:
-    """(deviance at the levels of the start, a shape there) of some samples."""
+def _near(delay: float, motion: Motion) -> bool:
+    """Is a delay [s] small enough for what is linear in it?"""
+    return abs(delay) < max(MOVED, NEAREST * motion.dt)
+
+
+def _whole(delay: float, motion: Motion) -> float:
+    """The delay [s] in whole samples."""
+    return round(delay / motion.dt) * motion.dt
+
+
+def _first_look(identity: Identity, column: str) -> float:
+    """A shape at the levels of the start, by some samples."""
     series = thinned(identity.series, FEWEST * 10)
-    found = BandedLikelihood(series).at(np.array(identity.white), identity.laws)
-    return found.deviance, float(found.beta[series.columns.index(column)])
+    return float(BandedLikelihood(series).at(np.array(identity.white), identity.laws).beta[series.columns.index(column)])
+
+
+def _deviance(identity: Identity) -> float:
+    """At its likeliest levels, by some samples."""
+    likelihood = BandedLikelihood(without_outliers(identity, thinned(identity.series, FEWEST * 10)))
+    return estimate_levels(likelihood, identity.white, identity.laws, identity.known, how_well=False).deviance
 
 
 def _enough(identity: Identity) -> bool:
@@ -241,7 +257,7 @@ def _say_vanes(s: Solution) -> list[SensorError]:
 VELOCITY, ATTITUDE = ("v_n", "v_e", "v_d"), ("phi", "theta", "psi")
 ACCELERATIONS, RATES = ("a_x", "a_y", "a_z"), ("p", "q", "r")
 IDENTITIES: tuple[tuple[str, tuple[str, ...], Callable, Callable], ...] = (
-    ("attitude and rates", (*ATTITUDE, *RATES), partial(_moved, attitude_of_rates), _say_attitude),
+    ("attitude and rates", (*ATTITUDE, *RATES), partial(_moved, attitude_of_rates, whole=True), _say_attitude),
     ("velocity and acceleration", (*VELOCITY, *ACCELERATIONS, *ATTITUDE), _velocity, _say_velocity),
     ("position and velocity", ("p_n", "p_e", "p_d", *VELOCITY), partial(_moved, position_of_velocity), _say_position),
     ("airspeed and motion", ("V_a", *VELOCITY), _airspeed, _say_airspeed),
