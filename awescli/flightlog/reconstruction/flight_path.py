@@ -18,11 +18,10 @@ from awescli.flightlog.reconstruction.air import airspeed_of_motion, recorded, v
 from awescli.flightlog.reconstruction.airspeed_lag import airspeed_lag
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
 from awescli.flightlog.reconstruction.identities import DELAYS, Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
-from awescli.flightlog.reconstruction.levels import estimate_levels
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
 from awescli.flightlog.reconstruction.scales import scales_of, solve_with_scales
-from awescli.flightlog.reconstruction.solve import Solution, delay_by_channel, thinned, without_outliers
+from awescli.flightlog.reconstruction.solve import Solution, delay_by_channel, thinned
 from awescli.notation.errors import NumericalFailure
 from awescli.notation.present import present
 from awescli.notation.quantities import ANGLES, UNITS
@@ -143,15 +142,16 @@ def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
 
 def _moved(build: Callable[..., Identity], motion: Motion, whole: bool = False) -> Identity:
     """The identity with a delay taken out of its reference, which says how much: the delay's column is linear in it. As it is where that
-    comes to no end, or is not likelier: in rates in deg/s, or of another axis, some delay always takes a little of what is left. whole: by
-    whole samples, as of a signal that is not integrated yet: between two of them noise is averaged, and half a sample passes for a delay.
-    """
-    begun = identity = build(motion, 0.0)
-    late = 0.0
+    comes to no end, or makes it less likely by more than levels that are guesses may (one of deviance a sample): in rates in deg/s, or of
+    another axis, some delay always takes a little of what is left. whole: by whole samples, as of a signal that is not integrated: between
+    two of them noise is averaged, and half a sample passes for a delay."""
+    late, begun = 0.0, build(motion, 0.0)
+    identity, before = begun, np.inf
     for _ in range(STEPS if _enough(begun) else 0):
-        more = _first_look(identity, "late")
+        deviance, more = _first_look(identity, "late")
+        before = deviance if identity is begun else before
         if _near(more, motion):
-            return min(begun, identity, key=_deviance) if late else begun
+            return identity if deviance <= before + thinned(identity.series, FEWEST * 10).seen.sum() else begun
         late += _whole(more, motion) if whole else more
         identity = build(motion, late)
     return begun
@@ -160,11 +160,13 @@ def _moved(build: Callable[..., Identity], motion: Motion, whole: bool = False) 
 def _velocity(motion: Motion) -> Identity:
     """About the delay of the acceleration that a first look finds: its column is linear in it."""
     identity = _moved(velocity_of_acceleration, motion)
-    late = _first_look(identity, "acceleration late") if _enough(identity) else 0.0
+    if not _enough(identity):
+        return identity
+    first, late = _first_look(identity, "acceleration late")
     if _near(late, motion):
         return identity
     again = _moved(partial(velocity_of_acceleration, filtered=_whole(late, motion)), motion)
-    return min(identity, again, key=_deviance)
+    return again if _first_look(again, "acceleration late")[0] < first else identity
 
 
 def _near(delay: float, motion: Motion) -> bool:
@@ -177,16 +179,11 @@ def _whole(delay: float, motion: Motion) -> float:
     return round(delay / motion.dt) * motion.dt
 
 
-def _first_look(identity: Identity, column: str) -> float:
-    """A shape at the levels of the start, by some samples."""
+def _first_look(identity: Identity, column: str) -> tuple[float, float]:
+    """(deviance at the levels of the start, a shape there) of some samples."""
     series = thinned(identity.series, FEWEST * 10)
-    return float(BandedLikelihood(series).at(np.array(identity.white), identity.laws).beta[series.columns.index(column)])
-
-
-def _deviance(identity: Identity) -> float:
-    """At its likeliest levels, by some samples."""
-    likelihood = BandedLikelihood(without_outliers(identity, thinned(identity.series, FEWEST * 10)))
-    return estimate_levels(likelihood, identity.white, identity.laws, identity.known, how_well=False).deviance
+    found = BandedLikelihood(series).at(np.array(identity.white), identity.laws)
+    return found.deviance, float(found.beta[series.columns.index(column)])
 
 
 def _enough(identity: Identity) -> bool:
