@@ -188,7 +188,7 @@ def _race(
     # and so does what acts on the same surface, axis or clock: what an actuator does is seldom nearly linear
     targets = {t for s in chosen[:2] if (t := make_effect(s.key, frame.declared).target)}
     chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).target in targets]
-    if here.rest:
+    if here.rest or leaders:
         # an abrupt effect changes a flight at its start already: only a fit from its probe can judge it
         chosen += [s for s in scores if s not in chosen and make_effect(s.key, frame.declared).abrupt]
     part, few = fit_on_part(frame, here) if chosen else (frame, here)

@@ -57,6 +57,21 @@ def test_what_a_score_promises_is_fitted_though_others_stand_before_it(monkeypat
     assert found[-1].outcome == ("converged" if fitted_too else "not fitted")
 
 
+@pytest.mark.parametrize("p_value, outcome", [(1e-12, "converged"), (0.5, "not fitted")])
+def test_an_abrupt_effect_is_fitted_where_anything_is_seen(monkeypatch, p_value, outcome):
+    """Guards five flights on a line that stretches a little, which a model without model error follows: to first order the stretch was
+    worth 1 and came last, a line that sags was fitted, and the true effect gains six times as much."""
+    follows = SimpleNamespace(**{**vars(BASE), "rest": {}})
+    monkeypatch.setattr(searching, "fit_added", lambda frame, base, key, *rest: GOOD)
+    monkeypatch.setattr(searching, "fit_on_part", lambda frame, model: (frame, model))
+    monkeypatch.setattr(searching, "make_effect", lambda key, declared: plain(abrupt=key == "line"))
+    start = lambda rows, share: ({"share": share}, {})  # noqa: E731
+    scores = tuple(SimpleNamespace(key=k, p_value=p, drop=d, start=start) for k, p, d in (("sag", p_value, 1700.0), ("line", 0.9, 1.2)))
+    screening = SimpleNamespace(scores=scores, rows={}, cosine=lambda a, b: 0.0)
+    found = searching._race(SimpleNamespace(declared=None), follows, screening, 0.0, CRITERIA, lambda text: None)
+    assert [t.outcome for t in found if t.key == "line"] == [outcome]
+
+
 @pytest.mark.parametrize("ends", [[GOOD], [FAILED, GOOD], [FAILED, LOST, GOOD]])
 def test_a_fit_that_fails_is_begun_elsewhere(monkeypatch, ends):
     """Guards A4: a fit that ends far above the model without the effect, or loses a segment, has failed, and the next start is tried."""
