@@ -195,7 +195,7 @@ def run_case(name: str, case: dict) -> dict:
         "cpu_s": round(spent, 2), "wall_s": round(lasted, 2),
         "effects": told["effects"], "probability": told["probability"], "chi2": told["chi2"], "gust": told["gust_m_s"],
         "before": told["error"].get("before", {}).get("mean"), "after": told["error"]["after"]["mean"],
-        "floor": told["error"]["noise_floor"]["mean"], "power": power, "unexplained": told["unexplained"],
+        "floor": told["error"]["noise_floor"]["mean"], "power": power, "unexplained": told["unexplained"], "unnamed": told["unnamed"],
         "bounds": {"beside": beside(declared, truth), "told": sorted(told["outside_bounds"])},
         "top": [r["name"] for r in told["ranking"][:3]], "detectable": {k: v for k, v in told["detectable"].items() if k in effects},
     }  # fmt: skip
@@ -324,6 +324,10 @@ def table(results: list[dict], family: int) -> str:
     if wrong:
         exactly, others = sum(b["told"] == b["beside"] for b in wrong), sum(not set(b["told"]) <= set(b["beside"]) for b in wrong)
         lines += ["", f"Bounds beside the truth: told exactly on {exactly} of {len(wrong)} flights; others told on {others}."]
+    beside_answers = [(f"{told['name']}:{told['acts_on']}", told["name"], r["truth"]) for r in results if (told := r.get("unnamed"))]
+    if beside_answers:
+        there = sum(key in truth or name in truth for key, name, truth in beside_answers)
+        lines += ["", f"Told beside an answer, without a name: on {len(beside_answers)} flights; on {there} of them it is there."]
     lines += [
         "", *calibration_lines(claimed(results)), "## Every flight", "",
         "| flight | outcome | verdict | named | probability | chi2 before -> after | test error before -> after (floor) |",

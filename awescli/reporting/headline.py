@@ -108,6 +108,7 @@ def claims(evidence: Evidence) -> list[Words]:
     found = [_error(evidence), _linear(evidence), power_claim(evidence)]
     if evidence.effects:
         found += [_effect(evidence, e) for e in evidence.traced["effects"]]
+        found += [f"{unnamed['sentence']}."] if (unnamed := evidence.traced.get("unnamed")) else []
         found += [_predicts(evidence, e) for e in (evidence.traced.get("by_prediction") or {}).get("effects", ())]
         errors = "; ".join(e["sentence"] for e in evidence.traced.get("instruments", ()) if e["found"])
         found += [f"Beside gusts and model error the flight says of its instruments: {errors}."] if errors else []

@@ -214,7 +214,8 @@ def answer_lines(effects: dict, kite_file: Path) -> list[str]:
     # what else was seen (of bounds; of instruments; by a second witness, which asks no model of forces): in full, or in a line each
     bounds, told_alone = effects["outside_bounds"], [f"kinematics alone: {seen}" for seen in seen_alone(effects).values()]
     told = [f"beside gusts and model error: {'; '.join(said)}"] if (said := of_instruments(effects)) else []
-    alone = [*(o["sentence"] for o in bounds.values()), *told, *(shorten(t, 120, placeholder=" ...") for t in told_alone)]
+    further = [shorten(of["sentence"], 200, placeholder=" ...")] if (of := effects.get("unnamed")) else []
+    alone = [*further, *(o["sentence"] for o in bounds.values()), *told, *(shorten(t, 120, placeholder=" ...") for t in told_alone)]
     briefly = [*([f"outside their bounds: {', '.join(bounds)}"] if bounds else []), *told, *told_alone]
     briefly = [shorten(t, WIDTH - 4, placeholder=" ...") for t in briefly]
     end = [

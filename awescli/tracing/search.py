@@ -41,12 +41,13 @@ CROWD = 2
 @dataclass(frozen=True)
 class Round:
     """base: the model that was there; tried: all candidates, best screened first; accepted: whose turn it was, "" for nobody; untestable:
-    effects that the free parameters absorb."""
+    effects that the free parameters absorb; unnamed: the likeliest, where it may only be what the form of an earlier one leaves."""
 
     base: FittedModel
     tried: tuple[Tried, ...]
     accepted: str
     untestable: tuple[str, ...]
+    unnamed: str = ""
 
     @property
     def contenders(self) -> list[Tried]:
@@ -73,6 +74,13 @@ class Search:
         """Deviance that the best further effect would gain, which got no name: what the form of the accepted ones may have left. 0 where
         there is none."""
         return max((t.gain for r in self.rounds[1:] if not r.accepted for t in r.contenders), default=0.0) if self.final.keys else 0.0
+
+    @property
+    def unnamed(self) -> Tried | None:
+        """The further effect that is decisively likelier, also on loops that it was not fitted to, and gets no name all the same: it may be
+        there, or be what the form of an accepted one leaves. None where there is none."""
+        last = self.rounds[-1] if self.rounds and self.final.keys else None
+        return next((t for t in last.contenders if t.key == last.unnamed), None) if last else None
 
     @property
     def set_aside(self) -> tuple[str, ...]:
@@ -104,11 +112,12 @@ def search(
         if best is not None and crowded(tried):
             model, best, tried = _base_revisited(frame, model, best, tried, criteria, progress)
             null = null if record else model
+        unnamed = ""
         if best is not None and (mends(frame, best.keys) or finer_than_samples(best) or slight(frame, record, model, best, criteria)):
-            best = None
+            unnamed, best = "" if finer_than_samples(best) else best.keys[-1], None
         if record and gusty(model, criteria):
             tried = set_aside(frame, tried, criteria)
-        record.append(Round(model.light(), tried, best.keys[-1] if best else "", screening.untestable))
+        record.append(Round(model.light(), tried, best.keys[-1] if best else "", screening.untestable, unnamed))
         if best is None:
             break
         model, remaining = best, [k for k in remaining if k != best.keys[-1]]

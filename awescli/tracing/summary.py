@@ -62,6 +62,7 @@ def summary(finding: Finding, log: FlightLog, horizon: float, before: Prediction
         "sentence": " ".join(s for s in said if s),
         "reason": finding.reason or None,
         "effects": effects,
+        "unnamed": _unnamed(finding) if named else None,
         "by_prediction": better,
         "instruments": [_instrument(finding, e) for e in finding.instruments],
         "outside_bounds": outside,
@@ -333,6 +334,17 @@ def _slip(finding: Finding) -> str:
                 return f"{said}; {known[near]}"
             return f"{said}."
     return ""
+
+
+def _unnamed(finding: Finding) -> dict | None:
+    """A further effect that would gain, too, and may be no more than what the form of the answer leaves: told, and not named."""
+    found = finding.evidence.search.unnamed
+    if found is None or found.key in finding.evidence.model.keys:
+        return None
+    effect, (first, most) = make_effect(found.key, finding.frame.declared), max(finding.evidence.search.gains.items(), key=lambda x: x[1])
+    share = f"{100 * found.gain / most:.2g} % of what {first} gains"
+    sentence = f"Beside it {found.key} ({effect.doc}) would gain {share}; it may be there, or be what the form of that leaves: no name"
+    return {**_named(effect), "gain": found.gain, "sentence": sentence}
 
 
 def _began(finding: Finding) -> str:

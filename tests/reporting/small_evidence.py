@@ -122,6 +122,7 @@ def evidence(name: str = "small", evil: str = "", samples: int = LOOP * COUNT, h
     effects = {
         "verdict": "found", "sentence": f"An effect explains it.{evil}", "unexplained": None, "gust_m_s": 0.4,
         "not_testable": ["air_density"],
+        "unnamed": {"name": "heading_bias", "acts_on": "report", "gain": 60.0, "sentence": f"Beside it heading_bias would gain{evil}"},
         "effects": [{
             "name": f"actuator_lag{evil}", "acts_on": "rudder", "doc": f"a lag{evil}",
             "rivals": [{"name": f"rival{evil}", "acts_on": "rudder"}],

@@ -253,6 +253,11 @@ def test_every_verdict_has_its_headline(verdict, added):
     ] in title
 
 
+def test_a_further_effect_without_a_name_is_told():
+    """Guards a page on which an answer with one of two effects looks complete."""
+    assert "Beside it heading_bias would gain." in usual()
+
+
 def test_flights_that_do_not_loop_and_have_no_wind():
     whole = evidence()
     text = own(page(replace(whole, loops=replace(whole.loops, kind="blocks"), log=replace(whole.log, wind=None))))

@@ -104,6 +104,10 @@ def test_tracing_leaves_params_and_says_where_fitted_values_come_from(run):
 EFFECT = {"name": "surface_effectiveness", "acts_on": "elevator", "rivals": [], "parameters": {}}
 SIZES = {n: {"value": -123.456, "std": 0.01234, "unit": "N s/m"} for n in ("threshold", "inertia", "lateral")}
 
+BESIDE = (
+    "Beside it surface_effectiveness:elevator (less of a surface, beyond a threshold) would gain 3.2 % of what actuator_lag:rudder gains; "
+    "it may be there, or be what the form of that leaves: no name"
+)
 REASON = f"surface_effectiveness:elevator comes nearest, but {' and '.join(OBJECTIONS.values())}."
 
 
@@ -111,7 +115,8 @@ REASON = f"surface_effectiveness:elevator comes nearest, but {' and '.join(OBJEC
 @pytest.mark.parametrize("count", [0, 1, 3])
 @pytest.mark.parametrize("seen", [0, 1, 4])
 @pytest.mark.parametrize("outside", [0, 1, 12])
-def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen, outside):
+@pytest.mark.parametrize("beside", [False, True])
+def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen, outside, beside):
     rivals = [{"name": "surface_effectiveness", "acts_on": "elevator"}] * 4
     entry = EFFECT | {"parameters": SIZES, "rivals": rivals if verdict == "cannot_tell" else []}
     error = {"horizon_s": 5.0, **{k: {"mean": 0.0123456} for k in ("before", "after", "noise_floor")}}
@@ -129,6 +134,7 @@ def test_answers_of_tracing_stay_short_whatever_was_found(verdict, count, seen, 
         "kinematics": [{"sentence": "position late by 0.2603 s +- 0.0004"}] * seen,
         "instruments": [{"sentence": "heading_bias, b = 0.05 rad", "found": True}] * blamed,
         "outside_bounds": bounds,
+        "unnamed": {"sentence": BESIDE} if beside and count else None,
     }
     lines = lines_of("trace-residual", answer_lines(effects, "out/trace-residual/kite.yaml"))
     assert max(map(len, lines)) <= 80 and len(lines) <= 6, lines

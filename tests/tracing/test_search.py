@@ -1,5 +1,6 @@
 """The search of the library: a candidate whose fit fails is fitted again from elsewhere, and one that stays failed is not forgotten."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -298,6 +299,9 @@ def test_what_got_no_name_is_remembered():
     one.keys = ("a",)
     assert Search(BASE, one, (named, unnamed)).passed_over == 17.0
     assert Search(BASE, one, (named,)).passed_over == 0.0
+    # that it is decisively likelier, too, is what the search says of it
+    assert Search(BASE, one, (named, unnamed)).unnamed is None and Search(BASE, one, (named,)).unnamed is None
+    assert Search(BASE, one, (named, replace(unnamed, unnamed="b"))).unnamed == second
 
 
 @pytest.mark.parametrize("tau, seen, tried", [

@@ -200,6 +200,15 @@ class Outside(Size):
     sentence: Text = Field(description="the same in a sentence")
 
 
+class Unnamed(Checked):
+    """A further effect that may be there, or be what the form of the answer leaves."""
+
+    name: Text = Field(description="of the library")
+    acts_on: Text = Field(description="surface, axis, channel or place")
+    gain: Number = Field(description="fall of the deviance by it, beside the answer [-]")
+    sentence: Text = Field(description="the same in a sentence")
+
+
 class Segments(Checked):
     """Where in the flight an answer gains."""
 
@@ -268,6 +277,7 @@ class Effects(Checked):
     )
     sentence: Text = Field(description="the verdict in a sentence")
     effects: list[Effect] = Field(description="effects that were found; of `cannot_tell` each with its rivals")
+    unnamed: Unnamed | None = Field(default=None, description="a further effect that gains beside the answer, and gets no name")
     ranking: list[Candidate] = Field(description="every candidate, the likeliest first")
     unexplained: Unexplained | None = Field(description="what has no name, of the verdict `unexplained`")
     error: Errors = Field(description="errors on test loops, before and after")
