@@ -9,6 +9,7 @@ from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.rest import Repetition, Rest
 from awescli.tracing.search import Search
+from awescli.tracing.when import Alone
 
 PRICE = 2 * CRITERIA.rest_worth
 """Deviance of something else where nothing of it is seen: twice what it would have to be worth to be seen."""
@@ -42,7 +43,8 @@ class Evidence:
     gusts_repeat: how much of them repeats from loop to loop, None where there are none or too few loops; steadiness: of the answer
     (`constancy.steadiness`); along: channel -> what its size would gain by going with it (`constancy.gains_along`); doubted: coefficients
     declared with a sign that hardly any aircraft has, which the declared model drives to the end of their range next to zero;
-    bounds_left: the likeliest of the answer with one effect less and free of its bounds, None where no parameter is at one.
+    bounds_left: the likeliest of the answer with one effect less and free of its bounds, None where no parameter is at one; alone: what
+    single flights show, None where that was not asked.
 
     contradictions: sentences of what kinematics find of the sensors that no effect stands for (rates that are late);
     answering: surfaces that answer the kite, or may do so; error_ratio: prediction error of the answer on validation loops over that of the
@@ -63,6 +65,7 @@ class Evidence:
     along: Mapping[str, float] = field(default_factory=dict)
     doubted: tuple[str, ...] = ()
     bounds_left: BoundsLeft | None = None
+    alone: tuple[Alone, ...] | None = None
     contradictions: tuple[str, ...] = ()
     answering: tuple[str, ...] = SURFACES
     error_ratio: float = 1.0

@@ -32,7 +32,7 @@ from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, search
 from awescli.tracing.tried import Tried
 from awescli.tracing.verdict import NULL, Criterion, probabilities, reason, table, verdict
-from awescli.tracing.when import InFlight, in_flights
+from awescli.tracing.when import InFlight, in_flights, shown_alone
 
 ROLL_GUSTS = RollGustProcess.name
 STILL = 1e-3
@@ -179,6 +179,8 @@ def _investigated(
         evidence = replace(evidence, bare=bare, model=bare, rest=rest)
     evidence = replace(evidence, search=library, **_settled(frame, library, bare, rest, criteria))
     evidence = replace(evidence, doubted=tuple(n for n in unusual_signs(frame.declared) if n in null.towards_zero))
+    if not evidence.model.keys:
+        evidence = replace(evidence, alone=shown_alone(frame, null, keys, criteria))
     gusts = {g.name: g.level for g in gusts_of(evidence.model)}
     evidence = replace(evidence, gusts=gusts, gusts_repeat=repetition_of_gusts(frame, evidence.model))
     windy = gusty(evidence.model, criteria)

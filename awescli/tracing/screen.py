@@ -123,6 +123,16 @@ def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
     return replace(_scored(likeliest, integrated, rows, abrupt), untestable=found.untestable)
 
 
+def screen_apart(frame: Frame, model: FittedModel, keys: Sequence[str]) -> tuple[Screening, ...]:
+    """Of every flight, in their order: the scores of candidates as if they acted in that flight alone; free parameters are those of all."""
+    columns = CandidateColumns([v for key in keys for v in variants(make_effect(key, frame.declared), frame.onsets())])
+    flights = _flights(frame, model, keys, SHORT if model.rest else frame.horizon)
+    rows = {**{p.name: p for k in keys for p in _rows(frame, k)}, **model.problems[0].simulator.kite.parameters}
+    abrupt = {key for key in keys if make_effect(key, frame.declared).abrupt}
+    every = _informed_apart(model, flights, columns)
+    return tuple(_scored(columns, Projected.of(model, whole, gradient), rows, abrupt) for whole, gradient in every)
+
+
 def begun(frame: Frame, model: FittedModel, key: str) -> dict[str, float]:
     """Full name -> value from which an effect that begins in flight is fitted to a model without it: to first order its likeliest onset,
     sought among moments all over the flight, then among such between the neighbours of the best one, until these lie within a segment; and
@@ -218,16 +228,31 @@ def informed(
 
 
 def _informed(model: FittedModel, flights: Sequence[_Placed], columns: "CandidateColumns") -> tuple[np.ndarray, np.ndarray]:
+    (found,) = _summed(model, flights, columns, [range(len(flights))])
+    return found
+
+
+def _informed_apart(model: FittedModel, flights: Sequence[_Placed], columns: "CandidateColumns") -> list[tuple[np.ndarray, np.ndarray]]:
+    """As `_informed`, once for every flight: with columns that act in it alone."""
+    return _summed(model, flights, columns, [(i,) for i in range(len(flights))])
+
+
+def _summed(
+    model: FittedModel, flights: Sequence[_Placed], columns: "CandidateColumns", acting: Sequence[Collection[int]]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(H, b) of the free parameters by all flights, with columns that act in some of them: once for each of `acting`."""
     names, n_free, n = model.fit.names, len(model.fit.names), len(columns)
     away, slope = model.fit.prior.deviations(names, model.fit.solution.x)
-    whole, gradient = np.diag(np.r_[slope**2, np.zeros(n)]), np.r_[-slope * away, np.zeros(n)]
-    for flight in flights:
+    found = [(np.diag(np.r_[slope**2, np.zeros(n)]), np.r_[-slope * away, np.zeros(n)]) for _ in acting]
+    for i, flight in enumerate(flights):
         misfit, x, how = flight.named(columns)
         said = misfit.information(x, flight.own, misfit.names, **how)
-        at = np.r_[flight.place, n_free + np.arange(n)]
-        whole[np.ix_(at, at)] += said.H
-        gradient[at] += said.b
-    return whole, gradient
+        for (whole, gradient), those in zip(found, acting, strict=True):
+            own = np.arange(len(said.b)) < len(flight.place) + (n if i in those else 0)
+            at = np.r_[flight.place, n_free + np.arange(n)][own]
+            whole[np.ix_(at, at)] += said.H[np.ix_(own, own)]
+            gradient[at] += said.b[own]
+    return found
 
 
 def _drawn(model: FittedModel, flights: Sequence[_Placed], columns: "CandidateColumns") -> np.ndarray | None:

@@ -51,8 +51,8 @@ def verdict(table: Sequence[Criterion]) -> str:
     found where it is significant (which in gusty air takes a better prediction, too, unless it gains much), sufficient, steady, constant
     and alone, on a kite whose declared signs can be; where others do as well nobody can tell. What is left without a name is unexplained
     where it repeats (called gusts or not) or goes on from loop to loop, and so is an effect beside which too much of that is left, whose
-    size drifts or goes with the way the kite flies, or which another one outdoes that cannot be. That nothing is missing is said in calm
-    air, and where all that could be missing was tried.
+    size drifts or goes with the way the kite flies, or which another one outdoes that cannot be; and so is what one of several flights
+    shows alone. That nothing is missing is said in calm air, and where all that could be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
@@ -63,7 +63,7 @@ def verdict(table: Sequence[Criterion]) -> str:
     sufficient = passed["rest_is_noise"] or (passed["floor"] and passed["floor_by_channel"])
     if not sufficient:
         structured = passed["rest_repeats"] is not False or passed["rest_lasts"]
-        random = not structured and passed["no_better_empirical_term"] and not effect
+        random = not structured and passed["no_better_empirical_term"] and not effect and passed["flights_agree"] is not False
         return "not_deterministic" if random else "unexplained"
     if not passed["sensors_plausible"]:
         return "unexplained"
@@ -71,6 +71,8 @@ def verdict(table: Sequence[Criterion]) -> str:
         if any(passed[name] is False for name in UNOPPOSED):
             return "unexplained"
         return "found" if passed["no_rival"] else "cannot_tell"
+    if passed["flights_agree"] is False:
+        return "unexplained"
     if not passed["no_parameter_hides_it"]:
         return "cannot_tell"
     if not passed["calm_air"]:
@@ -88,7 +90,7 @@ def reason(table: Sequence[Criterion], nearest: str = "") -> str:
         return f"{failed.says}: {_short(failed.value)}{limit}"
     significant = rows["effect_likelier"].passed and rows["effect_on_unseen_loops"].passed
     sufficient = rows["rest_is_noise"].passed or (rows["floor"].passed and rows["floor_by_channel"].passed)
-    if answer == "unexplained" and sufficient and not significant:
+    if answer == "unexplained" and not significant and (sufficient or rows["flights_agree"].passed is False):
         return _why_nothing_explains(rows)
     if answer not in ("unexplained", "not_deterministic") or not nearest or not significant:
         return ""
@@ -102,6 +104,8 @@ def _why_nothing_explains(rows: Mapping[str, Criterion]) -> str:
     """Why a flight on which nothing but noise and gusts is left is unexplained all the same."""
     if rows["gusts_do_not_repeat"].passed is False:
         return "What would have to be gusts repeats from loop to loop, as no gust does."
+    if rows["flights_agree"].passed is False:
+        return f"One flight shows what the others do not: {rows['flights_agree'].value}. Trace that flight by itself."
     sensor = rows["sensors_plausible"]
     return f"Nothing but noise is left, but too much: {sensor.says} is {_short(sensor.value)}. Is the noise in the kite file too small?"
 
@@ -317,21 +321,19 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "Kass & Raftery 1995",
         ),
         Criterion(
-            "all_candidates_fitted",
-            ", ".join(failed) or 0,
-            0,
-            not failed,
-            "significant candidates whose fit failed from every start",
+            "all_candidates_fitted", ", ".join(failed) or 0, 0, not failed, "significant candidates whose fit failed from every start",
             "a fit that failed proves nothing",
-        ),
+        ),  # fmt: skip
         Criterion(
-            "no_parameter_hides_it",
-            ", ".join(s.key for s in e.absorbed) or 0,
-            c.at_bound,
-            not e.absorbed,
-            "effects that bring a parameter back from its bound",
-            "set on development flights",
-        ),
+            "flights_agree",
+            "not asked" if e.alone is None else "; ".join(f"{a.key} in {a.label}" for a in e.alone) or "nothing", "nothing",
+            None if e.alone is None else not e.alone, f"what one of several flights shows alone, of a promised {c.in_one_flight:g} or more",
+            "score test (Rao 1948); set on development flights",
+        ),  # fmt: skip
+        Criterion(
+            "no_parameter_hides_it", ", ".join(s.key for s in e.absorbed) or 0, c.at_bound, not e.absorbed,
+            "effects that bring a parameter back from its bound", "set on development flights",
+        ),  # fmt: skip
         Criterion(
             "no_better_empirical_term",
             e.empirical_lead,

@@ -1,5 +1,7 @@
-"""Since when, and in which flights: what an answer gains on each segment of each flight, its size in each flight, and its onset."""
+"""Since when, and in which flights: what an answer gains on each segment of each flight, its size in each flight, and its onset; and what
+one of several flights shows that the others do not."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +10,8 @@ from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
 from awescli.tracing.models import fit_apart
+from awescli.tracing.rest import gusty
+from awescli.tracing.screen import Score, holm, screen_apart
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,34 @@ class InFlight:
     gains: np.ndarray
     onset: tuple[float, float] | None
     sizes: dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Alone:
+    """What one of several flights shows by itself. label: of the flight; key: of the candidate that it shows most of; drop: deviance that
+    it promises to gain there."""
+
+    label: str
+    key: str
+    drop: float
+
+
+def shown_alone(frame: Frame, model: FittedModel, keys: Sequence[str], criteria: Criteria = CRITERIA) -> tuple[Alone, ...] | None:
+    """What single flights show beside a model: an instrument that was off in one of them is of no size that suits all, and its drift hides
+    it there. None for one flight alone, and in gusty air, where a score by itself says little."""
+    if len(frame.flights) < 2 or gusty(model, criteria):
+        return None
+    found = screen_apart(frame, model, [k for k in keys if k not in model.keys])
+    scores = [(i, s) for i, screening in enumerate(found) for s in screening.scores]
+    sure = holm([s.p_value for _, s in scores], criteria.family_error)
+    best: dict[int, Score] = {}
+    for (i, score), seen in zip(scores, sure, strict=True):
+        if seen and score.drop >= criteria.in_one_flight:
+            best.setdefault(i, score)
+    # parameters that suit all flights half are what the others show: of each the best, where it is that of the flight that shows most
+    most = max(best.values(), key=lambda s: s.drop).key if best else ""
+    labels = [f.label or f.log.name for f in frame.flights]
+    return tuple(Alone(labels[i], s.key, s.drop) for i, s in sorted(best.items()) if s.key == most)
 
 
 def in_flights(frame: Frame, null: FittedModel, model: FittedModel, criteria: Criteria = CRITERIA) -> tuple[InFlight, ...]:

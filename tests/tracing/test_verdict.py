@@ -16,24 +16,25 @@ from awescli.tracing.evidence import AbsorbedEffect, BoundsLeft, Evidence
 from awescli.tracing.rest import Repetition, Rest
 from awescli.tracing.search import Search, crowded
 from awescli.tracing.verdict import NULL, VERDICTS, Criterion, probabilities, reason, table, verdict
+from awescli.tracing.when import Alone
 
 ANSWER = ("effect_likelier", "effect_on_unseen_loops")
 PREDICTS = "effect_predicts"
 REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
 ALONE = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible", "bounds_hold")
 OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "calm_air", *ALONE)
-LITTLE = "rest_is_small"
+LITTLE, AGREE = "rest_is_small", "flights_agree"
 REPEATS = ("rest_repeats", "rest_lasts", "gusts_do_not_repeat")
 ROWS = {
     (name, passed): Criterion(name, 0.0, 0.0, passed, "", "")
-    for name in (*NULL, *ANSWER, PREDICTS, LITTLE, *REST, *REPEATS, *OTHERS)
+    for name in (*NULL, *ANSWER, PREDICTS, LITTLE, AGREE, *REST, *REPEATS, *OTHERS)
     for passed in (True, False, None)
 }
 
 
 def rows(**passed: bool | None) -> list[Criterion]:
     """A table: a flight of a flawless model with nothing missing, but for what is said."""
-    not_asked = dict.fromkeys((PREDICTS, LITTLE, *REPEATS))
+    not_asked = dict.fromkeys((PREDICTS, LITTLE, AGREE, *REPEATS))
     clean = {**dict.fromkeys((*NULL, *REST, *OTHERS), True), **dict.fromkeys(ANSWER, False), **not_asked}
     return [ROWS[item] for item in {**clean, **passed}.items()]
 
@@ -57,6 +58,10 @@ LEFT = dict.fromkeys(REST, False)
         ("cannot_tell", {**FOUND, "no_rival": False}),
         ("cannot_tell", {"all_candidates_fitted": False}),
         ("cannot_tell", {"no_parameter_hides_it": False}),
+        ("none", {AGREE: True}),
+        ("unexplained", {AGREE: False}),
+        ("unexplained", {AGREE: False, "no_parameter_hides_it": False}),
+        ("found", {**FOUND, AGREE: False}),
         ("unexplained", {**FOUND, "no_better_empirical_term": False}),
         ("unexplained", {**FOUND, LITTLE: False}),
         ("found", {**FOUND, LITTLE: True, "rest_repeats": True, "rest_is_noise": False}),
@@ -124,8 +129,11 @@ def test_what_gusts_may_gain_as_well_is_told_without_a_name():
 
 
 @pytest.mark.parametrize(
-    "passed, said", [({"sensors_plausible": False}, "Is the noise in the kite file"), ({"gusts_do_not_repeat": False}, "no gust")]
-)
+    "passed, said", [
+        ({"sensors_plausible": False}, "Is the noise in the kite file"), ({"gusts_do_not_repeat": False}, "no gust"),
+        ({AGREE: False}, "Trace that flight by itself"), ({**LEFT, AGREE: False, "rest_repeats": False}, "Trace that flight by itself"),
+    ],
+)  # fmt: skip
 def test_unexplained_without_a_candidate_says_why(passed, said):
     """Guards an `unexplained` of a clean flight with a pitot three times as noisy as declared, which said nothing at all."""
     assert verdict(rows(**passed)) == "unexplained" and said in reason(rows(**passed))
@@ -145,7 +153,7 @@ def test_what_holds_for_every_table():
     nulls = [dict.fromkeys(NULL, True), *({**dict.fromkeys(NULL, True), name: False} for name in NULL)]
     every = [itertools.product((null,), *[(True, False)] * len(names)) for null in nulls]
     for null, *values in itertools.chain(every[0], *(itertools.islice(tables, k, None, 97) for k, tables in enumerate(every[1:]))):
-        p = {**null, PREDICTS: None, LITTLE: None, **dict(zip(names, values, strict=True))}
+        p = {**null, PREDICTS: None, LITTLE: None, AGREE: None, **dict(zip(names, values, strict=True))}
         said = verdict([ROWS[item] for item in p.items()])
         reached.add(said)
         stands = all(p[n] for n in NULL)
@@ -214,7 +222,7 @@ LATE, CLEARLY_LATE = (model(deviance, ("actuator_lag:rudder",), validation=250.0
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 27
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 28
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
@@ -252,6 +260,7 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ),
         ("no_rival", {"answer": GOOD}, {"answer": GOOD, "rivals": {"sideslip_drag": (Rival("parasitic_drag", model(903.0), 3.0),)}}),
         ("all_candidates_fitted", {}, {"failed": ("pitch_curvature",)}),
+        (AGREE, {"alone": ()}, {"alone": (Alone("second", "airspeed_scale", 72.0),)}),
         ("no_parameter_hides_it", {}, {"absorbed": (AbsorbedEffect("surface_bias:yaw", "Cndr", 9.0, GOOD),)}),
         (
             "no_better_empirical_term", {"answer": GOOD, "empirical": Search(NULL_MODEL, model(891.0, ("custom_term:f_x*beta",)), ())},
