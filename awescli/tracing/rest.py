@@ -8,6 +8,7 @@ import numpy as np
 
 from awescli.estimation.levels import mean_squares
 from awescli.estimation.processes.base import Group
+from awescli.estimation.processes.drift import Drift
 from awescli.flightlog.loops import Loops, find_loops
 from awescli.physics.disturbances import GUSTS
 from awescli.tracing.criteria import CRITERIA, Criteria
@@ -118,6 +119,19 @@ def repetition_of_gusts(frame: Frame, model: FittedModel) -> Repetition | None:
     """How much of the smoothed gusts repeats from loop to loop: air does not know where in its loop a kite is; what repeats is no gust."""
     axes = [(g.name, axis) for g in gusts_of(model) for axis in g.axes]
     return repetition_of(frame, model, axes, repeated) if axes else None
+
+
+def drifts_going_on(frame: Frame, model: FittedModel) -> Repetition | None:
+    """How much of the smoothed drifts of sensors a loop hands on to the next one: of a drift that forgets within seconds next to nothing,
+    of a sensor that changes in flight nearly all."""
+    axes = dict.fromkeys(
+        label
+        for problem, judged in zip(model.problems, model.judged, strict=True)
+        for group in (g for p in problem.processes if p.name == Drift.name for g in p.groups)
+        for label in ((group.name, axis) for axis in group.axes)
+        if group.level > 0 and label in judged.misfit.labels
+    )
+    return repetition_of(frame, model, list(axes), lasting) if axes else None
 
 
 def repetition_of(

@@ -52,7 +52,8 @@ def verdict(table: Sequence[Criterion]) -> str:
     and alone, on a kite whose declared signs can be; where others do as well nobody can tell. What is left without a name is unexplained
     where it repeats (called gusts or not) or goes on from loop to loop, and so is an effect beside which too much of that is left, whose
     size drifts or goes with the way the kite flies, or which another one outdoes that cannot be; and so is what one of several flights
-    shows alone. That nothing is missing is said in calm air, and where all that could be missing was tried.
+    shows alone, or a sensor's drift that goes on from loop to loop. That nothing is missing is said in calm air, and where all that could
+    be missing was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
@@ -77,6 +78,8 @@ def verdict(table: Sequence[Criterion]) -> str:
         return "cannot_tell"
     if not passed["calm_air"]:
         return "not_deterministic"
+    if passed["drifts_pass"] is False:
+        return "unexplained"
     return "none" if passed["all_candidates_fitted"] else "cannot_tell"
 
 
@@ -106,6 +109,8 @@ def _why_nothing_explains(rows: Mapping[str, Criterion]) -> str:
         return "What would have to be gusts repeats from loop to loop, as no gust does."
     if rows["flights_agree"].passed is False:
         return f"One flight shows what the others do not: {rows['flights_agree'].value}. Trace that flight by itself."
+    if rows["drifts_pass"].passed is False:
+        return f"Nothing but noise and drift is left, but {rows['drifts_pass'].value}, as of a sensor that changes in flight: look at it."
     sensor = rows["sensors_plausible"]
     return f"Nothing but noise is left, but too much: {sensor.says} is {_short(sensor.value)}. Is the noise in the kite file too small?"
 
@@ -310,6 +315,8 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     failed, gusts, again = e.search.failed, max(e.gusts.values(), default=0.0), e.gusts_repeat
     gain = e.search.null.deviance - e.model.deviance if e.model.keys else 0.0
     left, lead = e.bounds_left, e.bounds_left.deviance - e.model.deviance if e.bounds_left else None
+    on = e.drifts_go_on
+    changed = [axis for axis in on.p if on.p[axis] * len(on.p) < c.repeats and on.share[axis] > c.drift_goes_on] if on else []
     gone, at_bound = (left.gone, ", ".join(left.parameters)) if left else ("one effect", "parameters")
     return (
         Criterion(
@@ -331,33 +338,28 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "score test (Rao 1948); set on development flights",
         ),  # fmt: skip
         Criterion(
+            "drifts_pass", f"the drift of {' and '.join(changed)} goes on from loop to loop" if changed else "nothing", "nothing",
+            None if on is None else not changed,
+            f"drifts of which a loop hands on more than {c.drift_goes_on:g} to the next, by chance with less than {c.repeats:g}",
+            "permutation of the loops; set on development flights",
+        ),  # fmt: skip
+        Criterion(
             "no_parameter_hides_it", ", ".join(s.key for s in e.absorbed) or 0, c.at_bound, not e.absorbed,
             "effects that bring a parameter back from its bound", "set on development flights",
         ),  # fmt: skip
         Criterion(
-            "no_better_empirical_term",
-            e.empirical_lead,
-            c.empirical,
-            e.empirical_lead < c.empirical,
-            "deviance by which as few empirical terms lead the answer, each name more counted",
-            "set on development flights",
-        ),
+            "no_better_empirical_term", e.empirical_lead, c.empirical, e.empirical_lead < c.empirical,
+            "deviance by which as few empirical terms lead the answer, each name more counted", "set on development flights",
+        ),  # fmt: skip
         Criterion(
-            "signs_plausible",
-            ", ".join(e.doubted) or 0,
-            0,
-            not e.doubted,
+            "signs_plausible", ", ".join(e.doubted) or 0, 0, not e.doubted,
             "coefficients of an unlikely sign that the declared model drives to the end of their range next to zero",
             "Etkin & Reid 1996, ch. 5",
-        ),
+        ),  # fmt: skip
         Criterion(
-            "bounds_hold",
-            "no parameter at a bound" if lead is None else lead,
-            c.decisive,
-            lead is None or lead >= c.decisive,
-            f"deviance by which the answer leads one without {gone}, {at_bound} free to leave their bounds",
-            "Kass & Raftery 1995",
-        ),
+            "bounds_hold", "no parameter at a bound" if lead is None else lead, c.decisive, lead is None or lead >= c.decisive,
+            f"deviance by which the answer leads one without {gone}, {at_bound} free to leave their bounds", "Kass & Raftery 1995",
+        ),  # fmt: skip
         Criterion(
             "calm_air", gusts, c.gusty, gusts < c.gusty, "level of the gusts that the flight shows [m/s]", "set on development flights"
         ),

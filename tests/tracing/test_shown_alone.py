@@ -3,6 +3,7 @@
 import pytest
 from tracing.traced import short_flight, traced_flight
 
+from awescli.tracing.criteria import CRITERIA
 from awescli.tracing.frame import TracedFlight
 
 
@@ -18,6 +19,7 @@ def test_what_the_second_flight_shows_is_said_with_its_name(effect, verdict):
     alone = finding.evidence.alone
     assert told["verdict"] == verdict and told["effects"] == []
     assert [(a.label, a.key) for a in alone] == [("second", key) for key in effect]
+    assert all(a.drop > 2 * CRITERIA.in_one_flight for a in alone)
     assert all(f"{key} in second. Trace that flight by itself." in told["sentence"] for key in effect)
 
 

@@ -23,18 +23,18 @@ PREDICTS = "effect_predicts"
 REST = ("rest_is_noise", "floor", "floor_by_channel", "sensors_plausible")
 ALONE = ("no_better_empirical_term", "effect_leads", "effect_steady", "effect_constant", "signs_plausible", "bounds_hold")
 OTHERS = ("no_rival", "all_candidates_fitted", "no_parameter_hides_it", "calm_air", *ALONE)
-LITTLE, AGREE = "rest_is_small", "flights_agree"
+LITTLE, AGREE, PASS = "rest_is_small", "flights_agree", "drifts_pass"
 REPEATS = ("rest_repeats", "rest_lasts", "gusts_do_not_repeat")
 ROWS = {
     (name, passed): Criterion(name, 0.0, 0.0, passed, "", "")
-    for name in (*NULL, *ANSWER, PREDICTS, LITTLE, AGREE, *REST, *REPEATS, *OTHERS)
+    for name in (*NULL, *ANSWER, PREDICTS, LITTLE, AGREE, PASS, *REST, *REPEATS, *OTHERS)
     for passed in (True, False, None)
 }
 
 
 def rows(**passed: bool | None) -> list[Criterion]:
     """A table: a flight of a flawless model with nothing missing, but for what is said."""
-    not_asked = dict.fromkeys((PREDICTS, LITTLE, AGREE, *REPEATS))
+    not_asked = dict.fromkeys((PREDICTS, LITTLE, AGREE, PASS, *REPEATS))
     clean = {**dict.fromkeys((*NULL, *REST, *OTHERS), True), **dict.fromkeys(ANSWER, False), **not_asked}
     return [ROWS[item] for item in {**clean, **passed}.items()]
 
@@ -58,7 +58,10 @@ LEFT = dict.fromkeys(REST, False)
         ("cannot_tell", {**FOUND, "no_rival": False}),
         ("cannot_tell", {"all_candidates_fitted": False}),
         ("cannot_tell", {"no_parameter_hides_it": False}),
-        ("none", {AGREE: True}),
+        ("none", {AGREE: True, PASS: True}),
+        ("unexplained", {PASS: False}),
+        ("not_deterministic", {PASS: False, "calm_air": False}),
+        ("found", {**FOUND, PASS: False}),
         ("unexplained", {AGREE: False}),
         ("unexplained", {AGREE: False, "no_parameter_hides_it": False}),
         ("found", {**FOUND, AGREE: False}),
@@ -131,6 +134,7 @@ def test_what_gusts_may_gain_as_well_is_told_without_a_name():
 @pytest.mark.parametrize(
     "passed, said", [
         ({"sensors_plausible": False}, "Is the noise in the kite file"), ({"gusts_do_not_repeat": False}, "no gust"),
+        ({PASS: False}, "a sensor that changes in flight"),
         ({AGREE: False}, "Trace that flight by itself"), ({**LEFT, AGREE: False, "rest_repeats": False}, "Trace that flight by itself"),
     ],
 )  # fmt: skip
@@ -153,7 +157,7 @@ def test_what_holds_for_every_table():
     nulls = [dict.fromkeys(NULL, True), *({**dict.fromkeys(NULL, True), name: False} for name in NULL)]
     every = [itertools.product((null,), *[(True, False)] * len(names)) for null in nulls]
     for null, *values in itertools.chain(every[0], *(itertools.islice(tables, k, None, 97) for k, tables in enumerate(every[1:]))):
-        p = {**null, PREDICTS: None, LITTLE: None, AGREE: None, **dict(zip(names, values, strict=True))}
+        p = {**null, PREDICTS: None, LITTLE: None, AGREE: None, PASS: None, **dict(zip(names, values, strict=True))}
         said = verdict([ROWS[item] for item in p.items()])
         reached.add(said)
         stands = all(p[n] for n in NULL)
@@ -222,7 +226,7 @@ LATE, CLEARLY_LATE = (model(deviance, ("actuator_lag:rudder",), validation=250.0
 def test_a_table_has_every_row_with_its_threshold_and_source():
     """Guards the public table: all rows, each with what it says and where its threshold comes from."""
     found = table(evidence(GOOD))
-    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 28
+    assert {c.name for c in found} == {name for name, _ in ROWS} and len(found) == 29
     assert all(c.says and c.source for c in found) and verdict(found) == "found"
 
 
@@ -261,6 +265,10 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("no_rival", {"answer": GOOD}, {"answer": GOOD, "rivals": {"sideslip_drag": (Rival("parasitic_drag", model(903.0), 3.0),)}}),
         ("all_candidates_fitted", {}, {"failed": ("pitch_curvature",)}),
         (AGREE, {"alone": ()}, {"alone": (Alone("second", "airspeed_scale", 72.0),)}),
+        (
+            PASS, {"drifts_go_on": Repetition({"V_a": 0.74, "psi": 0.9}, {"V_a": 0.001, "psi": 0.02}, 8)},
+            {"drifts_go_on": Repetition({"V_a": 0.76, "psi": 0.1}, {"V_a": 0.001, "psi": 0.5}, 8)},
+        ),
         ("no_parameter_hides_it", {}, {"absorbed": (AbsorbedEffect("surface_bias:yaw", "Cndr", 9.0, GOOD),)}),
         (
             "no_better_empirical_term", {"answer": GOOD, "empirical": Search(NULL_MODEL, model(891.0, ("custom_term:f_x*beta",)), ())},
