@@ -104,9 +104,9 @@ def channels_of(model: FittedModel) -> tuple[dict[str, float], dict[str, float]]
     return {name: square / samples[name] for name, square in squares.items()}, samples
 
 
-def gusts_of(model: FittedModel) -> list[Group]:
-    """The gusts that move the kite, wind record aside."""
-    groups = [g for p in model.problems[0].processes if not p.certain for g in p.groups if g.level > 0]
+def gusts_of(model: FittedModel, place: int = 0) -> list[Group]:
+    """The gusts that move the kite in one of the flights, wind record aside."""
+    groups = [g for p in model.problems[place].processes if not p.certain for g in p.groups if g.level > 0]
     return [g for g in groups if set(g.axes) <= set(GUSTS)]
 
 
@@ -201,9 +201,11 @@ def lasting(table: np.ndarray, seed: int = 0) -> tuple[float, float]:
 
 
 def _path(model: FittedModel, place: int, label: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
-    """(samples, smoothed values) of one (group, axis) of the processes at all nodes of a flight that has it."""
-    samples, values = [], []
+    """(samples, smoothed values) of one (group, axis) of the processes at all nodes of a flight; none where it has none."""
+    samples, values = [np.zeros(0, int)], [np.zeros(0)]
     for f in (model.fit.flights[place], model.judged[place]):
+        if label not in f.misfit.labels:
+            continue
         axis = f.misfit.labels.index(label)
         nodes = f.misfit.observed.segments.first[f.counted][:, None] + f.misfit.nodes
         samples.append(nodes.ravel())

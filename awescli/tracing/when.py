@@ -10,7 +10,7 @@ from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
 from awescli.tracing.models import fit_apart
-from awescli.tracing.rest import gusty
+from awescli.tracing.rest import gusts_of
 from awescli.tracing.screen import Score, holm, screen_apart
 
 
@@ -43,11 +43,12 @@ class Alone:
 
 def shown_alone(frame: Frame, model: FittedModel, keys: Sequence[str], criteria: Criteria = CRITERIA) -> tuple[Alone, ...] | None:
     """What single flights show beside a model: an instrument that was off in one of them is of no size that suits all, and its drift hides
-    it there. None for one flight alone, and in gusty air, where a score by itself says little."""
-    if len(frame.flights) < 2 or gusty(model, criteria):
+    it there. Not of flights in gusty air, where a score by itself says little. None for one flight alone."""
+    if len(frame.flights) < 2:
         return None
     found = screen_apart(frame, model, [k for k in keys if k not in model.keys])
-    scores = [(i, s) for i, screening in enumerate(found) for s in screening.scores]
+    calm = [i for i in range(len(found)) if all(g.level < criteria.gusty for g in gusts_of(model, i))]
+    scores = [(i, s) for i in calm for s in found[i].scores]
     sure = holm([s.p_value for _, s in scores], criteria.family_error)
     best: dict[int, Score] = {}
     for (i, score), seen in zip(scores, sure, strict=True):
