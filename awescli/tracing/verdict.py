@@ -316,7 +316,7 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     gain = e.search.null.deviance - e.model.deviance if e.model.keys else 0.0
     left, lead = e.bounds_left, e.bounds_left.deviance - e.model.deviance if e.bounds_left else None
     on = e.drifts_go_on
-    changed = [axis for axis in on.p if on.p[axis] * len(on.p) < c.repeats and on.share[axis] > c.drift_goes_on] if on else []
+    changed = " and ".join(a for a in on.p if on.p[a] * len(on.p) < c.repeats and on.share[a] > c.drift_goes_on) if on else ""
     gone, at_bound = (left.gone, ", ".join(left.parameters)) if left else ("one effect", "parameters")
     return (
         Criterion(
@@ -338,8 +338,8 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "score test (Rao 1948); set on development flights",
         ),  # fmt: skip
         Criterion(
-            "drifts_pass", f"the drift of {' and '.join(changed)} goes on from loop to loop" if changed else "nothing", "nothing",
-            None if on is None else not changed,
+            "drifts_pass", "not asked" if on is None else f"the drift of {changed} goes on from loop to loop" if changed else "nothing",
+            "nothing", None if on is None else not changed,
             f"drifts of which a loop hands on more than {c.drift_goes_on:g} to the next, by chance with less than {c.repeats:g}",
             "permutation of the loops; set on development flights",
         ),  # fmt: skip
