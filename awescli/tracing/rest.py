@@ -104,14 +104,18 @@ def channels_of(model: FittedModel) -> tuple[dict[str, float], dict[str, float]]
     return {name: square / samples[name] for name, square in squares.items()}, samples
 
 
-def gusts_of(model: FittedModel, place: int = 0) -> list[Group]:
-    """The gusts that move the kite in one of the flights, wind record aside."""
-    groups = [g for p in model.problems[place].processes if not p.certain for g in p.groups if g.level > 0]
-    return [g for g in groups if set(g.axes) <= set(GUSTS)]
+def gusts_of(model: FittedModel, place: int | None = None) -> list[Group]:
+    """The gusts that move the kite, wind record aside: in one of the flights, or the strongest of each kind in any."""
+    strongest: dict[str, Group] = {}
+    for problem in model.problems if place is None else [model.problems[place]]:
+        for group in (g for p in problem.processes if not p.certain for g in p.groups if g.level > 0 and set(g.axes) <= set(GUSTS)):
+            if group.name not in strongest or group.level > strongest[group.name].level:
+                strongest[group.name] = group
+    return list(strongest.values())
 
 
 def gusty(model: FittedModel, criteria: Criteria = CRITERIA) -> bool:
-    """Is a model's air gusty?"""
+    """Is a model's air gusty, in any of the flights?"""
     return any(g.level >= criteria.gusty for g in gusts_of(model))
 
 
@@ -122,8 +126,8 @@ def repetition_of_gusts(frame: Frame, model: FittedModel) -> Repetition | None:
 
 
 def drifts_going_on(frame: Frame, model: FittedModel) -> Repetition | None:
-    """How much of the smoothed drifts of sensors a loop hands on to the next one: of a drift that forgets within seconds next to nothing,
-    of a sensor that changes in flight nearly all."""
+    """How much of the smoothed drifts of sensors a loop hands on to the next one: of a drift that forgets within seconds little, of a
+    sensor that changes in flight nearly all."""
     axes = dict.fromkeys(
         label
         for problem, judged in zip(model.problems, model.judged, strict=True)

@@ -107,11 +107,8 @@ def firm(A: np.ndarray) -> np.ndarray:
 
 def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
     """Score every candidate effect of `keys` at a fitted model: over the whole horizon where it follows the flight by itself."""
-    columns = CandidateColumns([v for key in keys for v in variants(make_effect(key, frame.declared), frame.onsets())])
-    flights = _flights(frame, model, keys, SHORT if model.rest else frame.horizon)
+    columns, flights, rows, abrupt = _asked(frame, model, keys)
     projected = Projected.of(model, *_informed(model, flights, columns))
-    rows = {**{p.name: p for k in keys for p in _rows(frame, k)}, **model.problems[0].simulator.kite.parameters}
-    abrupt = {key for key in keys if make_effect(key, frame.declared).abrupt}
     found = _scored(columns, projected, rows, abrupt)
     if not gusty(model):
         return found
@@ -125,12 +122,19 @@ def screen(frame: Frame, model: FittedModel, keys: Sequence[str]) -> Screening:
 
 def screen_apart(frame: Frame, model: FittedModel, keys: Sequence[str]) -> tuple[Screening, ...]:
     """Of every flight, in their order: the scores of candidates as if they acted in that flight alone; free parameters are those of all."""
+    columns, flights, rows, abrupt = _asked(frame, model, keys)
+    every = _summed(model, flights, columns, [(i,) for i in range(len(flights))])
+    return tuple(_scored(columns, Projected.of(model, whole, gradient), rows, abrupt) for whole, gradient in every)
+
+
+def _asked(
+    frame: Frame, model: FittedModel, keys: Sequence[str]
+) -> tuple["CandidateColumns", list["_Placed"], dict[str, Parameter], set[str]]:
+    """(columns of candidates, flights in segments, all parameters, candidates that are abrupt)."""
     columns = CandidateColumns([v for key in keys for v in variants(make_effect(key, frame.declared), frame.onsets())])
     flights = _flights(frame, model, keys, SHORT if model.rest else frame.horizon)
     rows = {**{p.name: p for k in keys for p in _rows(frame, k)}, **model.problems[0].simulator.kite.parameters}
-    abrupt = {key for key in keys if make_effect(key, frame.declared).abrupt}
-    every = _informed_apart(model, flights, columns)
-    return tuple(_scored(columns, Projected.of(model, whole, gradient), rows, abrupt) for whole, gradient in every)
+    return columns, flights, rows, {key for key in keys if make_effect(key, frame.declared).abrupt}
 
 
 def begun(frame: Frame, model: FittedModel, key: str) -> dict[str, float]:
@@ -230,11 +234,6 @@ def informed(
 def _informed(model: FittedModel, flights: Sequence[_Placed], columns: "CandidateColumns") -> tuple[np.ndarray, np.ndarray]:
     (found,) = _summed(model, flights, columns, [range(len(flights))])
     return found
-
-
-def _informed_apart(model: FittedModel, flights: Sequence[_Placed], columns: "CandidateColumns") -> list[tuple[np.ndarray, np.ndarray]]:
-    """As `_informed`, once for every flight: with columns that act in it alone."""
-    return _summed(model, flights, columns, [(i,) for i in range(len(flights))])
 
 
 def _summed(

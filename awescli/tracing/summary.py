@@ -343,8 +343,8 @@ def _unnamed(finding: Finding) -> dict | None:
         return None
     effect, (first, most) = make_effect(found.key, finding.frame.declared), max(finding.evidence.search.gains.items(), key=lambda x: x[1])
     share = f"{100 * found.gain / most:.2g} % of what {first} gains"
-    sentence = f"Beside it {found.key} ({effect.doc}) would gain {share}; it may be there, or be what the form of that leaves: no name"
-    return {**_named(effect), "gain": found.gain, "sentence": sentence}
+    maybe = f"it may be there, or make up for the form of {first}, and is not named"
+    return {**_named(effect), "gain": found.gain, "sentence": f"Beside it {found.key} ({effect.doc}) would gain {share}; {maybe}"}
 
 
 def _began(finding: Finding) -> str:

@@ -78,7 +78,7 @@ def verdict(table: Sequence[Criterion]) -> str:
         return "cannot_tell"
     if not passed["calm_air"]:
         return "not_deterministic"
-    if passed["drifts_pass"] is False:
+    if passed["sensors_steady"] is False:
         return "unexplained"
     return "none" if passed["all_candidates_fitted"] else "cannot_tell"
 
@@ -109,8 +109,8 @@ def _why_nothing_explains(rows: Mapping[str, Criterion]) -> str:
         return "What would have to be gusts repeats from loop to loop, as no gust does."
     if rows["flights_agree"].passed is False:
         return f"One flight shows what the others do not: {rows['flights_agree'].value}. Trace that flight by itself."
-    if rows["drifts_pass"].passed is False:
-        return f"Nothing but noise and drift is left, but {rows['drifts_pass'].value}, as of a sensor that changes in flight: look at it."
+    if rows["sensors_steady"].passed is False:
+        return f"Nothing but noise and drift is left, but {rows['sensors_steady'].value}, as of a sensor that changes: look at it."
     sensor = rows["sensors_plausible"]
     return f"Nothing but noise is left, but too much: {sensor.says} is {_short(sensor.value)}. Is the noise in the kite file too small?"
 
@@ -338,7 +338,7 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "score test (Rao 1948); set on development flights",
         ),  # fmt: skip
         Criterion(
-            "drifts_pass", "not asked" if on is None else f"the drift of {changed} goes on from loop to loop" if changed else "nothing",
+            "sensors_steady", "not asked" if on is None else f"the drift of {changed} goes on from loop to loop" if changed else "nothing",
             "nothing", None if on is None else not changed,
             f"drifts of which a loop hands on more than {c.drift_goes_on:g} to the next, by chance with less than {c.repeats:g}",
             "permutation of the loops; set on development flights",

@@ -26,7 +26,7 @@ def noisier(factor=1.0, every=1, lag=0.0, **flown):
 
 @pytest.mark.parametrize("seed", [0, 3])
 def test_noise_of_the_velocity_is_no_scale_of_the_airspeed(seed):
-    """Guards against a wrong name: an airspeed that reads 56 % low, or 86 %, where it reads right. The speed that it is compared with
+    """Guards against a wrong name: an airspeed that reads far too low where it reads right. The speed that it is compared with
     holds the velocity's noise, and a factor on that is drawn to minus one (errors in variables; Fuller, Measurement Error Models, 1987)."""
     solution = solve(airspeed_of_motion(motion_of(free_flight(seconds=100.0, seed=seed))))
     size, std = solution.values["at flown speed"], solution.std["at flown speed"]

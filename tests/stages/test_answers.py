@@ -106,7 +106,7 @@ SIZES = {n: {"value": -123.456, "std": 0.01234, "unit": "N s/m"} for n in ("thre
 
 BESIDE = (
     "Beside it surface_effectiveness:elevator (less of a surface, beyond a threshold) would gain 3.2 % of what actuator_lag:rudder gains; "
-    "it may be there, or be what the form of that leaves: no name"
+    "it may be there, or make up for the form of that, and is not named"
 )
 REASON = f"surface_effectiveness:elevator comes nearest, but {' and '.join(OBJECTIONS.values())}."
 

@@ -1,5 +1,6 @@
 """What is left: what repeats from loop to loop is seen, what does not is not called so; noise does not grow to hide it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy import stats
 from tracing.traced import null_model
 
 from awescli.estimation.processes.base import Group
-from awescli.tracing.rest import BINS, FEWEST, Repetition, Rest, lasting, paid, repeated, repetition_of, rest_of
+from awescli.tracing.rest import BINS, FEWEST, Repetition, Rest, gusts_of, gusty, lasting, paid, repeated, repetition_of, rest_of
 
 LOOPS = 10
 STEP = 0.8
@@ -134,6 +135,14 @@ def test_of_several_flights_the_one_is_asked_where_something_is_left(order):
     axes = [(axis, axis) for axis in model.rest]
     found = repetition_of(SimpleNamespace(flights=[f.flights[0] for f in frames]), of_both, axes, repeated)
     assert axes and found == repetition_of(frame, model, axes, repeated) and found.loops >= FEWEST
+
+
+def test_of_several_flights_the_strongest_gusts_count():
+    """Guards "nothing is missing" of two flights of which the second is in gusts: only the first was asked for its air."""
+    air = [SimpleNamespace(processes=[SimpleNamespace(certain=False, groups=(replace(GUST, level=level),))]) for level in (0.05, 0.6)]
+    both = SimpleNamespace(problems=air)
+    assert gusty(both) and [g.level for g in gusts_of(both)] == [0.6] and [g.level for g in gusts_of(both, 0)] == [0.05]
+    assert not gusty(SimpleNamespace(problems=air[:1]))
 
 
 def test_a_slow_channel_may_leave_more_by_chance():

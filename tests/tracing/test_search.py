@@ -60,8 +60,8 @@ def test_what_a_score_promises_is_fitted_though_others_stand_before_it(monkeypat
 
 @pytest.mark.parametrize("p_value, outcome", [(1e-12, "converged"), (0.5, "not fitted")])
 def test_an_abrupt_effect_is_fitted_where_anything_is_seen(monkeypatch, p_value, outcome):
-    """Guards five flights on a line that stretches a little, which a model without model error follows: to first order the stretch was
-    worth 1 and came last, a line that sags was fitted, and the true effect gains six times as much."""
+    """Guards five flights on a line that stretches a little, which a model without model error follows: to first order the stretch came
+    last, a line that sags was fitted in its place, and the stretch, fitted, gains far more."""
     follows = SimpleNamespace(**{**vars(BASE), "rest": {}})
     monkeypatch.setattr(searching, "fit_added", lambda frame, base, key, *rest: GOOD)
     monkeypatch.setattr(searching, "fit_on_part", lambda frame, model: (frame, model))

@@ -14,7 +14,6 @@ from awescli.flightlog.reconstruction.gauss_markov import Law, Series
 from awescli.flightlog.reconstruction.identities import SMOOTH, WIDE, Identity
 from awescli.flightlog.reconstruction.levels import Known
 from awescli.flightlog.reconstruction.motion_of import Motion
-from awescli.flightlog.smoothing import local_quadratic
 from awescli.flightlog.wind_at import wind_ned
 from awescli.notation.angles import wrap
 
@@ -43,16 +42,15 @@ def airspeed_of_motion(motion: Motion, wind: np.ndarray | None = None, lag: floa
     speed = np.maximum(np.linalg.norm(air, axis=1), 1e-3)
     G = lagged(-air / speed[:, None], motion, lag)
     if smooth:
-        speed = np.concatenate([local_quadratic(part, motion.dt, SPAN) for part in _stretches(speed, motion)])
+        speed = motion.smoothed(speed, SPAN)
     speed = lagged(speed, motion, lag)
     seen = motion.seen("V_a")[:, 0] & (speed > SLOWEST)
     error = motion.log["V_a"][motion.rows] - speed
     mean = float(speed[seen].mean()) if seen.any() else SLOWEST
-    changes = [local_quadratic(part, motion.dt, SPAN, derivative=1) for part in _stretches(speed, motion)]
     # its noise is in the error, too, and would pull a factor on it to minus one (errors in variables)
-    slow = np.concatenate([local_quadratic(part, motion.dt, SMOOTH) for part in _stretches(speed, motion)])
+    slow = motion.smoothed(speed, SMOOTH)
     shapes = _wind_shapes(G[:, None, :], motion, wind, higher) | {
-        "scale": slow[:, None], "offset": np.ones((len(motion), 1)), "late": -np.concatenate(changes)[:, None],
+        "scale": slow[:, None], "offset": np.ones((len(motion), 1)), "late": -motion.smoothed(speed, SPAN, derivative=1)[:, None],
         # whoever holds the airspeed flies slower over ground when a gust comes from ahead: it then passes for a factor on what varies
         "answered": (slow - mean)[:, None],
     }  # fmt: skip

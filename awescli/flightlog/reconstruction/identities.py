@@ -15,7 +15,6 @@ from awescli.flightlog.quality import white_noise
 from awescli.flightlog.reconstruction.gauss_markov import Law, Series
 from awescli.flightlog.reconstruction.levels import Known
 from awescli.flightlog.reconstruction.motion_of import Motion, turn, turned_by
-from awescli.flightlog.smoothing import local_quadratic
 
 STEEP = np.deg2rad(80.0)
 """Pitch beyond which roll and yaw are not distinguished."""
@@ -224,13 +223,8 @@ def _drift_in_time(motion: Motion) -> np.ndarray:
 def _scales(motion: Motion, names: Sequence[str]) -> dict[str, np.ndarray]:
     """Signal -> (n, 3) what a unit of it too much adds, of some channels of an identity, each on its own axis; smooth: its noise is in the
     channel, too, and would pass for a part of it (errors in variables; Fuller, Measurement Error Models, 1987, ch. 1)."""
-    ends = np.flatnonzero(motion.restart)[1:]
-    found = {}
-    for i, name in enumerate(names):
-        parts = np.split(motion.log[name][motion.rows], ends)
-        smooth = np.concatenate([local_quadratic(part, motion.dt, SMOOTH) for part in parts])
-        found[name] = _from_begin(motion, smooth[:, None] * np.eye(3)[i])
-    return found
+    smooth = motion.smoothed(motion.three(*names), SMOOTH)
+    return {name: _from_begin(motion, smooth[:, [i]] * np.eye(3)[i]) for i, name in enumerate(names)}
 
 
 def _from_begin(motion: Motion, y: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from awescli.flightlog.log import FlightLog, runs_of
 from awescli.flightlog.phases import phases
+from awescli.flightlog.smoothing import local_quadratic
 from awescli.notation.frames import rotation_body_to_ned
 
 GAP = 3
@@ -69,6 +70,11 @@ class Motion:
         """(n, ...) sum of steps up to each sample, from zero at the begin of each stretch."""
         total = np.concatenate([0 * steps[:1], np.cumsum(steps[:-1], axis=0)])
         return total - total[np.maximum.accumulate(np.where(self.restart, np.arange(len(self)), 0))]
+
+    def smoothed(self, x: np.ndarray, span: float, derivative: int = 0) -> np.ndarray:
+        """(n, ...) x, or its rate of change (1), by local quadratics over `span` seconds within each stretch."""
+        parts = np.split(x, np.flatnonzero(self.restart)[1:])
+        return np.concatenate([local_quadratic(part, self.dt, span, derivative) for part in parts])
 
 
 def motion_of(log: FlightLog) -> Motion | None:
