@@ -8,7 +8,6 @@ was tuned to. Answers are scored exactly (exact_scoring.py).
 """
 
 import argparse
-import math
 import sys
 import time
 from collections import defaultdict
@@ -22,6 +21,7 @@ from campaign import add_options, commit, kept, run_campaign
 from exact_scoring import OUTCOMES, RIGHT, Truth, answer_of, counted, outcome
 from guesses_from_priors import guessed
 from gust_length import drawn
+from tracing_truths import BOUNDED, FORMS, LARGE, LENGTHS, OUTSIDE, PAIRS, at_once, resized, sized
 from wrong_bounds import with_wrong_bounds
 
 import awescli  # noqa: F401  (thread settings before numpy)
@@ -29,88 +29,16 @@ from awescli.artifacts import write_text
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "tracing"
-DEG = math.pi / 180
-
-LARGE = {
-    "wind_shear": {"a": 0.05},
-    "wind_veer": {"k": -4.4e-4},
-    "wind_offset": {"dN": 1.2, "dE": -0.8, "dD": -0.5},
-    "tether_drag": {"lateral": 1.0},
-    "tether_weight": {"mu": 0.03},
-    "tether_elasticity": {"EA": 6e5, "zeta": 120.0},
-    "winch_length": {"s": 0.01},
-    "clock_offset:winch": {"tau": 1.0},
-    "mass_offset": {"dm": 2.5, "dz": 0.04},
-    "parasitic_drag": {"k": 0.12},
-    "sideslip_drag": {"k": 2.5},
-    "lift_stall": {"k": 25.0, "alpha_0": 0.08},
-    "unsteady_lift": {"tau": 0.15},
-    "aeroelastic_twist": {"k": 1e-4},
-    "surface_bias:yaw": {"b": 0.001},
-    "surface_effectiveness:rudder": {"s": 0.5, "threshold": 0.1},
-    "actuator_lag:rudder": {"tau": 0.2},
-    "actuator_delay:rudder": {"tau": 0.14},
-    "airspeed_scale": {"s": 0.94},
-    "load_cell_scale": {"s": 1.08},
-    "load_cell_lag": {"tau": 0.3},
-    "position_latency": {"tau": 0.15},
-    "heading_bias": {"b": 3 * DEG},
-    "imu_bias:rates": {"bx": 0.01, "by": -0.006, "bz": 0.008},
-}
-"""Largest size of each effect, taken from the typical sizes of the library's sources."""
-
-OUTSIDE = {
-    "roll moment with heading": {"custom_term:m_x*sin_heading": {"k": 0.004}},
-    "pitch moment with alpha and airspeed": {"custom_term:m_y*alpha*V_a": {"k": 0.3}},
-    "side force with elevation": {"custom_term:f_y*elevation": {"k": 0.03}},
-    "yaw moment with elevation": {"custom_term:m_z*elevation": {"k": 0.004}},
-    "drag with roll rate": {"custom_term:f_x*p": {"k": -0.05}},
-}
-"""Effects that the library does not hold: forcings with a form of their own."""
-
-FORMS = {
-    "drag with the fourth power of sideslip": ("sideslip_drag", {}, {"CD": {"beta^4": ("CDb4", 250.0)}}),
-    "pitch moment with the cube of alpha": ("pitch_curvature", {}, {"Cm": {"alpha^3": ("Cma3", -30.0)}}),
-    "lift with the cube of alpha": ("lift_stall", {}, {"CL": {"alpha^3": ("CLa3", -100.0)}}),
-    "lift with the fourth power of alpha": ("lift_stall", {}, {"CL": {"alpha^4": ("CLa4", -700.0)}}),
-    "rudder that works less the farther it goes": ("surface_effectiveness:rudder", {}, {"Cn": {"rudder^3": ("Cndr3", -0.45)}}),
-    "second-order lag": ("actuator_lag:rudder", {"actuator_lag:rudder": {"tau": 0.24, "inertia": 0.25}}, {}),
-    "lag with a rate limit": ("actuator_lag:rudder", {"actuator_lag:rudder": {"tau": 0.12, "rate": 0.5}}, {}),
-    "servo with a damping ratio of 0.7": ("actuator_lag:rudder", {"actuator_lag:rudder": {"tau": 0.14, "inertia": 0.51}}, {}),
-}
-"""Effects whose form is not exactly the library's first one: the name that is right, and effects or aerodynamic terms that are flown."""
-
-BOUNDED = ("CLa", "Clp", "Cmq", "Cndr", "CYb", "CD0")
-"""Parameters of which two are declared with bounds that do not hold the truth, in the set "wrong bounds"."""
-
-PAIRS = (("actuator_lag:rudder", "airspeed_scale"), ("sideslip_drag", "position_latency"), ("wind_offset", "load_cell_scale"),
-         ("load_cell_lag", "heading_bias"))  # fmt: skip
-
-
-def sized(key: str, share: float) -> dict:
-    """An effect at a share of its largest size: strengths scale from null, shapes stay, a stiffness scales inversely."""
-    from awescli.physics.effects import EFFECTS
-
-    effect = EFFECTS[key.partition(":")[0]]
-    null = {p.name: p.value for p in effect.parameters}
-    values = {}
-    for name, value in LARGE[key].items():
-        if name in effect.shapes:
-            values[name] = value
-        else:
-            values[name] = value / share if effect.abrupt else null[name] + share * (value - null[name])
-    return values
-
-
-def at_once(several: int, seed: int, family: int) -> list[str]:
-    """So many effects of LARGE, drawn without a look at whether they can be told apart."""
-    keys, rng = list(LARGE), np.random.default_rng([seed, family])
-    return [keys[k] for k in sorted(rng.choice(len(keys), several, replace=False))]
 
 
 def cases(family: int = 1) -> dict[str, dict]:
     """name -> {set, truth (key -> values), seed, ...}; seeds differ from those of any test, and from family to family."""
     found = {}
+    for i, length in enumerate(2 * LENGTHS):
+        found[f"length-{length:g}-clean-{i // 2}"] = {
+            "set": f"{length:g} times as long, clean", "truth": {}, "seed": 11_900 + i, "length": length,
+            "air": ("table", "power")[i // 2], "duration": 150.0 * length**0.5,
+        }  # fmt: skip
     for i in range(20):
         found[f"clean-{i:02d}"] = {"set": "clean", "truth": {}, "seed": 1000 + i, "air": ("table", "power")[i % 2]}
     for i, key in enumerate(LARGE):
@@ -124,6 +52,12 @@ def cases(family: int = 1) -> dict[str, dict]:
             found[f"priors-{key}-{repeat}"] = {
                 "set": "calm x1, guesses from priors", "truth": {key: sized(key, 1.0)}, "seed": 10_000 + 10 * i + repeat,
                 "air": ("table", "power")[repeat],
+            }  # fmt: skip
+        for k, length in enumerate(LENGTHS):
+            found[f"length-{length:g}-{key}"] = {
+                "set": f"{length:g} times as long", "truth": {key: resized(key, length)}, "seed": 11_000 + 10 * i + k,
+                "length": length,
+                "air": ("table", "power")[i % 2], "duration": 150.0 * length**0.5,
             }  # fmt: skip
         found[f"five-{key}"] = {"set": "five flights, calm x0.25", "truth": {key: sized(key, 0.25)}, "seed": 9700 + 10 * i, "flights": 5}
         blown = {"sigma": 0.6, "L": round(drawn(3000 + i, family), 1)}
@@ -173,7 +107,7 @@ def run_case(name: str, case: dict) -> dict:
     begin, clock, made_by = time.process_time(), time.perf_counter(), commit()
     try:
         effects = _anchored(truth, case)
-        how = {"air": case.get("air", "table"), "duration": case.get("duration", 150.0)}
+        how = {"air": case.get("air", "table"), "duration": case.get("duration", 150.0), "length": case.get("length", 1.0)}
         flight = dev_like(_with_terms(truth, case.get("terms", {})), case["seed"], effects, **how)
         declared = flight.declared.model_copy(update={"aerodynamics": truth.aerodynamics})
         if case["set"].endswith("from priors"):
@@ -266,7 +200,7 @@ def truth_of(result: dict) -> Truth:
     effects = [key for key in result["truth"] if key != "turbulence"]
     gusty = "turbulence" in result["truth"]
     told = bool(result.get("bounds")) and result["bounds"]["told"] == result["bounds"]["beside"]
-    if result["set"] in ("clean", "turbulent clean") or (result["set"] == "wrong bounds, clean" and told):
+    if result["set"].endswith("clean") and (told or not result["set"].startswith("wrong bounds")):
         return Truth("clean", gusty=gusty)
     if result["set"] in ("outside", "wrong bounds, clean"):
         return Truth("outside")

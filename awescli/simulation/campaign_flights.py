@@ -14,6 +14,7 @@ from awescli.control.pattern import Pattern
 from awescli.flightlog.log import FlightLog
 from awescli.notation.parameters import ParameterTable
 from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.effects.sizes import GROWS
 from awescli.simulation.made_wind import as_measured, wind_record
 from awescli.simulation.synthetic import ReelOut, fly, with_effects
 
@@ -57,6 +58,20 @@ def perturbed(declaration: KiteDeclaration, seed: int, spread: tuple[float, floa
     return declaration.with_parameters(ParameterTable(rows))
 
 
+def lengthened(unit: str, length: float) -> float:
+    """By how much a quantity in `unit` is larger on a kite `length` times as long, of the same density, in the same field of gravity."""
+    mass, area = GROWS.get(unit, (0.0, 0.0))
+    return length ** (3 * mass + 2 * area)
+
+
+def similar(kite: KiteDeclaration, length: float) -> KiteDeclaration:
+    """The kite `length` times as long in every direction, of the same density: it flies the same way, sqrt(length) times as fast
+    (Froude's law)."""
+    by = {p.name: lengthened(p.unit, length) for p in kite.table().rows}
+    rows = [replace(p, **{n: getattr(p, n) * by[p.name] for n in ("value", "lower", "upper")}) for p in kite.table().rows]
+    return kite.with_parameters(ParameterTable(rows))
+
+
 def dev_like(
     truth: KiteDeclaration,
     seed: int,
@@ -68,26 +83,31 @@ def dev_like(
     noise: bool = True,
     step: float = 0.005,
     spread: tuple[float, float] = (0.05, 0.3),
+    length: float = 1.0,
 ) -> CampaignFlight:
     """A flight of `truth` (data/kites/development.yaml), with `effects` (key -> values by short name) that its user does not declare.
 
     air: the wind's record has heights (table) or one station at 10 m and a declared exponent (power); turn: which way round, as
-    `Pattern.turn`. All else is drawn from the seed. Raises NumericalFailure("departed") where an effect is too large to fly with.
+    `Pattern.turn`; length: the kite, its line and its pattern are so many times as long (`similar`), its speeds and the wind's go with the
+    root of that; its instruments stay. All else is drawn from the seed. Raises NumericalFailure("departed") where an effect is too large to
+    fly with.
     """
-    random = np.random.default_rng([seed, 1])
-    azimuth, speed, exponent = random.uniform(-np.pi, np.pi), random.uniform(8.8, 10.0), random.uniform(*SHEAR)
-    heights = np.array(HEIGHTS if air == "table" else HEIGHTS[:1])
+    random, fast = np.random.default_rng([seed, 1]), length**0.5
+    azimuth, speed, exponent = random.uniform(-np.pi, np.pi), random.uniform(8.8, 10.0) * fast, random.uniform(*SHEAR)
+    heights = np.array(HEIGHTS if air == "table" else HEIGHTS[:1]) * length
     trims = {"aileron": random.uniform(-0.5, 0.5), "elevator": random.uniform(-1.8, -1.0), "flaps": random.uniform(3.1, 4.5)}
     law = PathFollowing(
-        Pattern(random.uniform(35.0, 36.0) * DEG, azimuth, random.uniform(50.0, 55.0), turn),
+        Pattern(random.uniform(35.0, 36.0) * DEG, azimuth, random.uniform(50.0, 55.0) * length, turn),
         k_radius=0.7, k_course=1.5, k_rate=3.0, limit=TIP, trims={name: round(deg, 2) * DEG for name, deg in trims.items()},
     )  # fmt: skip
-    reel_out = ReelOut(random.uniform(258.0, 280.0), random.uniform(0.82, 0.95), random.uniform(0.25, 0.4), random.uniform(8.0, 11.0))
+    paid_out, speed_out, swing = random.uniform(258.0, 280.0), random.uniform(0.82, 0.95), random.uniform(0.25, 0.4)
+    reel_out = ReelOut(paid_out * length, speed_out * fast, swing * fast, random.uniform(8.0, 11.0) * fast)
     exponent = round(exponent, 3)
-    profile = {"law": air, "exponent": exponent if air == "power" else 0.0, "reference_height": HEIGHTS[0]}
+    profile = {"law": air, "exponent": exponent if air == "power" else 0.0, "reference_height": float(heights[0])}
+    truth = similar(truth, length)
     truth = truth.model_copy(update={"wind": truth.wind.model_copy(update=profile)})
     wind = wind_record(
-        heights, speed * (heights / HEIGHTS[0]) ** exponent, azimuth + np.pi, duration,
+        heights, speed * (heights / heights[0]) ** exponent, azimuth + np.pi, duration,
         density=random.uniform(1.19, 1.24), drift=0.015, turn=0.01, seed=seed,
     )  # fmt: skip
     flown = with_effects(truth, effects or {})

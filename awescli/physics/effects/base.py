@@ -7,6 +7,7 @@ from typing import Any
 from awescli.notation.parameters import Parameter
 from awescli.notation.quantities import UNITS
 from awescli.physics.declaration import KiteDeclaration
+from awescli.physics.effects.sizes import growth, widened
 from awescli.physics.instant import Body, Coefficients, Instant, Line, Load, Wind
 
 PLACES = ("airflow", "actuate", "body", "coefficients", "line", "load", "report")
@@ -16,7 +17,8 @@ PLACES = ("airflow", "actuate", "body", "coefficients", "line", "load", "report"
 class Effect:
     """One effect. Subclasses are final: they fill one place, and `rates`/`initial` if they have states of their own.
 
-    name: its row in the table; parameters: with null as `value`, plausible range as bounds; targets: where it may act
+    name: its row in the table; parameters: with null as `value`, plausible range as bounds, listed for a kite of some 50 kg on 3 m2 and
+    wider in an instance for a larger one (`sizes.growth`, probes too); targets: where it may act
     (surfaces, axes, clock groups), empty if there is only one such place; always: part of every kite, not a candidate;
     slips: parameter name -> {size: the mistake that leaves it}: sizes that no sensor has, and a unit does;
     states, units: its own states and their units, in which `target` is the unit of what it acts on;
@@ -69,6 +71,10 @@ class Effect:
     def __init__(self, target: str = "", declaration: KiteDeclaration | None = None):
         """target: one of `targets`, or empty; declaration: the kite file (`declaration.KiteDeclaration`) it stands in."""
         self.target = target
+        if declaration is not None:
+            units = {p.name: p.unit for p in self.parameters}
+            self.probes = {n: tuple(growth(units[n], declaration) * size for size in sizes) for n, sizes in self.probes.items()}
+            self.parameters = tuple(widened(p, declaration) for p in self.parameters)
 
     @classmethod
     def accepts(cls, target: str) -> bool:

@@ -8,7 +8,7 @@ from awescli.physics.effects.base import Effect
 from awescli.physics.effects.lag import lag_rate
 from awescli.physics.instant import Instant, Line
 
-HEAVIEST = 1e6
+HEAVIEST = 1e8
 """[N] a load that no line holds: no limit."""
 USUAL, LATE = 3000.0, 0.1
 """[N] a usual load; [s] by which what a winch pays out is known beforehand no better."""
