@@ -289,10 +289,11 @@ def _line(r: dict) -> str:
         named += f"{r['unexplained']['expression'] or r['unexplained']['channel']}"
     if told := r.get("bounds", {}).get("told"):
         named += f"{'; ' if named else ''}bounds of {', '.join(told)}"
-    c, sure = r["chi2"], "".join(f"{p:.2f}" for p, _ in claimed([r]))
+    sure = "".join(f"{p:.2f}" for p, _ in claimed([r]))
+    chi2 = "{train_before:.3f} -> {train_after:.3f}".format(**r["chi2"]) if r["chi2"] else ""
     before = "" if r["before"] is None else f"{r['before']:.4f}"
     return (
-        f"| {r['case']} | {scored(r)} | {r['verdict']} | {named} | {sure} | {c['train_before']:.3f} -> {c['train_after']:.3f} | "
+        f"| {r['case']} | {scored(r)} | {r['verdict']} | {named} | {sure} | {chi2} | "
         f"{before} -> {r['after']:.4f} ({r['floor']:.4f}) |"
     )
 

@@ -99,9 +99,9 @@ class Criteria:
     repeated_share: float = 0.2
     """Least share of its variance that repeats or goes on, for a part that is said to."""
 
-    drift_goes_on: float = 0.75
-    """Share of the variance of a sensor's drift that a loop hands on to the next one, from which on the sensor has changed. A pitot that
-    changes half way comes to more, a drift that forgets within seconds to less (`tests/tracing/test_sensors_that_change.py`)."""
+    drift_step: float = 10.0
+    """Times its usual change from one loop to the next by which the drift of a sensor may step: beyond, the sensor has changed. A drift
+    that wanders comes to 6 at most, sensors that change in flight to more than this (`tests/tracing/test_sensors_that_change.py`)."""
 
     # which air is gusty?
     gusty: float = 0.2

@@ -44,8 +44,8 @@ class Evidence:
     (`constancy.steadiness`); along: channel -> what its size would gain by going with it (`constancy.gains_along`); doubted: coefficients
     declared with a sign that hardly any aircraft has, which the declared model drives to the end of their range next to zero;
     bounds_left: the likeliest of the answer with one effect less and free of its bounds, None where no parameter is at one; alone: what
-    single flights show, None where that was not asked; drifts_go_on: how much of the sensors' drifts goes on from loop to loop, None where
-    none is seen.
+    single flights show, None where that was not asked; drift_steps: channel -> how large the largest step of its sensor's drift is
+    (`rest.steps_of_drifts`), None where none is seen.
 
     contradictions: sentences of what kinematics find of the sensors that no effect stands for (rates that are late);
     answering: surfaces that answer the kite, or may do so; error_ratio: prediction error of the answer on validation loops over that of the
@@ -67,7 +67,7 @@ class Evidence:
     doubted: tuple[str, ...] = ()
     bounds_left: BoundsLeft | None = None
     alone: tuple[Alone, ...] | None = None
-    drifts_go_on: Repetition | None = None
+    drift_steps: Mapping[str, float] | None = None
     contradictions: tuple[str, ...] = ()
     answering: tuple[str, ...] = SURFACES
     error_ratio: float = 1.0

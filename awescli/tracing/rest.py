@@ -125,9 +125,9 @@ def repetition_of_gusts(frame: Frame, model: FittedModel) -> Repetition | None:
     return repetition_of(frame, model, axes, repeated) if axes else None
 
 
-def drifts_going_on(frame: Frame, model: FittedModel) -> Repetition | None:
-    """How much of the smoothed drifts of sensors a loop hands on to the next one: of a drift that forgets within seconds little, of a
-    sensor that changes in flight nearly all."""
+def steps_of_drifts(frame: Frame, model: FittedModel) -> dict[str, float] | None:
+    """Channel -> how large the largest step of its sensor's smoothed drift is (`step_of`), in the flight where its drift is largest: a
+    drift wanders, a sensor that changes in flight steps. None where there is no drift, or no flight by loops."""
     axes = dict.fromkeys(
         label
         for problem, judged in zip(model.problems, model.judged, strict=True)
@@ -135,7 +135,28 @@ def drifts_going_on(frame: Frame, model: FittedModel) -> Repetition | None:
         for label in ((group.name, axis) for axis in group.axes)
         if group.level > 0 and label in judged.misfit.labels
     )
-    return repetition_of(frame, model, list(axes), lasting) if axes else None
+    found: dict[str, float] = {}
+    for label in axes:
+        place, _ = _largest(model, label[0])
+        loops = find_loops(frame.flights[place].log)
+        table = _by_loop(*_path(model, place, label), loops)
+        if loops.kind == "loops" and len(table) >= FEWEST:
+            found[label[1]] = step_of(table)
+    return found or None
+
+
+def step_of(table: np.ndarray) -> float:
+    """The largest change of a path from the mean over the loop before any moment to the mean over the loop behind it, over the usual one
+    (median absolute change, as a standard deviation). table: as in `repeated`. Of an Ornstein-Uhlenbeck process 2 to 4, whatever its
+    level and its memory (`tests/tracing/test_rest.py`)."""
+    length, path = table.shape[1], table.ravel()
+    windows = np.lib.stride_tricks.sliding_window_view(path, length)
+    seen = np.isfinite(windows).sum(axis=1)
+    means = np.where(2 * seen >= length, np.nansum(windows, axis=1) / np.maximum(seen, 1), np.nan)
+    changes = np.abs(means[length:] - means[:-length])
+    changes = changes[np.isfinite(changes)]
+    usual = 1.4826 * float(np.median(changes)) if len(changes) else 0.0
+    return float(changes.max()) / usual if usual > 0 else 0.0
 
 
 def repetition_of(

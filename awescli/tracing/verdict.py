@@ -52,8 +52,7 @@ def verdict(table: Sequence[Criterion]) -> str:
     and alone, on a kite whose declared signs can be; where others do as well nobody can tell. What is left without a name is unexplained
     where it repeats (called gusts or not) or goes on from loop to loop, and so is an effect beside which too much of that is left, whose
     size drifts or goes with the way the kite flies, or which another one outdoes that cannot be; and so is what one of several flights
-    shows alone, or a sensor's drift that goes on from loop to loop. That nothing is missing is said in calm air, and where all that could
-    be missing was tried.
+    shows alone, or a sensor's drift that steps. That nothing is missing is said in calm air, and where all that could be was tried.
     """
     passed = {c.name: c.passed for c in table}
     if not all(passed[name] is not False for name in NULL):
@@ -96,7 +95,8 @@ def reason(table: Sequence[Criterion], nearest: str = "") -> str:
     if answer == "unexplained" and not significant and (sufficient or rows["flights_agree"].passed is False):
         return _why_nothing_explains(rows)
     if answer not in ("unexplained", "not_deterministic") or not nearest or not significant:
-        return ""
+        steps = rows["sensors_steady"]
+        return f"Beside gusts {steps.value}: look at it." if answer == "not_deterministic" and steps.passed is False else ""
     objections = [said.format(row=rows[name]) for name, said in OBJECTIONS.items() if rows[name].passed is False]
     if not sufficient:
         objections.insert(0, f"more than noise is left beside it (chi-square {_short(rows['floor'].value)} on validation loops)")
@@ -110,7 +110,7 @@ def _why_nothing_explains(rows: Mapping[str, Criterion]) -> str:
     if rows["flights_agree"].passed is False:
         return f"One flight shows what the others do not: {rows['flights_agree'].value}. Trace that flight by itself."
     if rows["sensors_steady"].passed is False:
-        return f"Nothing but noise and drift is left, but {rows['sensors_steady'].value}, as of a sensor that changes: look at it."
+        return f"Nothing but noise and drift is left, but {rows['sensors_steady'].value}: look at it."
     sensor = rows["sensors_plausible"]
     return f"Nothing but noise is left, but too much: {sensor.says} is {_short(sensor.value)}. Is the noise in the kite file too small?"
 
@@ -315,8 +315,9 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     failed, gusts, again = e.search.failed, max(e.gusts.values(), default=0.0), e.gusts_repeat
     gain = e.search.null.deviance - e.model.deviance if e.model.keys else 0.0
     left, lead = e.bounds_left, e.bounds_left.deviance - e.model.deviance if e.bounds_left else None
-    on = e.drifts_go_on
-    changed = " and ".join(a for a in on.p if on.p[a] * len(on.p) < c.repeats and on.share[a] > c.drift_goes_on) if on else ""
+    steps = e.drift_steps
+    changed = " and ".join(channel for channel, size in (steps or {}).items() if size > c.drift_step)
+    stepped = f"the drift of {changed} steps, as of a sensor that changes" if changed else "nothing"
     gone, at_bound = (left.gone, ", ".join(left.parameters)) if left else ("one effect", "parameters")
     return (
         Criterion(
@@ -338,10 +339,9 @@ def _of_others(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
             "score test (Rao 1948); set on development flights",
         ),  # fmt: skip
         Criterion(
-            "sensors_steady", "not asked" if on is None else f"the drift of {changed} goes on from loop to loop" if changed else "nothing",
-            "nothing", None if on is None else not changed,
-            f"drifts of which a loop hands on more than {c.drift_goes_on:g} to the next, by chance with less than {c.repeats:g}",
-            "permutation of the loops; set on development flights",
+            "sensors_steady", "not asked" if steps is None else stepped, "nothing", None if steps is None else not changed,
+            f"drifts that change from one loop to the next by more than {c.drift_step:g} times what they usually do",
+            "set on development flights",
         ),  # fmt: skip
         Criterion(
             "no_parameter_hides_it", ", ".join(s.key for s in e.absorbed) or 0, c.at_bound, not e.absorbed,

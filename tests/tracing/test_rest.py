@@ -9,7 +9,21 @@ from scipy import stats
 from tracing.traced import null_model
 
 from awescli.estimation.processes.base import Group
-from awescli.tracing.rest import BINS, FEWEST, Repetition, Rest, gusts_of, gusty, lasting, paid, repeated, repetition_of, rest_of
+from awescli.tracing.criteria import CRITERIA
+from awescli.tracing.rest import (
+    BINS,
+    FEWEST,
+    Repetition,
+    Rest,
+    gusts_of,
+    gusty,
+    lasting,
+    paid,
+    repeated,
+    repetition_of,
+    rest_of,
+    step_of,
+)  # fmt: skip
 
 LOOPS = 10
 STEP = 0.8
@@ -60,12 +74,12 @@ def test_loops_that_were_flown_in_part_count():
     assert chance[:, 0].mean() < 0.1 and (chance[:, 1] < 0.01).sum() <= 3
 
 
-def gusts_in_loops(seed: int) -> np.ndarray:
-    """(LOOPS, BINS) of an Ornstein-Uhlenbeck process, STEP apart, from loop to loop without a break."""
-    kept, random, path = np.exp(-STEP / GUST.memory), np.random.default_rng(seed), [0.0]
-    for step in random.standard_normal(LOOPS * BINS) * GUST.level * np.sqrt(1 - kept**2):
+def gusts_in_loops(seed: int, group: Group = GUST, loops: int = LOOPS) -> np.ndarray:
+    """(loops, BINS) of an Ornstein-Uhlenbeck process, STEP apart, from loop to loop without a break."""
+    kept, random, path = np.exp(-STEP / group.memory), np.random.default_rng(seed), [0.0]
+    for step in random.standard_normal(loops * BINS) * group.level * np.sqrt(1 - kept**2):
         path.append(kept * path[-1] + step)
-    return np.reshape(path[1:], (LOOPS, BINS))
+    return np.reshape(path[1:], (loops, BINS))
 
 
 def test_what_a_process_pays_for_a_pattern_is_what_a_term_that_says_it_gains():
@@ -100,6 +114,28 @@ def test_chance_is_not_said_to_go_on():
         found = np.array([lasting(table(500 + seed), seed) for seed in range(80)])
         assert stats.kstest(found[:, 1], "uniform").pvalue > 0.01
         assert found[:, 0].mean() < 0.05 and (found[:, 1] < 0.01).sum() <= 3
+
+
+@pytest.mark.parametrize("memory", [2.0, 6.0, 20.0, 60.0])
+@pytest.mark.parametrize("loops", [4, 8, 20])
+def test_a_drift_that_wanders_does_not_step(memory, loops):
+    """Guards the false alarm: of drifts of any memory, in few loops or many, gaps or not, the largest step is a few of the usual ones."""
+    drift = Group.known("airspeed drift", ("V_a",), 0.5, memory)
+    for gaps in (False, True):
+        tables = [gusts_in_loops(seed, drift, loops) for seed in range(100)]
+        found = np.array([step_of(with_gaps(table, seed) if gaps else table) for seed, table in enumerate(tables)])
+        assert 1.0 < np.median(found) < 4.0 and (found > CRITERIA.drift_step).sum() <= 1
+
+
+def test_a_sensor_that_changes_in_flight_steps():
+    """Guards what a sensor does once, wherever in the flight, its own drift beside; and that level and unit do not matter."""
+    drift = Group.known("airspeed drift", ("V_a",), 0.5, 6.0)
+    for seed, part in enumerate((0.25, 0.5, 0.75)):
+        table = gusts_in_loops(seed, drift, 16)
+        path = np.arange(table.size).reshape(table.shape) >= part * table.size
+        assert step_of(table) < 5.0 < CRITERIA.drift_step < step_of(0.2 * table + 2.0 * path)
+        assert step_of(100.0 * table) == pytest.approx(step_of(table))
+    assert step_of(np.zeros((8, BINS))) == 0.0 and step_of(np.full((8, BINS), np.nan)) == 0.0
 
 
 def test_many_axes_must_not_repeat_by_their_number():

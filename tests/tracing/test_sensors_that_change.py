@@ -10,25 +10,38 @@ from tracing.traced import short_flight, traced_flight
 from awescli.tracing.criteria import CRITERIA
 
 
-def half_way(log, random):
-    """From half of the flight on 6 % too little."""
-    return np.where(log.time > log.time[-1] / 2, 0.94, 1.0) * log["V_a"]
+def changing(channel, by):
+    """From half of the flight on it reads otherwise."""
+    return lambda log, random: {channel: np.where(log.time > log.time[-1] / 2, by(log[channel]), log[channel])}
 
 
-def wandering(log, random):
-    """With a drift of 0.5 m/s that forgets within 6 s (Ornstein-Uhlenbeck)."""
-    kept = np.exp(-log.dt / 6.0)
-    return log["V_a"] + 0.5 * np.sqrt(1 - kept**2) * lfilter([1.0], [1.0, -kept], random.standard_normal(len(log)))
+def wandering(spread, memory):
+    """Channels with a drift (Ornstein-Uhlenbeck) of some standard deviation that forgets within `memory` [s]."""
+
+    def drift(log, random):
+        kept = np.exp(-log.dt / memory)
+        steps = np.sqrt(1 - kept**2) * random.standard_normal((len(spread), len(log)))
+        return {n: log[n] + s * lfilter([1.0], [1.0, -kept], own) for (n, s), own in zip(spread.items(), steps, strict=True)}
+
+    return drift
 
 
-@pytest.mark.parametrize("change, verdict", [(half_way, "unexplained"), (wandering, "none")])
-def test_a_pitot_that_changes_half_way_is_told(change, verdict):
-    """Guards against "nothing is missing" where a pitot reads 6 % low from half of the flight on: its drift grew, and took all of it. What
-    a drift that forgets within seconds does is no change of a sensor."""
+ATTITUDE = dict.fromkeys(("phi", "theta", "psi"), np.deg2rad(0.5))
+
+
+@pytest.mark.parametrize("steps, change", [
+    ("V_a", changing("V_a", lambda V: 0.94 * V)), ("psi", changing("psi", lambda psi: psi + 0.03)),
+    ("tension", changing("tension", lambda T: 1.06 * T)),
+    ("", wandering({"V_a": 0.5}, 6.0)), ("", wandering(ATTITUDE, 18.0)),
+])  # fmt: skip
+def test_a_sensor_that_changes_half_way_is_told(steps, change):
+    """Guards "nothing is missing" where a pitot reads 6 % low from half of the flight on: its drift grew, and took all of it. A drift that
+    wanders is no change of a sensor, however long it lasts."""
     declared, log, parts = short_flight({}, 33, 120.0)
-    log = replace(log, measured={**log.measured, "V_a": change(log, np.random.default_rng(5))})
+    log = replace(log, measured={**log.measured, **change(log, np.random.default_rng(5))})
     told, finding = traced_flight(declared, log, parts, 5.0)
-    going_on = finding.evidence.drifts_go_on
-    assert going_on is not None and (going_on.share["V_a"] > CRITERIA.drift_goes_on) == (change is half_way) and told["effects"] == []
-    assert told["verdict"] == verdict, told["sentence"]
-    assert verdict == "none" or "the drift of V_a goes on from loop to loop" in told["sentence"]
+    found = finding.evidence.drift_steps
+    assert found is not None and [n for n, size in found.items() if size > CRITERIA.drift_step] == ([steps] if steps else []), found
+    assert told["effects"] == [] and told["verdict"] == ("unexplained" if steps else "none"), told["sentence"]
+    assert not steps or f"the drift of {steps} steps" in told["sentence"]
+    assert steps or max(found.values()) < 6.0

@@ -129,12 +129,14 @@ def test_what_gusts_may_gain_as_well_is_told_without_a_name():
     gusty = rows(**{**FOUND, "calm_air": False, PREDICTS: False})
     assert reason(gusty, "actuator_lag:rudder").startswith("actuator_lag:rudder comes nearest, but gusts may gain as much")
     assert reason(rows(calm_air=False), "actuator_lag:rudder") == ""
+    stepping = rows(**{PASS: False, "calm_air": False})
+    assert reason(stepping).startswith("Beside gusts ") and reason(stepping).endswith("look at it.")
 
 
 @pytest.mark.parametrize(
     "passed, said", [
         ({"sensors_plausible": False}, "Is the noise in the kite file"), ({"gusts_do_not_repeat": False}, "no gust"),
-        ({PASS: False}, "a sensor that changes"),
+        ({PASS: False}, "Nothing but noise and drift is left"),
         ({AGREE: False}, "Trace that flight by itself"), ({**LEFT, AGREE: False, "rest_repeats": False}, "Trace that flight by itself"),
     ],
 )  # fmt: skip
@@ -265,10 +267,7 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("no_rival", {"answer": GOOD}, {"answer": GOOD, "rivals": {"sideslip_drag": (Rival("parasitic_drag", model(903.0), 3.0),)}}),
         ("all_candidates_fitted", {}, {"failed": ("pitch_curvature",)}),
         (AGREE, {"alone": ()}, {"alone": (Alone("second", "airspeed_scale", 72.0),)}),
-        (
-            PASS, {"drifts_go_on": Repetition({"V_a": 0.74, "psi": 0.9}, {"V_a": 0.001, "psi": 0.02}, 8)},
-            {"drifts_go_on": Repetition({"V_a": 0.76, "psi": 0.1}, {"V_a": 0.001, "psi": 0.5}, 8)},
-        ),
+        (PASS, {"drift_steps": {"V_a": 9.9, "psi": 3.0}}, {"drift_steps": {"V_a": 3.0, "psi": 10.1}}),
         ("no_parameter_hides_it", {}, {"absorbed": (AbsorbedEffect("surface_bias:yaw", "Cndr", 9.0, GOOD),)}),
         (
             "no_better_empirical_term", {"answer": GOOD, "empirical": Search(NULL_MODEL, model(891.0, ("custom_term:f_x*beta",)), ())},
