@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from kites import DEVELOPMENT, ROOT, at_point
 
+from awescli.notation.errors import BadInput
 from awescli.notation.parameters import ParameterTable
 from awescli.notation.quantities import STATES, UNITS
 from awescli.physics.declaration import KiteDeclaration, read_kite
@@ -79,8 +80,21 @@ def test_bounds_hold_what_they_held_on_a_similar_kite_and_ends_at_null_stay(key,
 
 def test_a_file_without_mass_or_area_has_the_listed_bounds():
     rows = {n: row for n, row in weighing(5000.0, 100.0).parameters.items() if n != "m"}
-    effect = make_effect("mass_offset", DEVELOPMENT.model_copy(update={"parameters": rows}))
-    assert effect.parameters == EFFECTS["mass_offset"].parameters
+    for kite in (DEVELOPMENT.model_copy(update={"parameters": rows}), weighing(5000.0, 0.0), weighing(-50.0, 3.0), weighing(0.0, -3.0)):
+        for key in ("mass_offset", "tether_weight", "wind_offset"):
+            assert make_effect(key, kite).parameters == EFFECTS[key].parameters
+
+
+@pytest.mark.parametrize("row", ["m: {value: -50, unit: kg}", "S: {value: 0, unit: m2}", "S: {value: -3, unit: m2}"])
+def test_a_mass_or_area_that_cannot_be_is_one_clear_error(row, tmp_path):
+    """Guards a crash: the bounds of effects are made before the numbers of the file are judged."""
+    name = row[0]
+    lines = (ROOT / "data" / "kites" / "development.yaml").read_text().splitlines()
+    lines = [f"  {row}" if line.startswith(f"  {name}:") else line for line in lines]
+    lines = [f"{line[:-1]}, tether_weight, wind_offset]" if line.startswith("effects:") else line for line in lines]
+    (tmp_path / "kite.yaml").write_text("\n".join(lines) + "\n")
+    with pytest.raises(BadInput, match=f"parameters.{name}.value"):
+        read_kite(tmp_path / "kite.yaml")
 
 
 def test_a_similar_kite_keeps_its_numbers_without_units():

@@ -36,12 +36,10 @@ speeds as the root of the wing loading (Froude's law). Times are those of instru
 
 def growth(unit: str, declaration: KiteDeclaration) -> float:
     """By how much a quantity in `unit` is larger on the declared kite than on those the effects are listed for, at least 1: what is
-    plausible of those stays plausible. 1 too where the file does not say mass or area."""
+    plausible of those stays plausible. 1 too where the file does not say mass and area, or says what none can be (`admissible`)."""
     mass, area = GROWS.get(unit, (0.0, 0.0))
-    rows = declaration.parameters
-    if "m" not in rows or "S" not in rows:
-        return 1.0
-    return max((rows["m"].value / LISTED_MASS) ** mass * (rows["S"].value / LISTED_AREA) ** area, 1.0)
+    m, S = (declaration.parameters[n].value if n in declaration.parameters else 0.0 for n in ("m", "S"))
+    return max((m / LISTED_MASS) ** mass * (S / LISTED_AREA) ** area, 1.0) if m > 0 and S > 0 else 1.0
 
 
 def widened(p: Parameter, declaration: KiteDeclaration) -> Parameter:
