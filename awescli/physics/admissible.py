@@ -76,6 +76,17 @@ def _number(value: Any) -> float | None:
     return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) else None
 
 
+def _unit_of(name: str) -> str:
+    """The unit in which a parameter with a meaning of its own is taken; empty where the file gives it one."""
+    known = POSITIVE.get(name) or NOT_NEGATIVE.get(name)
+    return known[2] if known else ""
+
+
+def _written(unit: str) -> str:
+    """A unit without what different hands write differently: kg m2, kg*m^2, kg·m²."""
+    return unit.translate(str.maketrans({**dict.fromkeys(" ^*·.", ""), "²": "2"}))
+
+
 def _too_much(data: Mapping, where: Where) -> Iterator[BadInput]:
     for key, most in MOST.items():
         if isinstance(data.get(key), (dict, list)) and len(data[key]) > most:
@@ -93,6 +104,9 @@ def _names(rows: Mapping[str, Mapping], where: Where) -> Iterator[BadInput]:
         unit = row.get("unit", "-")
         if isinstance(unit, str) and (len(unit) > LONGEST_UNIT or not unit.isprintable()):
             yield BadInput(f"a unit of {len(unit)} characters", where("parameters", name, "unit"), "Write for example kg m2.")
+        elif isinstance(unit, str) and _written(unit) not in ("", "-", _written(expected := _unit_of(name) or unit)):
+            do = f"Give it in {expected}: numbers are taken as they stand."
+            yield BadInput(f"{name} is given in {unit}", where("parameters", name, "unit"), do)
 
 
 def _values(rows: Mapping[str, Mapping], where: Where) -> Iterator[BadInput]:

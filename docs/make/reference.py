@@ -94,8 +94,8 @@ def effects() -> str:
     pieces = [
         "The equations are those of the code's own docstrings, in the letters of [the equations](../equations.md). A candidate is what "
         "`trace-residual` looks for; at its null value an effect changes nothing, to the last bit. What is plausible of a size is listed "
-        "for kites of some 54 kg on 3 m2 (KM1, AP2); of a larger one more is, as forces grow with the weight, lengths with the root of the "
-        "wing area and speeds with that of the wing loading.",
+        "for kites of some 54 kg on 3 m2 (KM1, AP2); of a larger one more is, as forces grow with the weight and lengths with the root "
+        "of the wing area.",
         table(("effect", "acts on", "role", "what it is"), [
             (f"[{e['name']}](#{e['name']})", _acts(e), e["role"], e["doc"]) for e in library()
         ]),

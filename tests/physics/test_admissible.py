@@ -255,3 +255,20 @@ def test_a_parameter_without_freedom_has_no_correlation():
 
     found = _correlation(np.array([[4.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0]]))
     assert np.array_equal(found, [[1, 0, 0.5], [0, 1, 0], [0.5, 0, 1]]) and math.isfinite(found.sum())
+
+
+@pytest.mark.parametrize("name, unit, expected", [
+    ("m", "lb", "kg"), ("m", "g", "kg"), ("S", "cm2", "m2"), ("b", "ft", "m"), ("Jx", "g m2", "kg m2"), ("k_v", "kN/m", "N/m"),
+])  # fmt: skip
+def test_a_number_in_another_unit_is_not_taken_as_si(tmp_path, name, unit, expected):
+    """Guards 110 lb that were taken as 110 kg: nothing converts the numbers of a kite file."""
+    text = told(tmp_path, lambda data: row(data, name, unit=unit))
+    assert f"{name} is given in {unit}" in text and f"Give it in {expected}" in text
+
+
+def test_units_may_be_written_as_they_are_anywhere(tmp_path):
+    data = yaml.safe_load(TEXT)
+    for name, unit in {"Jx": "kg m^2", "Jy": "kg*m2", "Jz": "kg·m²", "Jxz": "kg.m2", "S": "m²", "g": "m/s^2", "m": "-", "b": "", "c_v": "N·s/m"}.items():
+        row(data, name, unit=unit)
+    (tmp_path / "kite.yaml").write_text(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), encoding="utf-8")
+    assert read_kite(tmp_path / "kite.yaml").parameters["m"].value == 50.0

@@ -23,7 +23,7 @@ from awescli.tracing.rest import (
     repetition_of,
     rest_of,
     step_of,
-)  # fmt: skip
+)
 
 LOOPS = 10
 STEP = 0.8

@@ -31,13 +31,15 @@ GROWS: dict[str, tuple[float, float]] = {
     "m2": (0.0, 1.0), "kg m2": (1.0, 1.0),
 }  # fmt: skip
 """Unit -> powers of mass and area with which a quantity grows from kite to kite: forces as the weight, lengths as the root of the area,
-speeds as the root of the wing loading (Froude's law). Times are those of instruments: they stay."""
+speeds as the root of the wing loading (Froude's law)."""
+OF_THE_AIR = ("m/s", "rad/m")
+"""Units in which effects are of the air or of what measures it, neither of which knows the kite; nor do the times of instruments."""
 
 
 def growth(unit: str, declaration: KiteDeclaration) -> float:
     """By how much a quantity in `unit` is larger on the declared kite than on those the effects are listed for, at least 1: what is
     plausible of those stays plausible. 1 too where the file does not say mass and area, or says what none can be (`admissible`)."""
-    mass, area = GROWS.get(unit, (0.0, 0.0))
+    mass, area = (0.0, 0.0) if unit in OF_THE_AIR else GROWS.get(unit, (0.0, 0.0))
     m, S = (declaration.parameters[n].value if n in declaration.parameters else 0.0 for n in ("m", "S"))
     return max((m / LISTED_MASS) ** mass * (S / LISTED_AREA) ** area, 1.0) if m > 0 and S > 0 else 1.0
 
