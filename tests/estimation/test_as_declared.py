@@ -5,13 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pumped
 from kites import DEVELOPMENT
 
 from awescli.estimation.as_declared import declared_checks
 from awescli.flightlog.check_names import OF_KITE
 from awescli.flightlog.read import read_flight
 from awescli.physics.declaration import read_kite
-from awescli.simulation.campaign_flights import dev_like
+from awescli.simulation.campaign_flights import dev_like, perturbed
+from awescli.simulation.synthetic import as_recorded, with_effects
 
 ROOT = Path(__file__).parents[2]
 
@@ -73,6 +75,22 @@ def test_a_load_cell_that_is_some_per_cent_off_stops_nothing(flown, factor):
 def test_effects_that_are_to_be_found_stop_nothing(effects):
     flight = dev_like(DEVELOPMENT, 4712, effects, duration=60.0)
     assert not any(c.stops for c in declared_checks(flight.declared, flight.log))
+
+
+def test_a_surface_that_is_held_in_every_phase_is_not_judged():
+    """Guards a pumping flight with late positions whose elevator seemed to work five times as declared, and which was refused for it."""
+    late = with_effects(DEVELOPMENT, {"position_latency": {"tau": 0.15}})
+    legs = (replace(pumped.PHASES[0], guards=(pumped.Guard("tether_length", 340.0, True),)), *pumped.PHASES[1:])
+    _, flight = pumped.fly(declaration=late, phases_=legs, cycles=3)
+    assert flight.ended
+    log = as_recorded(flight.flown, DEVELOPMENT, pumped.wind(10.0), seed=3)
+    for declaration in (DEVELOPMENT, perturbed(DEVELOPMENT, 3)):
+        found = checks(declaration, log)
+        assert all(found[f"{surface} response"].ok for surface in ("elevator", "flaps", "rudder"))
+        assert "Too uncertain" in found["elevator response"].sentence
+    assert found["rudder response"].value == pytest.approx(1.0, abs=0.35)
+    found = checks(declaration, inputs(log, rudder=-log["rudder"]))["rudder response"]
+    assert found.stops and "other sign" in found.sentence
 
 
 def test_travel_beyond_what_is_declared(calm):
