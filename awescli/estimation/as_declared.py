@@ -39,8 +39,8 @@ TOGETHER = 0.5
 """[s] that an error of the model lasts."""
 
 PART, WINDOW = 0.5, (2.0, 10.0)
-"""Of a full turn, and [s] at least and at most: what lasts longer is not asked. A model that is wrong is so for whole phases of a flight: with
-positions 0.15 s late a pumping flight's elevator, held in each phase, seemed to work five times as declared."""
+"""Of a full turn, and [s] at least and at most: what lasts longer is not asked. A model that is wrong is so for whole phases of a flight:
+with positions 0.15 s late a pumping flight's elevator, held in each phase, seemed to work five times as declared."""
 
 NEARER = 4.0
 """Bounds are wide, so that a fit may search them; the guesses between them are mostly nearer the truth, by so much."""

@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 import pumped
+import pytest
 from kites import DEVELOPMENT
 
 from awescli.estimation.as_declared import declared_checks
