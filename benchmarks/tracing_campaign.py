@@ -21,6 +21,7 @@ from campaign import add_options, commit, kept, run_campaign
 from exact_scoring import OUTCOMES, RIGHT, Truth, answer_of, counted, outcome
 from guesses_from_priors import guessed
 from gust_length import drawn
+from pumping_flights import pumping_like
 from tracing_truths import BOUNDED, FORMS, LARGE, LENGTHS, OUTSIDE, PAIRS, at_once, resized, sized
 from wrong_bounds import with_wrong_bounds
 
@@ -62,10 +63,16 @@ def cases(family: int = 1) -> dict[str, dict]:
         found[f"five-{key}"] = {"set": "five flights, calm x0.25", "truth": {key: sized(key, 0.25)}, "seed": 9700 + 10 * i, "flights": 5}
         blown = {"sigma": 0.6, "L": round(drawn(3000 + i, family), 1)}
         found[f"turbulent-{key}"] = {"set": "turbulent x1", "truth": {key: sized(key, 1.0), "turbulence": blown}, "seed": 3000 + i}
+        for name, air in (("calm", {}), ("gusts", {"turbulence": blown})):
+            found[f"pumping-{name}-{key}"] = {
+                "set": f"pumping, {name}", "truth": {key: sized(key, 1.0), **air}, "seed": 12_000 + 10 * i + len(air), "of": "cycles",
+            }  # fmt: skip
         found[f"short-{key}"] = {"set": "40 s", "truth": {key: sized(key, 1.0)}, "seed": 4000 + i, "duration": 42.0}
     for i in range(6):
         blown = {"sigma": 0.8, "L": round(drawn(5000 + i, family), 1)}
         found[f"turbulent-clean-{i}"] = {"set": "turbulent clean", "truth": {"turbulence": blown}, "seed": 5000 + i}
+        air = {"turbulence": blown} if i % 2 else {}
+        found[f"pumping-clean-{i}"] = {"set": "pumping, clean", "truth": air, "seed": 12_900 + i, "of": "cycles"}
     for i, (name, truth) in enumerate(OUTSIDE.items()):
         for repeat in range(2):
             found[f"outside-{name.replace(' ', '_')}-{repeat}"] = {"set": "outside", "truth": truth, "seed": 6000 + 10 * i + repeat}
@@ -93,10 +100,12 @@ def cases(family: int = 1) -> dict[str, dict]:
 
 def run_case(name: str, case: dict) -> dict:
     """Fly, declare wrongly, trace, compare with the truth."""
+    from awescli.estimation.as_declared import declared_checks
     from awescli.estimation.prediction import predict
+    from awescli.flightlog.cycles import pieces
     from awescli.flightlog.loops import find_loops
     from awescli.flightlog.split import split
-    from awescli.notation.errors import AwesError
+    from awescli.notation.errors import AwesError, BadInput
     from awescli.physics.declaration import read_kite
     from awescli.simulation.campaign_flights import dev_like
     from awescli.tracing.flight import trace_flight
@@ -108,13 +117,18 @@ def run_case(name: str, case: dict) -> dict:
     try:
         effects = _anchored(truth, case)
         how = {"air": case.get("air", "table"), "duration": case.get("duration", 150.0), "length": case.get("length", 1.0)}
-        flight = dev_like(_with_terms(truth, case.get("terms", {})), case["seed"], effects, **how)
+        of = case.get("of", "loops")
+        flight = dev_like(_with_terms(truth, case.get("terms", {})), case["seed"], effects, **how) if of == "loops" else pumping_like(
+            case["seed"], effects
+        )
         declared = flight.declared.model_copy(update={"aerodynamics": truth.aerodynamics})
         if case["set"].endswith("from priors"):
             declared = guessed(declared, flight.flown.table(), case["seed"])
         if case["set"].startswith("wrong bounds"):
             declared = with_wrong_bounds(declared, truth, BOUNDED, case["seed"])
-        parts = split(find_loops(flight.log), log=flight.log)
+        if refused := [check.name for check in declared_checks(declared, flight.log) if check.stops]:
+            raise BadInput(f"refused for {', '.join(refused)}")
+        parts = split(pieces(flight.log, of), log=flight.log)
         others = [dev_like(truth, case["seed"] + n, effects, **how).log for n in range(1, case.get("flights", 1))]
         also = [TracedFlight(log, split(find_loops(log), log=log), declared, str(n)) for n, log in enumerate(others, 2)]
         finding = trace_flight(declared, flight.log, parts, also=also)

@@ -77,18 +77,22 @@ def test_effects_that_are_to_be_found_stop_nothing(effects):
     assert not any(c.stops for c in declared_checks(flight.declared, flight.log))
 
 
-def test_a_surface_that_is_held_in_every_phase_is_not_judged():
-    """Guards a pumping flight with late positions whose elevator seemed to work five times as declared, and which was refused for it."""
-    late = with_effects(DEVELOPMENT, {"position_latency": {"tau": 0.15}})
+@pytest.mark.parametrize(
+    "effects", [{"position_latency": {"tau": 0.15}}, {"winch_length": {"s": 0.01}}, {"tether_elasticity": {"EA": 6e5, "zeta": 120.0}}],
+    ids=lambda e: "+".join(e),
+)  # fmt: skip
+def test_a_surface_that_is_held_in_every_phase_is_not_judged(effects):
+    """Guards pumping flights that were refused: with late positions the elevator seemed to work five times as declared, with a line 1 %
+    too long the flaps 73 times, the other way round."""
     legs = (replace(pumped.PHASES[0], guards=(pumped.Guard("tether_length", 340.0, True),)), *pumped.PHASES[1:])
-    _, flight = pumped.fly(declaration=late, phases_=legs, cycles=3)
+    _, flight = pumped.fly(declaration=with_effects(DEVELOPMENT, effects), phases_=legs, cycles=3)
     assert flight.ended
     log = as_recorded(flight.flown, DEVELOPMENT, pumped.wind(10.0), seed=3)
     for declaration in (DEVELOPMENT, perturbed(DEVELOPMENT, 3)):
         found = checks(declaration, log)
         assert all(found[f"{surface} response"].ok for surface in ("elevator", "flaps", "rudder"))
-        assert "Too uncertain" in found["elevator response"].sentence
-    assert found["rudder response"].value == pytest.approx(1.0, abs=0.35)
+        assert all("Too uncertain" in found[f"{surface} response"].sentence for surface in ("elevator", "flaps"))
+    assert found["rudder response"].value == pytest.approx(1.0, abs=0.4)
     found = checks(declaration, inputs(log, rudder=-log["rudder"]))["rudder response"]
     assert found.stops and "other sign" in found.sentence
 
