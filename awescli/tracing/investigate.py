@@ -27,7 +27,7 @@ from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
 from awescli.tracing.instruments import InstrumentError
 from awescli.tracing.models import Say, fit_added, fit_beyond, fit_on, fit_without, fit_without_process, promised_beyond
-from awescli.tracing.rest import Rest, channels_of, gusts_of, gusty, repetition_of_gusts, rest_of, steps_of_drifts
+from awescli.tracing.rest import Rest, channels_of, gusts_of, gusty, offsets_of_drifts, repetition_of_gusts, rest_of, steps_of_drifts
 from awescli.tracing.screen import CandidateColumns, informed, screen
 from awescli.tracing.search import Search, search
 from awescli.tracing.tried import Tried
@@ -181,7 +181,7 @@ def _investigated(
     evidence = replace(evidence, doubted=tuple(n for n in unusual_signs(frame.declared) if n in null.towards_zero))
     if not evidence.model.keys:
         alone, steps = shown_alone(frame, null, keys, criteria), steps_of_drifts(frame, evidence.model)
-        evidence = replace(evidence, alone=alone, drift_steps=steps)
+        evidence = replace(evidence, alone=alone, drift_steps=steps, drift_offsets=offsets_of_drifts(evidence.model))
     gusts = {g.name: g.level for g in gusts_of(evidence.model)}
     evidence = replace(evidence, gusts=gusts, gusts_repeat=repetition_of_gusts(frame, evidence.model))
     windy = gusty(evidence.model, criteria)

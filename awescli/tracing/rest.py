@@ -125,6 +125,19 @@ def repetition_of_gusts(frame: Frame, model: FittedModel) -> Repetition | None:
     return repetition_of(frame, model, axes, repeated) if axes else None
 
 
+def offsets_of_drifts(model: FittedModel) -> dict[str, tuple[str, float]]:
+    """Group of drifts -> (channel, mean of its smoothed drift over a flight), of the channel and flight where that is largest: a drift
+    wanders about zero, a sensor that is off does not."""
+    found: dict[str, tuple[str, float]] = {}
+    for place, problem in enumerate(model.problems):
+        groups = [g for p in problem.processes if p.name == Drift.name for g in p.groups if g.level > 0]
+        for group, axis in ((g, axis) for g in groups for axis in g.axes):
+            values = _path(model, place, (group.name, axis))[1]
+            mean = float(values.mean()) if len(values) else 0.0
+            found[group.name] = max(found.get(group.name, (axis, 0.0)), (axis, mean), key=lambda each: abs(each[1]))
+    return found
+
+
 def steps_of_drifts(frame: Frame, model: FittedModel) -> dict[str, float] | None:
     """Channel -> how large the largest step of its sensor's smoothed drift is (`step_of`), in the flight where its drift is largest: a
     drift wanders, a sensor that changes in flight steps. None where there is no drift, or no flight by loops."""

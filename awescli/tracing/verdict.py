@@ -111,8 +111,8 @@ def _why_nothing_explains(rows: Mapping[str, Criterion]) -> str:
         return f"One flight shows what the others do not: {rows['flights_agree'].value}. Trace that flight by itself."
     if rows["sensors_steady"].passed is False:
         return f"Nothing but noise and drift is left, but {rows['sensors_steady'].value}: look at it."
-    sensor = rows["sensors_plausible"]
-    return f"Nothing but noise is left, but too much: {sensor.says} is {_short(sensor.value)}. Is the noise in the kite file too small?"
+    sensor, ask = rows["sensors_plausible"], "Is the sensor off, or the noise in the kite file too small?"
+    return f"Nothing but noise is left, but too much: {sensor.says} is {_short(sensor.value)}. {ask}"
 
 
 def _short(value: float | str) -> str:
@@ -300,13 +300,14 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
 
 
 def _of_sensors(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
-    problem = e.model.problems[0]
+    problem, off = e.model.problems[0], e.drift_offsets
     drifts = [g for p in problem.processes if p.name == Drift.name for g in p.groups if g.level > 0]
-    shares = {g.name: g.of_level.above(g.level) / c.drift_spreads for g in drifts}
+    shares = {g.name: g.of_level.above(max(g.level, abs(off.get(g.name, ("", 0.0))[1]))) / c.drift_spreads for g in drifts}
     shares |= {name: log(factor) / log(c.noise_factor) for name, factor in problem.factors.items()}
     worst = max(shares, key=lambda name: shares[name], default="")
-    value = max(shares.get(worst, 0.0), 0.0)
-    says = f"drift or noise of a sensor over the largest that is plausible for it{f' ({worst})' if value > 0 else ''}"
+    value, how = max(shares.get(worst, 0.0), 0.0), "; {} is off by {:.3g} on average".format(*off[worst]) if worst in off else ""
+    which = f" ({worst}{how if value > 1 else ''})" if value > 0 else ""
+    says = f"drift or noise of a sensor over the largest that is plausible for it{which}"
     return (Criterion("sensors_plausible", value, 1.0, value <= 1.0, says, "set on development flights"),)
 
 

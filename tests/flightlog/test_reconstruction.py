@@ -185,6 +185,7 @@ KINDS = {
     "late attitude": ({"late": {ATTITUDE: 0.06}}, "attitude_latency", "phi", 0.06),
     "very late attitude": ({"late": {ATTITUDE: 0.25}}, "attitude_latency", "phi", 0.25),
     "late velocity": ({"late": {VELOCITY: 0.1}}, "velocity latency", "v_n", 0.1),
+    "very late velocity": ({"late": {VELOCITY: 0.5}}, "velocity latency", "v_n", 0.5),
     "velocity": ({"bias": {"v_d": -0.8}}, "velocity bias", "v_d", -0.8),
     "late rates": ({"late": {RATES: 0.06}}, "rate latency", "p", 0.06),
     "late acceleration": ({"late": {ACCELERATION: 0.1}}, "acceleration latency", "a_x", 0.1),
@@ -214,6 +215,14 @@ def test_each_error_is_found_and_no_other(true, kind, air):
     (found,) = path.findings
     assert abs(found.size - size) < max(4 * found.std, 0.02 * abs(size))
     assert found.size == pytest.approx(size, rel=0.25)
+
+
+@pytest.mark.parametrize("late", [0.35, 0.8])
+def test_a_receiver_that_is_very_late_is_told_as_such(true, late):
+    """Guards positions and velocities 0.35 s late and more, of which an accelerometer was said to read 12 to 23 % low."""
+    found = reconstruct(Sensors(late={(*POSITION, *VELOCITY): late}).record(true, 7)).findings
+    assert [e.name for e in found] == ["velocity latency", "position_latency"], found
+    assert all(abs(e.size - late) < 0.02 for e in found), found
 
 
 @pytest.mark.parametrize("bias", [0.0, 5.0])

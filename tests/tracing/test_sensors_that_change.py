@@ -45,3 +45,25 @@ def test_a_sensor_that_changes_half_way_is_told(steps, change):
     assert told["effects"] == [] and told["verdict"] == ("unexplained" if steps else "none"), told["sentence"]
     assert not steps or f"the drift of {steps} steps" in told["sentence"]
     assert steps or max(found.values()) < 6.0
+
+
+@pytest.mark.parametrize("off, channel, mean", [
+    ({"phi": lambda phi: phi + 0.0873}, "phi", 0.0873), ({"tether_length": lambda length: 0.97 * length}, "p_", None),
+])  # fmt: skip
+def test_a_sensor_that_is_off_all_the_time_is_told(off, channel, mean):
+    """Guards "nothing is missing" where a roll angle is 5 deg off, or a drum counts 3 % too little: the drift of an attitude, or of a
+    position, had taken all of it."""
+    declared, log, parts = short_flight({}, 34, 120.0)
+    changed = {n: change(log[n]) for n, change in off.items()}
+    log = replace(
+        log, measured={**log.measured, **{n: s for n, s in changed.items() if n in log.measured}},
+        inputs={**log.inputs, **{n: s for n, s in changed.items() if n in log.inputs}},
+    )  # fmt: skip
+    told, finding = traced_flight(declared, log, parts, 5.0)
+    assert told["verdict"] in ("unexplained", "found"), told["sentence"]
+    if told["verdict"] == "found":
+        assert [e["name"] for e in told["effects"]] == ["winch_length"] and "tether_length" in off
+        return
+    ((axis, size),) = finding.evidence.drift_offsets.values()
+    assert axis.startswith(channel) and f"{axis} is off by {size:.3g} on average" in told["sentence"]
+    assert mean is None or size == pytest.approx(mean, rel=0.05)

@@ -135,7 +135,7 @@ def test_what_gusts_may_gain_as_well_is_told_without_a_name():
 
 @pytest.mark.parametrize(
     "passed, said", [
-        ({"sensors_plausible": False}, "Is the noise in the kite file"), ({"gusts_do_not_repeat": False}, "no gust"),
+        ({"sensors_plausible": False}, "the noise in the kite file too small"), ({"gusts_do_not_repeat": False}, "no gust"),
         ({PASS: False}, "Nothing but noise and drift is left"),
         ({AGREE: False}, "Trace that flight by itself"), ({**LEFT, AGREE: False, "rest_repeats": False}, "Trace that flight by itself"),
     ],
@@ -247,6 +247,8 @@ def test_a_table_has_every_row_with_its_threshold_and_source():
         ("effect_on_unseen_loops", {"answer": GOOD}, {"answer": model(900.0, ("a",), 300.5)}),
         ("sensors_plausible", {"bare": model(1200.0, problem=sensors(2.4))}, {"bare": model(1200.0, problem=sensors(2.6))}),
         ("sensors_plausible", {"bare": model(1200.0, problem=sensors(0.0, 2.9))}, {"bare": model(1200.0, problem=sensors(0.0, 3.1))}),
+        ("sensors_plausible", {"bare": model(1200.0, problem=sensors(0.6)), "drift_offsets": {"position drift": ("p_n", 2.4)}},
+         {"bare": model(1200.0, problem=sensors(0.6)), "drift_offsets": {"position drift": ("p_n", -2.6)}}),
         ("rest_is_noise", {"rest": Rest(19.9, 1.0, {}, {}, None, MANY)}, {"rest": Rest(20.1, 1.0, {}, {}, None, MANY)}),
         ("floor", {"rest": Rest(50.0, 1.019, {}, {}, None, MANY)}, {"rest": Rest(50.0, 1.021, {}, {}, None, MANY)}),
         ("floor_by_channel", {"rest": Rest(50.0, 1.0, {"p": 1.09}, {}, None, MANY)},
