@@ -158,6 +158,9 @@ FREE: dict[str, Kind] = {
 }  # fmt: skip
 """Effect of the library -> how it is put into the log of a flight without a line."""
 
+FLOWN_BY_RUDDER: dict[str, Kind] = _of_surfaces("rudder")
+"""The same of a kite whose rudder alone steers."""
+
 TETHERED: dict[str, Kind] = {
     **FREE,
     "vane_bias:alpha": Kind(partial(biased, "alpha"), "b", 0.0, 0.02, -0.2, 0.2),

@@ -8,10 +8,12 @@ was tuned to. Answers are scored exactly (exact_scoring.py).
 """
 
 import argparse
+import math
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +23,19 @@ from campaign import add_options, commit, kept, run_campaign
 from exact_scoring import OUTCOMES, RIGHT, Truth, answer_of, counted, outcome
 from guesses_from_priors import guessed
 from gust_length import drawn
+from injection import FLOWN_BY_RUDDER, TETHERED, biased, delayed
 from pumping_flights import pumping_like
-from tracing_truths import BOUNDED, FORMS, LARGE, LENGTHS, OUTSIDE, PAIRS, at_once, resized, sized
+from tracing_truths import BOUNDED, FORMS, GROSS, LARGE, LENGTHS, OUTSIDE, PAIRS, at_once, resized, sized
 from wrong_bounds import with_wrong_bounds
 
 import awescli  # noqa: F401  (thread settings before numpy)
 from awescli.artifacts import write_text
 
+OFF: dict[str, Callable] = {
+    "roll 5 deg off": lambda log, kite: biased("phi", log, kite, math.radians(5.0)),
+    "receiver 0.4 s late": lambda log, kite: delayed(("p_n", "p_e", "p_d", "v_n", "v_e", "v_d"), log, kite, 0.4),
+}
+"""Gross errors that no effect of the library stands for."""
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "tracing"
 
@@ -73,6 +81,15 @@ def cases(family: int = 1) -> dict[str, dict]:
         found[f"turbulent-clean-{i}"] = {"set": "turbulent clean", "truth": {"turbulence": blown}, "seed": 5000 + i}
         air = {"turbulence": blown} if i % 2 else {}
         found[f"pumping-clean-{i}"] = {"set": "pumping, clean", "truth": air, "seed": 12_900 + i, "of": "cycles"}
+    errors = [(key, {key: {p: v}}) for key, of in GROSS.items() for p, values in of.items() for v in values]
+    for i, (key, truth) in enumerate([*errors, *((key, {}) for key in OFF)]):
+        for k, air in enumerate(("calm", "gusts")):
+            blown = {"turbulence": {"sigma": 0.6, "L": round(drawn(13_000 + 10 * i + k, family), 1)}} if k else {}
+            size = "".join(f"-{v:.3g}" for of in truth.values() for v in of.values())
+            found[f"gross-{air}-{key.replace(' ', '_')}{size}"] = {
+                "set": f"gross error, {air}" if truth else f"outside, gross error, {air}", "truth": {**truth, **blown},
+                "put_in": key, "seed": 13_000 + 10 * i + k,
+            }  # fmt: skip
     for i, (name, truth) in enumerate(OUTSIDE.items()):
         for repeat in range(2):
             found[f"outside-{name.replace(' ', '_')}-{repeat}"] = {"set": "outside", "truth": truth, "seed": 6000 + 10 * i + repeat}
@@ -116,11 +133,16 @@ def run_case(name: str, case: dict) -> dict:
     begin, clock, made_by = time.process_time(), time.perf_counter(), commit()
     try:
         effects = _anchored(truth, case)
+        put_in = case.get("put_in")
+        flown = {key: values for key, values in effects.items() if key != put_in}
         how = {"air": case.get("air", "table"), "duration": case.get("duration", 150.0), "length": case.get("length", 1.0)}
         of = case.get("of", "loops")
-        flight = dev_like(_with_terms(truth, case.get("terms", {})), case["seed"], effects, **how) if of == "loops" else pumping_like(
-            case["seed"], effects
+        flight = dev_like(_with_terms(truth, case.get("terms", {})), case["seed"], flown, **how) if of == "loops" else pumping_like(
+            case["seed"], flown
         )
+        if put_in:
+            log, kite = _put_in(put_in, effects.get(put_in, {}), flight.log, flight.declared)
+            flight = replace(flight, log=log, declared=kite)
         declared = flight.declared.model_copy(update={"aerodynamics": truth.aerodynamics})
         if case["set"].endswith("from priors"):
             declared = guessed(declared, flight.flown.table(), case["seed"])
@@ -147,6 +169,14 @@ def run_case(name: str, case: dict) -> dict:
         "bounds": {"beside": beside(declared, truth), "told": sorted(told["outside_bounds"])},
         "top": [r["name"] for r in told["ranking"][:3]], "detectable": {k: v for k, v in told["detectable"].items() if k in effects},
     }  # fmt: skip
+
+
+def _put_in(key: str, values: dict, log, kite) -> tuple:
+    """(log, declared kite) with a gross error in the record."""
+    if key in OFF:
+        return OFF[key](log, kite)
+    (value,) = values.values()
+    return {**TETHERED, **FLOWN_BY_RUDDER}[key].inject(log, kite, value)
 
 
 def beside(declared, truth) -> list[str]:
@@ -216,7 +246,7 @@ def truth_of(result: dict) -> Truth:
     told = bool(result.get("bounds")) and result["bounds"]["told"] == result["bounds"]["beside"]
     if result["set"].endswith("clean") and (told or not result["set"].startswith("wrong bounds")):
         return Truth("clean", gusty=gusty)
-    if result["set"] in ("outside", "wrong bounds, clean"):
+    if result["set"].startswith("outside") or result["set"] == "wrong bounds, clean":
         return Truth("outside")
     return Truth("library", tuple(result.get("answers", (" + ".join(effects),))), gusty)
 

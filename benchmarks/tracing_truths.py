@@ -55,6 +55,22 @@ FORMS = {
 }
 """Effects whose form is not exactly the library's first one: the name that is right, and effects or aerodynamic terms that are flown."""
 
+GROSS: dict[str, dict[str, tuple[float, ...]]] = {
+    "airspeed_scale": {"s": (0.9, 0.8)},
+    "load_cell_scale": {"s": (0.85,)},
+    "position_latency": {"tau": (0.24, 0.45)},
+    "attitude_latency": {"tau": (0.1,)},
+    "heading_bias": {"b": (0.1,)},
+    "imu_bias:rates": {"by": (2.5 * DEG, 8 * DEG)},
+    "actuator_delay:rudder": {"tau": (0.14, 0.3)},
+    "actuator_lag:rudder": {"tau": (0.3,)},
+    "surface_effectiveness:rudder": {"s": (0.4,)},
+    "clock_offset:winch": {"tau": (0.5, 2.0)},
+    "winch_length": {"s": (0.01, 0.03)},
+    "mass_offset": {"dm": (8.0,)},
+}
+"""Gross errors of sensors, actuators and declaration, put into the record of a flight (injection.py): effect -> parameter -> values."""
+
 LENGTHS = (0.25, 4.0)
 """Kites so many times as long, of the same density: 0.8 kg on 1.8 m of span, 3.2 t on 30 m."""
 
