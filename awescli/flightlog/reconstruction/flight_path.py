@@ -144,16 +144,18 @@ def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
 
 
 def _moved(build: Callable[..., Identity], motion: Motion, whole: bool = False) -> Identity:
-    """The identity with a delay taken out of its reference, which says how much: the delay's column is linear in it. As it is where that
-    comes to no end, or makes it less likely by more than levels that are guesses may (one of deviance a sample): in rates in deg/s, or of
-    another axis, some delay always takes a little of what is left. whole: by whole samples, as of a signal that is not integrated: between
-    two of them noise is averaged, and half a sample passes for a delay."""
+    """The identity with a delay taken out of its reference, which says how much: the delay's column is linear in it, about none or the
+    likeliest of some far ones, where that is clearly likelier. As it is where that comes to no end, or makes it less likely by more than
+    levels that are guesses may (one of deviance a sample): in rates in deg/s, or of another axis, some delay always takes a little of what
+    is left. whole: by whole samples, as of a signal that is not integrated: between two of them noise is averaged, and half a sample
+    passes for a delay."""
     begun = build(motion, 0.0)
     if not _enough(begun):
         return begun
     before = _first_look(begun, "late")[0]
     slack = thinned(begun.series, FEWEST * 10).seen.sum()
-    far = {late: _first_look(build(motion, late), "late")[0] for late in FAR}
+    looked = [_whole(late, motion) if whole else late for late in FAR]
+    far = {late: _first_look(build(motion, late), "late")[0] for late in looked}
     nearest = min(far, key=lambda late: far[late])
     late = nearest if far[nearest] < before - slack else 0.0
     identity = build(motion, late) if late else begun
