@@ -45,8 +45,8 @@ class Evidence:
     declared with a sign that hardly any aircraft has, which the declared model drives to the end of their range next to zero;
     bounds_left: the likeliest of the answer with one effect less and free of its bounds, None where no parameter is at one; alone: what
     single flights show, None where that was not asked; drift_steps: channel -> how large the largest step of its sensor's drift is
-    (`rest.steps_of_drifts`), None where none is seen; drift_offsets: group of drifts -> (channel, largest mean of one over a flight), where
-    there is no answer (`rest.offsets_of_drifts`).
+    (`rest.steps_of_drifts`), None where none is seen; drift_offsets: group of drifts -> (size of the largest mean of one over a flight, in
+    words), where there is no answer (`rest.offsets_of_drifts`).
 
     contradictions: sentences of what kinematics find of the sensors that no effect stands for (rates that are late);
     answering: surfaces that answer the kite, or may do so; error_ratio: prediction error of the answer on validation loops over that of the
@@ -69,7 +69,7 @@ class Evidence:
     bounds_left: BoundsLeft | None = None
     alone: tuple[Alone, ...] | None = None
     drift_steps: Mapping[str, float] | None = None
-    drift_offsets: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    drift_offsets: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     contradictions: tuple[str, ...] = ()
     answering: tuple[str, ...] = SURFACES
     error_ratio: float = 1.0

@@ -10,6 +10,7 @@ from awescli.estimation.levels import mean_squares
 from awescli.estimation.processes.base import Group
 from awescli.estimation.processes.drift import Drift
 from awescli.flightlog.loops import Loops, find_loops
+from awescli.notation.quantities import UNITS
 from awescli.physics.disturbances import GUSTS
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.fitted_model import FittedModel
@@ -125,16 +126,17 @@ def repetition_of_gusts(frame: Frame, model: FittedModel) -> Repetition | None:
     return repetition_of(frame, model, axes, repeated) if axes else None
 
 
-def offsets_of_drifts(model: FittedModel) -> dict[str, tuple[str, float]]:
-    """Group of drifts -> (channel, mean of its smoothed drift over a flight), of the channel and flight where that is largest: a drift
-    wanders about zero, a sensor that is off does not."""
-    found: dict[str, tuple[str, float]] = {}
+def offsets_of_drifts(model: FittedModel) -> dict[str, tuple[float, str]]:
+    """Group of drifts -> (size of the mean of its smoothed drift over a flight, that in words), of the channel and flight where that is
+    largest, and larger than the drift's level: a drift wanders about zero, a sensor that is off does not."""
+    found: dict[str, tuple[float, str]] = {}
     for place, problem in enumerate(model.problems):
         groups = [g for p in problem.processes if p.name == Drift.name for g in p.groups if g.level > 0]
         for group, axis in ((g, axis) for g in groups for axis in g.axes):
             values = _path(model, place, (group.name, axis))[1]
             mean = float(values.mean()) if len(values) else 0.0
-            found[group.name] = max(found.get(group.name, (axis, 0.0)), (axis, mean), key=lambda each: abs(each[1]))
+            if abs(mean) > max(group.level, found.get(group.name, (0.0, ""))[0]):
+                found[group.name] = abs(mean), f"{axis} is off by {mean:.3g} {UNITS[axis]} on average"
     return found
 
 

@@ -302,11 +302,11 @@ def _of_rest(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
 def _of_sensors(e: Evidence, c: Criteria) -> tuple[Criterion, ...]:
     problem, off = e.model.problems[0], e.drift_offsets
     drifts = [g for p in problem.processes if p.name == Drift.name for g in p.groups if g.level > 0]
-    shares = {g.name: g.of_level.above(max(g.level, abs(off.get(g.name, ("", 0.0))[1]))) / c.drift_spreads for g in drifts}
+    shares = {g.name: g.of_level.above(off.get(g.name, (g.level, ""))[0]) / c.drift_spreads for g in drifts}
     shares |= {name: log(factor) / log(c.noise_factor) for name, factor in problem.factors.items()}
     worst = max(shares, key=lambda name: shares[name], default="")
-    value, how = max(shares.get(worst, 0.0), 0.0), "; {} is off by {:.3g} on average".format(*off[worst]) if worst in off else ""
-    which = f" ({worst}{how if value > 1 else ''})" if value > 0 else ""
+    value = max(shares.get(worst, 0.0), 0.0)
+    which = f" ({'; '.join((worst, *off.get(worst, ())[1:]))})" if value > 0 else ""
     says = f"drift or noise of a sensor over the largest that is plausible for it{which}"
     return (Criterion("sensors_plausible", value, 1.0, value <= 1.0, says, "set on development flights"),)
 

@@ -64,6 +64,6 @@ def test_a_sensor_that_is_off_all_the_time_is_told(off, channel, mean):
     if told["verdict"] == "found":
         assert [e["name"] for e in told["effects"]] == ["winch_length"] and "tether_length" in off
         return
-    ((axis, size),) = finding.evidence.drift_offsets.values()
-    assert axis.startswith(channel) and f"{axis} is off by {size:.3g} on average" in told["sentence"]
+    ((size, words),) = finding.evidence.drift_offsets.values()
+    assert words.startswith(channel) and words in told["sentence"] and words.endswith(f"{size:.3g} {'rad' if mean else 'm'} on average")
     assert mean is None or size == pytest.approx(mean, rel=0.05)
