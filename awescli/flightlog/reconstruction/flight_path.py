@@ -17,10 +17,17 @@ from awescli.flightlog.quality import white_noise
 from awescli.flightlog.reconstruction.air import airspeed_of_motion, recorded, vanes_of_motion, with_offset
 from awescli.flightlog.reconstruction.airspeed_lag import airspeed_lag
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
-from awescli.flightlog.reconstruction.identities import DELAYS, Identity, attitude_of_rates, position_of_velocity, velocity_of_acceleration
+from awescli.flightlog.reconstruction.identities import (
+    DELAYS,
+    TILTS,
+    Identity,
+    attitude_of_rates,
+    position_of_velocity,
+    velocity_of_acceleration,
+)  # fmt: skip
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
-from awescli.flightlog.reconstruction.scales import scales_of, solve_with_scales
+from awescli.flightlog.reconstruction.single_signals import errors_of_single_signals, solve_with_single_signals
 from awescli.flightlog.reconstruction.solve import Solution, delay_by_channel, thinned
 from awescli.notation.errors import NumericalFailure
 from awescli.notation.present import present
@@ -40,6 +47,8 @@ NEAREST = 0.75
 """Samples: of a shorter delay no whole one is taken out, or two neighbours would take turns."""
 PLACED = 0.01
 """Of a sample, to which interpolation places a signal in time: no delay is known better."""
+SMOOTHED = 1 / 3
+"""Of a delay that slow motion tells, by which quick motion may differ: receivers smooth it (UMN's Thor: by a quarter)."""
 STEPS = 8
 """Looks at how much of a delay is left, before it counts as none."""
 FAR = (-0.4, -0.2, 0.2, 0.4, 0.6, 0.8)
@@ -51,11 +60,13 @@ DIFFERENCES_SPREAD = 1.9
 DEG = np.pi / 180
 MATTERS = {
     "rates": 0.5 * DEG, "accelerations": 0.5, "attitude_latency": 0.03, "rate latency": 0.03, "velocity latency": 0.05,
-    "acceleration latency": 0.05, "position_latency": 0.05,
+    "acceleration latency": 0.05, "position_latency": 0.05, "attitude offset": 2.5 * DEG, "rates turned": 2.5 * DEG,
+    "accelerations turned": 5 * DEG,
     "velocity bias": 0.3, "heading_bias": 1.5 * DEG, "airspeed_scale": 0.03, "airspeed_lag": 0.25, "vane_bias": 1.5 * DEG,
 }  # fmt: skip
 """Sizes from which an error changes what a model learns [SI]: those at which the library's effects begin (`source` of their parameters).
-A lag of the airspeed only from where gusts, to which the flight answers, do not pass for one (0.15 s on UMN's Thor)."""
+Errors of a drifting attitude pass for accelerometers that are turned by 3 deg (flights of JSBSim with an attitude that drifts by 1 deg). A
+lag of the airspeed only from where gusts, to which the flight answers, do not pass for one (0.15 s on UMN's Thor)."""
 
 
 def reconstruct(log: FlightLog) -> FlightPath:
@@ -71,15 +82,16 @@ def reconstruct(log: FlightLog) -> FlightPath:
         if any(n not in log for n in needs) or (build is _vanes and not {"alpha", "beta"} & set(log.measured)):
             continue
         try:
-            identity = build(motion)
-            if not _enough(identity):
-                continue
-            solution = solve_with_scales(identity)
+            compared = _compared(build, say, motion)
         except NumericalFailure as e:
             notes.append(f"Of {name} nothing can be said: {e}")
             continue
+        if compared is None:
+            continue
+        solution, off, told, motion = compared
         noise |= {n.channel: _beside_attitude(n, noise) for n in _noise(solution)}
-        said = [_beside_velocity(_beside_drift(e, noise, motion), errors) for e in (*scales_of(solution), *say(solution))]
+        errors += off
+        said = [_beside_velocity(_beside_drift(e, noise, motion), errors) for e in told]
         if set(held) & set(needs):
             said = [replace(e, agrees=False) if e.unit == "s" else e for e in said]
         errors += said
@@ -92,6 +104,30 @@ def reconstruct(log: FlightLog) -> FlightPath:
                 noise[channel] = by_differences if old is None else _with_drift(by_differences, old)
     ordered = tuple(noise[c] for c in log.measured if c in noise)
     return FlightPath(ordered, tuple(errors), len(motion), int(motion.restart.sum()), tuple(notes))
+
+
+def _compared(
+    build: Callable[[Motion], Identity], say: Callable[[Solution], list[SensorError]], motion: Motion
+) -> tuple[Solution, list[SensorError], list[SensorError], Motion] | None:
+    """(an identity solved, by what angles are off, its other errors, the motion without the former): what is linear in an angle is so about
+    the angle without what it is off by. None where too little is seen. Raises NumericalFailure."""
+    off: dict[tuple[str, ...], SensorError] = {}
+    for _ in range(STEPS):
+        identity = build(motion)
+        if not _enough(identity):
+            return None
+        solution = solve_with_single_signals(identity)
+        told = [*errors_of_single_signals(solution), *say(solution)]
+        offsets = [e for e in told if e.name == "attitude offset"]
+        more = [e for e in offsets if e.found]
+        for e in offsets:
+            if e.found or e.acts_on in off:
+                before = off.get(e.acts_on)
+                off[e.acts_on] = replace(e, size=e.size + (before.size if before else 0.0))
+        if not more:
+            return solution, list(off.values()), [e for e in told if e.name != "attitude offset" or e.acts_on not in off], motion
+        motion = without(motion, more)
+    raise NumericalFailure("no_end", "what angles are off by comes to no end", do="Look at the attitude.")
 
 
 AGAINST = {"heading_bias": "psi", "beta": "psi", "alpha": "theta"}
@@ -130,7 +166,7 @@ def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
     """The motion as its sensors would have logged it without the errors that were found, and without all scales that are there: what comes
     next is not to find them again. A roll angle that reads 2 % too little makes an accelerometer seem off."""
     signals = dict(motion.log.measured)
-    there = [e for e in errors if e.found or e.name == "scale"]
+    there = [e for e in errors if e.name != "turned" and (e.found or e.name == "scale")]
     for e in there:
         for name in e.acts_on:
             if e.unit == "s":
@@ -230,8 +266,11 @@ def _wind(motion: Motion) -> np.ndarray | None:
 
 def _say_attitude(s: Solution) -> list[SensorError]:
     biases = [_error(s, n, "imu_bias", (n,), "rad/s", "rates", "rates") for n in RATES]
+    roll, *turned = _turned(s, RATES, "rates turned")
+    # gyros that are turned about the body's x, the other way, and a roll angle with a constant added are one
+    roll = replace(roll, name="attitude offset", target=None, acts_on=("phi",), size=-roll.size)
     # heading may be a compass's
-    return [*biases, _against("rate latency", RATES, _delay(s, "attitude_latency", ATTITUDE, agreeing=2))]
+    return [*biases, roll, *turned, _against("rate latency", RATES, _delay(s, "attitude_latency", ATTITUDE, agreeing=2))]
 
 
 def _say_position(s: Solution) -> list[SensorError]:
@@ -248,7 +287,8 @@ def _say_velocity(s: Solution) -> list[SensorError]:
     # what one of both takes from the other is no delay
     filtered = replace(filtered, agrees=filtered.agrees and late.agrees and filtered.size > 0)
     late = replace(late, agrees=late.agrees and late.size > 0)
-    return [*biases, _error(s, "heading", "heading_bias", ("psi",), "rad"), late, filtered]
+    heading = _error(s, "heading", "heading_bias", ("psi",), "rad")
+    return [*biases, *_turned(s, ACCELERATIONS, "accelerations turned"), heading, late, filtered]
 
 
 def _say_airspeed(s: Solution) -> list[SensorError]:
@@ -280,21 +320,26 @@ def _error(
     return SensorError(name, target, acts_on, s.values[column], s.std[column], unit, MATTERS[matters or name])
 
 
+def _turned(s: Solution, channels: tuple[str, ...], matters: str) -> list[SensorError]:
+    """How far the sensor of these channels is turned against the attitude, about the body's x, y and z."""
+    return [_error(s, tilt, "turned", channels, "rad", matters, tilt.split()[1]) for tilt in TILTS]
+
+
 def _delay(
     s: Solution, name: str, acts_on: tuple[str, ...], agreeing: int, of: str = "delay", slow: bool = False
 ) -> SensorError:
     """A delay delays all motion alike, and so many channels by themselves: what differs between slow and quick motion is none, and a roll
-    angle that alone is late is no late attitude. of: which of `DELAYS`; slow: slow motion alone tells it."""
+    angle that alone is late is no late attitude. of: which of `DELAYS`; slow: slow motion tells it, quick motion may differ by a share."""
     late, quick = DELAYS[of]
-    alike = abs(s.values[quick]) < 3 * s.std[quick] or abs(s.values[quick]) < MOVED
+    size = s.values[late if slow else of] + s.identity.moved[of]
+    alike = abs(s.values[quick]) < max(3 * s.std[quick], MOVED, SMOOTHED * abs(size) if slow else 0.0)
     own, std = delay_by_channel(s, of)
     differ = own - s.values[of]
     told = (np.abs(differ) < 3 * std + MOVED).sum()
     # channels, and slow and quick motion, differ more than what all tell together may (Birge 1932)
     scatter = 1.0 if slow else np.sqrt(max((((differ / std) ** 2).sum() + (s.values[quick] / s.std[quick]) ** 2) / len(own), 1.0))
     placed = PLACED * float(np.diff(s.identity.series.time[:2])[0])
-    by = late if slow else of
-    size, spread = s.values[by] + s.identity.moved[of], float(np.hypot(scatter * s.std[by], placed))
+    spread = float(np.hypot(scatter * s.std[late if slow else of], placed))
     return SensorError(name, None, acts_on, size, spread, "s", MATTERS[name], bool(alike and told >= agreeing))
 
 

@@ -52,7 +52,8 @@ class Identity:
     """A Series with what it is made of. channels: the m measured ones; laws: of its states, at their start, with `known` of white levels,
     laws and memories; drifts: law -> channels that drift; moved: of `DELAYS`, what was taken out before [s]; asks: what is reported beside
     the columns, as sums of columns with weights; white_by_differences: white noise was found by them beforehand; lag: how slowly the sensor
-    answers, as far as it was asked; scales: signal -> (n, m) what a unit of it too much adds, a shape where it is asked."""
+    answers, as far as it was asked; singly: error of one signal (`scale X`, `offset X`) -> (n, m) what a unit of it adds, a shape where it
+    is asked."""
 
     name: str
     channels: tuple[str, ...]
@@ -65,7 +66,7 @@ class Identity:
     asks: tuple[tuple[str, dict[str, float]], ...] = ()
     white_by_differences: bool = False
     lag: Lag | None = None
-    scales: Mapping[str, np.ndarray] = field(default_factory=dict)
+    singly: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def attitude_of_rates(motion: Motion, late: float = 0.0) -> Identity:
@@ -104,10 +105,12 @@ def attitude_of_rates(motion: Motion, late: float = 0.0) -> Identity:
                     np.array([*[0.5] * 3, *[TILTED] * 3, 0.5, 0.5]))  # fmt: skip
     drifts = {"roll and pitch drift": ("phi", "theta"), "yaw drift": ("psi",)}
     own = motion.run(motion.steps(R * w[:, None, :]))
-    scales = {n: -np.einsum("nij,nj->ni", to_euler, own[:, :, i]) for i, n in enumerate(("p", "q", "r"))}
-    scales |= _scales(motion, ("phi", "theta"))
+    singly = {f"scale {n}": -np.einsum("nij,nj->ni", to_euler, own[:, :, i]) for i, n in enumerate(("p", "q", "r"))}
+    singly |= _scales(motion, ("phi", "theta"))
+    # of a pitch angle alone: what a roll angle has added is a tilt about the body's x
+    singly["offset theta"] = np.einsum("nij,nj->ni", to_euler, _from_begin(motion, _level_axis(motion)))
     found = _identity("attitude", ("phi", "theta", "psi"), series, laws, drifts, 0.002 * deg)
-    return replace(found, moved={"delay": late}, scales=scales)
+    return replace(found, moved={"delay": late}, singly=singly)
 
 
 def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
@@ -126,9 +129,8 @@ def position_of_velocity(motion: Motion, late: float = 0.0) -> Identity:
         _from_begin(motion, motion.three(*channels) - place), X, _two_states(motion), motion.seen(*channels), motion.restart, motion.time,
         ("v_n", "v_e", "v_d", *DELAYS["delay"]), np.array([0.5, 0.5, 0.5, 1.0, 1.0]),
     )  # fmt: skip
-    scales = _scales(motion, channels[:2])
     found = _identity("position", channels, series, laws, {"position drift": channels}, 0.0005)
-    return replace(found, moved={"delay": late}, scales=scales)
+    return replace(found, moved={"delay": late}, singly=_scales(motion, channels[:2]))
 
 
 def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float = 0.0) -> Identity:
@@ -176,9 +178,10 @@ def velocity_of_acceleration(motion: Motion, late: float = 0.0, filtered: float 
     known = (*(Known(w, KNOWN) for w in white), *found.known[len(white) :])
     moved = {"delay": late, "acceleration delay": filtered}
     of_accelerations = -motion.run(motion.steps(R * a[:, None, :]))
-    scales = {n: of_accelerations[:, :, i] for i, n in enumerate(("a_x", "a_y", "a_z"))}
-    scales |= _scales(motion, channels[:2])
-    return replace(found, white_by_differences=True, white=white, known=known, moved=moved, scales=scales)
+    singly = {f"scale {n}": of_accelerations[:, :, i] for i, n in enumerate(("a_x", "a_y", "a_z"))}
+    singly |= _scales(motion, channels[:2])
+    singly["offset theta"] = -motion.run(motion.steps(np.cross(_level_axis(motion), ahead)))
+    return replace(found, white_by_differences=True, white=white, known=known, moved=moved, singly=singly)
 
 
 def _identity(
@@ -221,10 +224,16 @@ def _drift_in_time(motion: Motion) -> np.ndarray:
 
 
 def _scales(motion: Motion, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Signal -> (n, 3) what a unit of it too much adds, of some channels of an identity, each on its own axis; smooth: its noise is in the
-    channel, too, and would pass for a part of it (errors in variables; Fuller, Measurement Error Models, 1987, ch. 1)."""
+    """`scale X` -> (n, 3) what a unit of it too much adds, of some channels of an identity, each on its own axis; smooth: its noise is in
+    the channel, too, and would pass for a part of it (errors in variables; Fuller, Measurement Error Models, 1987, ch. 1)."""
     smooth = motion.smoothed(motion.three(*names), SMOOTH)
-    return {name: _from_begin(motion, smooth[:, [i]] * np.eye(3)[i]) for i, name in enumerate(names)}
+    return {f"scale {name}": _from_begin(motion, smooth[:, [i]] * np.eye(3)[i]) for i, name in enumerate(names)}
+
+
+def _level_axis(motion: Motion) -> np.ndarray:
+    """(n, 3) the axis, NED, about which a rotation turns where its pitch angle alone changes (Beard & McLain 2012, ch. 2)."""
+    psi = motion.log["psi"][motion.rows]
+    return np.stack([-np.sin(psi), np.cos(psi), 0 * psi], axis=1)
 
 
 def _from_begin(motion: Motion, y: np.ndarray) -> np.ndarray:

@@ -40,10 +40,17 @@ def error_table(path: FlightPath) -> dict[str, dict[str, object]]:
         unit, factor = DISPLAY.get(e.unit, (e.unit, 1.0))
         low, high = sorted((factor * (e.size + sign * 1.96 * e.std)) for sign in (-1, 1))
         verdict = "FOUND" if e.found else "none" if e.determined else "cannot tell"
-        rows[f"{e.name} {e.acts_on[0] if len(e.acts_on) == 1 else ''}".strip()] = {
+        rows[_row(e)] = {
             "unit": unit, "size": e.size * factor, "95 %": f"{low:.3g} to {high:.3g}", "matters": e.matters * factor, "": verdict,
         }  # fmt: skip
     return rows
+
+
+def _row(error: SensorError) -> str:
+    """Its name, and the one channel that it acts on."""
+    if error.name == "turned":
+        return f"{', '.join(error.acts_on)} turned about {error.target}"
+    return f"{error.name} {error.acts_on[0] if len(error.acts_on) == 1 else ''}".strip()
 
 
 def said(error: SensorError) -> str:
@@ -62,6 +69,8 @@ def said(error: SensorError) -> str:
         "airspeed_lag": f"airspeed lags by {amount} s",
         "airspeed_scale": f"airspeed reads {amount} % {'high' if size > 0 else 'low'}",
         "scale": f"{where} reads {amount} % {'high' if size > 0 else 'low'} against {AGAINST.get(where, 'others')}",
+        "attitude offset": f"{where} off by {'-' if size < 0 else ''}{amount} {unit} against {AGAINST.get(where, 'others')}",
+        "turned": f"{where} turned about {error.target} by {'-' if size < 0 else ''}{amount} {unit} against the attitude",
         "heading_bias": f"heading off by {'-' if size < 0 else ''}{amount} {unit}",
     }
     return f"{words.get(error.name, f'{where} off by ' + ('-' if size < 0 else '') + f'{amount} {unit}')} +- {std:.{places}f}"

@@ -1,4 +1,4 @@
-"""Scales of single signals by kinematics, against what was put in: told where they are, and nothing else in their place."""
+"""Errors of single signals by kinematics, against what was put in: told where they are, and nothing else in their place."""
 
 from dataclasses import replace
 
@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from free_flight import free_flight
 from kites import flight
-from sensors import POSITION, RATES, Sensors
+from scipy.spatial.transform import Rotation
+from sensors import ACCELERATION, POSITION, RATES, Sensors
 
-from awescli.flightlog.reconstruction import scales
+from awescli.flightlog.reconstruction import single_signals
 from awescli.flightlog.reconstruction.flight_path import reconstruct
+from awescli.flightlog.reconstruction.identities import attitude_of_rates, velocity_of_acceleration
+from awescli.flightlog.reconstruction.motion_of import motion_of
 from awescli.flightlog.reconstruction.tables import said
 from awescli.notation.errors import NumericalFailure
 
@@ -70,6 +73,51 @@ def test_noise_of_a_small_motion_is_no_scale():
     assert np.std(log["theta"]) < 10 * DEG and not any(e.name == "scale" for e in path.errors), path.errors
 
 
+def with_offset(log, angle, by):
+    return replace(log, measured={**log.measured, angle: log[angle] + by})
+
+
+@pytest.mark.parametrize("air", AIR)
+@pytest.mark.parametrize("by", [5 * DEG, -8 * DEG])
+@pytest.mark.parametrize("angle", ["phi", "theta"])
+def test_an_angle_with_a_constant_added_is_told_and_nothing_in_its_place(true, angle, by, air):
+    """Guards against wrong names: a pitch angle 5 deg off was an accelerometer that reads 19 % high, or a roll gyro that is off."""
+    path = reconstruct(with_offset(Sensors(**AIR[air]).record(true, 7), angle, by))
+    assert [(e.name, e.acts_on) for e in path.findings] == [("attitude offset", (angle,))], path.findings
+    assert path.findings[0].size == pytest.approx(by, abs=0.3 * DEG)
+    assert said(path.findings[0]).startswith(f"{angle} off by {'-' if by < 0 else ''}{abs(by) / DEG:.0f}"[:-1])
+
+
+def turned(log, names, axis, by):
+    """The log with the sensor of these three channels turned by an angle [rad] about an axis of the body."""
+    R = Rotation.from_rotvec(by * np.eye(3)["xyz".index(axis)])
+    rows = R.inv().apply(np.stack([log[n] for n in names], axis=1))
+    return replace(log, measured={**log.measured, **dict(zip(names, rows.T, strict=True))})
+
+
+@pytest.mark.parametrize("axis", ["y", "z"])
+@pytest.mark.parametrize(("names", "by"), [(RATES, 5 * DEG), (ACCELERATION, 8 * DEG)])
+def test_a_sensor_that_is_turned_against_the_attitude_is_told(true, names, by, axis):
+    path = reconstruct(turned(Sensors().record(true, 7), names, axis, by))
+    assert [(e.name, e.target, e.acts_on) for e in path.findings] == [("turned", axis, tuple(names))], path.findings
+    # of accelerations a drifting attitude leaves less certain what they are turned by
+    assert path.findings[0].size == pytest.approx(by, rel=0.1 if names is RATES else 0.3)
+    assert said(path.findings[0]).startswith(f"{', '.join(names)} turned about {axis} by ")
+
+
+@pytest.mark.parametrize("build", [attitude_of_rates, velocity_of_acceleration])
+def test_the_shape_of_an_offset_is_that_of_a_finite_difference(true, build):
+    log, by = true, 1e-4
+    before, after = (build(motion_of(with_offset(log, "theta", sign * by))) for sign in (-1, 1))
+    motion = motion_of(log)
+    found = (after.series.y - before.series.y) / (2 * by)
+    begin = np.maximum.accumulate(np.where(motion.restart, np.arange(len(motion)), 0))
+    shape = build(motion).singly["offset theta"]
+    seen = before.series.seen & after.series.seen
+    assert np.abs(shape)[seen].max() > 0.3
+    np.testing.assert_allclose((found - found[begin])[seen], (shape - shape[begin])[seen], atol=0.02 * np.abs(shape[seen]).max())
+
+
 def test_a_scale_in_words(true):
     path = reconstruct(scaled(Sensors().record(true, 7), {"p_n": 0.8}))
     assert [said(e).split(" % ")[1].split(" +- ")[0] for e in path.findings] == ["low against the velocity"]
@@ -77,13 +125,13 @@ def test_a_scale_in_words(true):
 
 def test_a_scale_that_cannot_be_solved_for_leaves_what_is_said_without(true, monkeypatch):
     """`solve` fails where a scale stands beside the biases: what they are without it is said, and no number of it."""
-    plain = scales.solve
+    plain = single_signals.solve
 
     def solve(identity):
         if any(c.startswith("scale ") for c in identity.series.columns):
             raise NumericalFailure("singular", "shapes cannot be distinguished", do="Look.")
         return plain(identity)
 
-    monkeypatch.setattr(scales, "solve", solve)
+    monkeypatch.setattr(single_signals, "solve", solve)
     path = reconstruct(scaled(Sensors(bias={"psi": 3 * DEG}).record(true, 7), {"p_n": 1.2}))
     assert {e.name for e in path.findings} == {"heading_bias"} and not path.notes and not any(e.name == "scale" for e in path.errors)
