@@ -20,6 +20,7 @@ from functools import partial
 
 import numpy as np
 from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
 
 from awescli.flightlog.log import FlightLog
 from awescli.notation.angles import wrap
@@ -118,6 +119,18 @@ def biased(channel: str, log, kite, b) -> Injected:
     return with_signals(log, {channel: wrap(log[channel] + b) if channel in ANGLES else log[channel] + b}), kite
 
 
+def with_iron(log, kite, b) -> Injected:
+    """A heading with an error of a period of one turn, of b at most, as iron beside a compass makes."""
+    return with_signals(log, {"psi": wrap(log["psi"] + b * np.sin(log["psi"]))}), kite
+
+
+def turned(channels: tuple[str, str, str], axis: str, log, kite, by) -> Injected:
+    """What a box of three sensors shows that is turned about an axis of the body."""
+    box = Rotation.from_rotvec(by * np.eye(3)["xyz".index(axis)])
+    shown = box.inv().apply(np.stack([log[n] for n in channels], axis=1))
+    return with_signals(log, dict(zip(channels, shown.T, strict=True))), kite
+
+
 def winch_scaled(log, kite, s) -> Injected:
     """What a counter shows whose reading must be taken (1 + s) times."""
     return with_signals(log, {n: log[n] / (1 + s) for n in ("tether_length", "reel_out_speed")}), kite
@@ -152,14 +165,18 @@ FREE: dict[str, Kind] = {
     "airspeed_scale": Kind(partial(scaled, "V_a"), "s", 1.0, 0.95, 0.7, 1.3),
     "airspeed_lag": Kind(partial(filtered, "V_a"), "tau", 0.0, 0.3, 0.02, 1.5),
     "heading_bias": Kind(partial(biased, "psi"), "b", 0.0, 0.04, -0.3, 0.3),
+    "attitude_bias:phi": Kind(partial(biased, "phi"), "b", 0.0, 0.04, -0.3, 0.3),
+    "attitude_bias:theta": Kind(partial(biased, "theta"), "b", 0.0, 0.04, -0.3, 0.3),
     "imu_bias:rates": Kind(partial(biased, "q"), "by", 0.0, 0.02, -1.0, 1.0),
     "mass_offset": Kind(lighter_declared, "dm", 0.0, 0.1, -10.0, 10.0),
     "air_density": Kind(thinner_recorded, "c", 1.0, 1.05, 0.8, 1.2),
 }  # fmt: skip
 """Effect of the library -> how it is put into the log of a flight without a line."""
 
-FLOWN_BY_RUDDER: dict[str, Kind] = _of_surfaces("rudder")
-"""The same of a kite whose rudder alone steers."""
+FLOWN_BY_RUDDER: dict[str, Kind] = {
+    **_of_surfaces("rudder"), "imu_bias:accelerations": Kind(partial(biased, "a_z"), "bz", 0.0, 0.5, -5.0, 5.0),
+}  # fmt: skip
+"""The same of a kite whose rudder alone steers, and that logs accelerations."""
 
 TETHERED: dict[str, Kind] = {
     **FREE,

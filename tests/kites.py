@@ -69,6 +69,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "load_cell_lag": {"tau": 0.2},
     "position_latency": {"tau": 0.15},
     "heading_bias": {"b": 0.035},
+    "attitude_bias": {"b": 0.05},
     "imu_arm": {"x": 0.35, "y": -0.1, "z": 0.05},
     "imu_misalignment": {"x": -0.02, "y": 0.035, "z": 0.015},
     "imu_bias": {"bx": 0.02, "by": -0.03, "bz": 0.3},

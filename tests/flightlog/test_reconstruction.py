@@ -319,7 +319,7 @@ def test_what_a_log_lacks_is_left_out(true):
     log = Sensors(bias={"q": 2.5 * DEG}).record(true, 9)
     poor = replace(log, measured={k: v for k, v in log.measured.items() if k not in ("a_x", "V_a")}, wind=None)
     path = reconstruct(poor)
-    of_attitude = {"imu_bias", "attitude offset", "turned", "attitude_latency"}
+    of_attitude = {"imu_bias", "attitude_bias", "imu_misalignment", "attitude_latency"}
     assert {e.name for e in path.errors} == {*of_attitude, "velocity bias", "position_latency"}
     assert [e.acts_on for e in path.findings] == [("q",)]
 

@@ -83,9 +83,16 @@ def with_offset(log, angle, by):
 def test_an_angle_with_a_constant_added_is_told_and_nothing_in_its_place(true, angle, by, air):
     """Guards against wrong names: a pitch angle 5 deg off was an accelerometer that reads 19 % high, or a roll gyro that is off."""
     path = reconstruct(with_offset(Sensors(**AIR[air]).record(true, 7), angle, by))
-    assert [(e.name, e.acts_on) for e in path.findings] == [("attitude offset", (angle,))], path.findings
+    assert [(e.name, e.acts_on) for e in path.findings] == [("attitude_bias", (angle,))], path.findings
     assert path.findings[0].size == pytest.approx(by, abs=0.3 * DEG)
     assert said(path.findings[0]).startswith(f"{angle} off by {'-' if by < 0 else ''}{abs(by) / DEG:.0f}"[:-1])
+
+
+@pytest.mark.parametrize("by", [10 * DEG, -25 * DEG])
+def test_a_heading_far_off_is_told_and_nothing_in_its_place(true, by):
+    """Guards against a wrong name: what is linear in the heading left an accelerometer that is off."""
+    path = reconstruct(with_offset(Sensors().record(true, 7), "psi", by))
+    assert [e.name for e in path.findings] == ["heading_bias"] and path.findings[0].size == pytest.approx(by, abs=0.5 * DEG)
 
 
 def turned(log, names, axis, by):
@@ -99,7 +106,7 @@ def turned(log, names, axis, by):
 @pytest.mark.parametrize(("names", "by"), [(RATES, 5 * DEG), (ACCELERATION, 8 * DEG)])
 def test_a_sensor_that_is_turned_against_the_attitude_is_told(true, names, by, axis):
     path = reconstruct(turned(Sensors().record(true, 7), names, axis, by))
-    assert [(e.name, e.target, e.acts_on) for e in path.findings] == [("turned", axis, tuple(names))], path.findings
+    assert [(e.name, e.target, e.acts_on) for e in path.findings] == [("imu_misalignment", axis, tuple(names))], path.findings
     # of accelerations a drifting attitude leaves less certain what they are turned by
     assert path.findings[0].size == pytest.approx(by, rel=0.1 if names is RATES else 0.3)
     assert said(path.findings[0]).startswith(f"{', '.join(names)} turned about {axis} by ")

@@ -60,7 +60,7 @@ DIFFERENCES_SPREAD = 1.9
 DEG = np.pi / 180
 MATTERS = {
     "rates": 0.5 * DEG, "accelerations": 0.5, "attitude_latency": 0.03, "rate latency": 0.03, "velocity latency": 0.05,
-    "acceleration latency": 0.05, "position_latency": 0.05, "attitude offset": 2.5 * DEG, "rates turned": 2.5 * DEG,
+    "acceleration latency": 0.05, "position_latency": 0.05, "attitude_bias": 2.5 * DEG, "rates turned": 2.5 * DEG,
     "accelerations turned": 5 * DEG,
     "velocity bias": 0.3, "heading_bias": 1.5 * DEG, "airspeed_scale": 0.03, "airspeed_lag": 0.25, "vane_bias": 1.5 * DEG,
 }  # fmt: skip
@@ -106,6 +106,9 @@ def reconstruct(log: FlightLog) -> FlightPath:
     return FlightPath(ordered, tuple(errors), len(motion), int(motion.restart.sum()), tuple(notes))
 
 
+OF_ANGLES = ("attitude_bias", "heading_bias")
+
+
 def _compared(
     build: Callable[[Motion], Identity], say: Callable[[Solution], list[SensorError]], motion: Motion
 ) -> tuple[Solution, list[SensorError], list[SensorError], Motion] | None:
@@ -118,14 +121,14 @@ def _compared(
             return None
         solution = solve_with_single_signals(identity)
         told = [*errors_of_single_signals(solution), *say(solution)]
-        offsets = [e for e in told if e.name == "attitude offset"]
+        offsets = [e for e in told if e.name in OF_ANGLES]
         more = [e for e in offsets if e.found]
         for e in offsets:
             if e.found or e.acts_on in off:
                 before = off.get(e.acts_on)
                 off[e.acts_on] = replace(e, size=e.size + (before.size if before else 0.0))
         if not more:
-            return solution, list(off.values()), [e for e in told if e.name != "attitude offset" or e.acts_on not in off], motion
+            return solution, list(off.values()), [e for e in told if e.name not in OF_ANGLES or e.acts_on not in off], motion
         motion = without(motion, more)
     raise NumericalFailure("no_end", "what angles are off by comes to no end", do="Look at the attitude.")
 
@@ -166,7 +169,7 @@ def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
     """The motion as its sensors would have logged it without the errors that were found, and without all scales that are there: what comes
     next is not to find them again. A roll angle that reads 2 % too little makes an accelerometer seem off."""
     signals = dict(motion.log.measured)
-    there = [e for e in errors if e.name != "turned" and (e.found or e.name == "scale")]
+    there = [e for e in errors if e.name != "imu_misalignment" and (e.found or e.name == "scale")]
     for e in there:
         for name in e.acts_on:
             if e.unit == "s":
@@ -268,7 +271,7 @@ def _say_attitude(s: Solution) -> list[SensorError]:
     biases = [_error(s, n, "imu_bias", (n,), "rad/s", "rates", "rates") for n in RATES]
     roll, *turned = _turned(s, RATES, "rates turned")
     # gyros that are turned about the body's x, the other way, and a roll angle with a constant added are one
-    roll = replace(roll, name="attitude offset", target=None, acts_on=("phi",), size=-roll.size)
+    roll = replace(roll, name="attitude_bias", target="phi", acts_on=("phi",), size=-roll.size)
     # heading may be a compass's
     return [*biases, roll, *turned, _against("rate latency", RATES, _delay(s, "attitude_latency", ATTITUDE, agreeing=2))]
 
@@ -322,7 +325,7 @@ def _error(
 
 def _turned(s: Solution, channels: tuple[str, ...], matters: str) -> list[SensorError]:
     """How far the sensor of these channels is turned against the attitude, about the body's x, y and z."""
-    return [_error(s, tilt, "turned", channels, "rad", matters, tilt.split()[1]) for tilt in TILTS]
+    return [_error(s, tilt, "imu_misalignment", channels, "rad", matters, tilt.split()[1]) for tilt in TILTS]
 
 
 def _delay(

@@ -19,11 +19,13 @@ from awescli.notation.errors import NumericalFailure
 
 @dataclass(frozen=True)
 class Kind:
-    """Of an error. name: as it is reported; unit; prior: of its size, about zero; least: size below which it is not asked; matters: size
-    from which it is told; of_flown: of the part of what is reported that is the error, the share of what is flown (and its slope)."""
+    """Of an error. name: as it is reported; unit; has_target: the signal is its target; prior: of its size, about zero; least: size below
+    which it is not asked; matters: size from which it is told; of_flown: of the part of what is reported that is the error, the share of
+    what is flown (and its slope)."""
 
     name: str
     unit: str
+    has_target: bool
     prior: float
     least: float
     matters: float
@@ -32,8 +34,8 @@ class Kind:
 
 DEG = np.pi / 180
 KINDS = {
-    "scale": Kind("scale", "-", 0.3, 0.01, 0.05, lambda b: (b / (1 - b), 1 / (1 - b) ** 2)),
-    "offset": Kind("attitude offset", "rad", 0.1, 1 * DEG, 2 * DEG, lambda b: (b, 1.0)),
+    "scale": Kind("scale", "-", False, 0.3, 0.01, 0.05, lambda b: (b / (1 - b), 1 / (1 - b) ** 2)),
+    "offset": Kind("attitude_bias", "rad", True, 0.1, 1 * DEG, 2 * DEG, lambda b: (b, 1.0)),
 }
 """First word of a shape -> what it is. A scale of less leaves less than noise, an offset of less no more than a drift."""
 BLURRED = dict.fromkeys((f"scale {n}" for n in ("v_n", "v_e", "a_x", "a_y", "a_z")), 0.1)
@@ -78,7 +80,8 @@ def errors_of_single_signals(solution: Solution) -> list[SensorError]:
         if b is not None and std is not None and abs(b) > SURE * std:
             kind, signal = _kind(shape), shape.split()[1]
             size, slope = kind.of_flown(b)
-            found.append(SensorError(kind.name, None, (signal,), size, slope * std, kind.unit, max(kind.matters, _least(shape))))
+            target, matters = signal if kind.has_target else None, max(kind.matters, _least(shape))
+            found.append(SensorError(kind.name, target, (signal,), size, slope * std, kind.unit, matters))
     return found
 
 

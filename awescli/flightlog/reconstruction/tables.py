@@ -48,8 +48,8 @@ def error_table(path: FlightPath) -> dict[str, dict[str, object]]:
 
 def _row(error: SensorError) -> str:
     """Its name, and the one channel that it acts on."""
-    if error.name == "turned":
-        return f"{', '.join(error.acts_on)} turned about {error.target}"
+    if error.name == "imu_misalignment":
+        return f"{error.name} {' '.join(error.acts_on)} about {error.target}"
     return f"{error.name} {error.acts_on[0] if len(error.acts_on) == 1 else ''}".strip()
 
 
@@ -69,8 +69,8 @@ def said(error: SensorError) -> str:
         "airspeed_lag": f"airspeed lags by {amount} s",
         "airspeed_scale": f"airspeed reads {amount} % {'high' if size > 0 else 'low'}",
         "scale": f"{where} reads {amount} % {'high' if size > 0 else 'low'} against {AGAINST.get(where, 'others')}",
-        "attitude offset": f"{where} off by {'-' if size < 0 else ''}{amount} {unit} against {AGAINST.get(where, 'others')}",
-        "turned": f"{where} turned about {error.target} by {'-' if size < 0 else ''}{amount} {unit} against the attitude",
+        "attitude_bias": f"{where} off by {'-' if size < 0 else ''}{amount} {unit} against {AGAINST.get(where, 'others')}",
+        "imu_misalignment": f"{where} turned about {error.target} by {'-' if size < 0 else ''}{amount} {unit} against the attitude",
         "heading_bias": f"heading off by {'-' if size < 0 else ''}{amount} {unit}",
     }
     return f"{words.get(error.name, f'{where} off by ' + ('-' if size < 0 else '') + f'{amount} {unit}')} +- {std:.{places}f}"

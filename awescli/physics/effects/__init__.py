@@ -9,6 +9,7 @@ from awescli.physics.effects.air_density import AirDensity
 from awescli.physics.effects.airspeed_lag import AirspeedLag
 from awescli.physics.effects.airspeed_scale import AirspeedScale
 from awescli.physics.effects.antenna_arm import AntennaArm
+from awescli.physics.effects.attitude_bias import AttitudeBias
 from awescli.physics.effects.attitude_latency import AttitudeLatency
 from awescli.physics.effects.clock_offset import ClockOffset
 from awescli.physics.effects.custom_term import CustomTerm
@@ -64,7 +65,7 @@ EFFECTS = {
         AeroelasticTwist, SurfaceBias,
         SurfaceEffectiveness, SurfaceDeadBand, SurfaceBacklash, HingeBlowback, ActuatorLag, ActuatorDelay,
         ProbeArm, VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
-        PositionLatency, HeadingBias, AttitudeLatency, AntennaArm, ImuArm, ImuMisalignment, ImuBias,
+        PositionLatency, HeadingBias, AttitudeBias, AttitudeLatency, AntennaArm, ImuArm, ImuMisalignment, ImuBias,
         CustomTerm,
     )
 }  # fmt: skip
