@@ -174,7 +174,7 @@ FREE: dict[str, Kind] = {
 """Effect of the library -> how it is put into the log of a flight without a line."""
 
 FLOWN_BY_RUDDER: dict[str, Kind] = {
-    **_of_surfaces("rudder"), "imu_bias:accelerations": Kind(partial(biased, "a_z"), "bz", 0.0, 0.5, -5.0, 5.0),
+    **_of_surfaces("rudder"), "imu_bias:accelerations": Kind(partial(biased, "a_z"), "bz", 0.0, 0.5, -3.0, 3.0),
 }  # fmt: skip
 """The same of a kite whose rudder alone steers, and that logs accelerations."""
 

@@ -58,6 +58,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "unsteady_lift": {"tau": 0.1},
     "aeroelastic_twist": {"k": 5e-5},
     "surface_bias": {"b": 0.002},
+    "rate_feedback": {"k": 0.06, "tau": 1.5},
     "surface_effectiveness": {"s": 0.5, "threshold": 0.03},
     "surface_dead_band": {"d": 0.01},
     "actuator_lag": {"tau": 0.1, "rate": 0.5, "inertia": 0.2},

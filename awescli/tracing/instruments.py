@@ -16,11 +16,12 @@ from awescli.estimation.levels_in_turn import COARSE
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.reconstruction.result import clearly_matters
 from awescli.physics.effects.base import Effect
+from awescli.physics.effects.rate_feedback import TURNS
 from awescli.physics.kite import make_effect
 from awescli.tracing.criteria import CRITERIA, Criteria
 from awescli.tracing.fitted_model import FittedModel
 from awescli.tracing.frame import Frame
-from awescli.tracing.lateness import TURNS, lateness
+from awescli.tracing.lateness import lateness
 from awescli.tracing.models import Say, fit_all_added, fit_in_gusts
 from awescli.tracing.shapes import plausible
 

@@ -10,9 +10,8 @@ from scipy.signal import butter, sosfiltfilt
 
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.reconstruction.motion_of import motion_of
+from awescli.physics.effects.rate_feedback import TURNS
 
-TURNS = {"aileron": "p", "elevator": "q", "rudder": "r"}
-"""Surface -> rate about the axis that it turns the kite about."""
 NEEDED = ("p", "q", "r", "phi", "theta", "psi", "v_n", "v_e", "v_d")
 """Signals without which nothing is said."""
 BAND = (0.15, 5.0)

@@ -30,6 +30,7 @@ from awescli.physics.effects.pitch_curvature import PitchCurvature
 from awescli.physics.effects.pitot_position_error import PitotPositionError
 from awescli.physics.effects.position_latency import PositionLatency
 from awescli.physics.effects.probe_arm import ProbeArm
+from awescli.physics.effects.rate_feedback import RateFeedback
 from awescli.physics.effects.reynolds_drag import ReynoldsDrag
 from awescli.physics.effects.sideslip_drag import SideslipDrag
 from awescli.physics.effects.surface_backlash import SurfaceBacklash
@@ -63,7 +64,7 @@ EFFECTS = {
         MassOffset, AddedMass,
         ParasiticDrag, SideslipDrag, ReynoldsDrag, LiftStall, LiftDrift, PitchCurvature, UnsteadyLift, DownwashLag,
         AeroelasticTwist, SurfaceBias,
-        SurfaceEffectiveness, SurfaceDeadBand, SurfaceBacklash, HingeBlowback, ActuatorLag, ActuatorDelay,
+        RateFeedback, SurfaceEffectiveness, SurfaceDeadBand, SurfaceBacklash, HingeBlowback, ActuatorLag, ActuatorDelay,
         ProbeArm, VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
         PositionLatency, HeadingBias, AttitudeBias, AttitudeLatency, AntennaArm, ImuArm, ImuMisalignment, ImuBias,
         CustomTerm,

@@ -14,7 +14,7 @@ class HeadingBias(Effect):
     doc = "constant error of the reported yaw angle"
     instrument = "attitude reference"
     matters = {"b": 0.026}
-    parameters = (Parameter("b", 0.0, "rad", -0.3, 0.3, source="1-5 deg"),)
+    parameters = (Parameter("b", 0.0, "rad", -0.6, 0.6, source="1-5 deg; a declination that is not taken out, up to 30 deg"),)
 
     def report(self, reported: dict, at: Instant, own: SimpleNamespace) -> dict:
         return {**reported, "psi": reported["psi"] + own.b}

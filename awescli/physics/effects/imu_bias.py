@@ -13,7 +13,9 @@ class ImuBias(Effect):
 
     name = "imu_bias"
     doc = "constant bias of gyros or accelerometers"
-    parameters = tuple(Parameter(n, 0.0, "rad/s or m/s2", -1.0, 1.0, source="0.2 deg/s") for n in ("bx", "by", "bz"))
+    parameters = tuple(
+        Parameter(n, 0.0, "rad/s or m/s2", -3.0, 3.0, source="0.2 deg/s; accelerometers off level, 3 m/s2") for n in ("bx", "by", "bz")
+    )
     targets = ("rates", "accelerations")
     _channels = {"rates": ("p", "q", "r"), "accelerations": ("a_x", "a_y", "a_z")}
 
