@@ -70,6 +70,7 @@ PLAUSIBLE: dict[str, dict[str, float]] = {
     "load_cell_lag": {"tau": 0.2},
     "position_latency": {"tau": 0.15},
     "heading_bias": {"b": 0.035},
+    "compass_deviation": {"b": 0.04, "c": -0.03},
     "attitude_bias": {"b": 0.05},
     "imu_arm": {"x": 0.35, "y": -0.1, "z": 0.05},
     "imu_misalignment": {"x": -0.02, "y": 0.035, "z": 0.015},

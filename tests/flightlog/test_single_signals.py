@@ -95,6 +95,16 @@ def test_a_heading_far_off_is_told_and_nothing_in_its_place(true, by):
     assert [e.name for e in path.findings] == ["heading_bias"] and path.findings[0].size == pytest.approx(by, abs=0.5 * DEG)
 
 
+@pytest.mark.parametrize(("b", "c"), [(4 * DEG, 0.0), (-3 * DEG, 3 * DEG)])
+def test_a_heading_that_is_off_with_the_heading_is_told(true, b, c):
+    sensed = Sensors().record(true, 7)
+    log = with_offset(sensed, "psi", b * np.sin(true["psi"]) + c * np.cos(true["psi"]))
+    path = reconstruct(log)
+    assert [e.name for e in path.findings] == ["compass_deviation"], path.findings
+    assert path.findings[0].size == pytest.approx(np.hypot(b, c), rel=0.1)
+    assert "round with itself" in said(path.findings[0])
+
+
 def turned(log, names, axis, by):
     """The log with the sensor of these three channels turned by an angle [rad] about an axis of the body."""
     R = Rotation.from_rotvec(by * np.eye(3)["xyz".index(axis)])

@@ -14,17 +14,11 @@ import numpy as np
 from awescli.flightlog.held import stands
 from awescli.flightlog.log import FlightLog
 from awescli.flightlog.quality import white_noise
+from awescli.flightlog.reconstruction import identities
 from awescli.flightlog.reconstruction.air import airspeed_of_motion, recorded, vanes_of_motion, with_offset
 from awescli.flightlog.reconstruction.airspeed_lag import airspeed_lag
 from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
-from awescli.flightlog.reconstruction.identities import (
-    DELAYS,
-    TILTS,
-    Identity,
-    attitude_of_rates,
-    position_of_velocity,
-    velocity_of_acceleration,
-)  # fmt: skip
+from awescli.flightlog.reconstruction.identities import DELAYS, IRONS, TILTS, Identity
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
 from awescli.flightlog.reconstruction.single_signals import errors_of_single_signals, solve_with_single_signals
@@ -106,6 +100,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
     return FlightPath(ordered, tuple(errors), len(motion), int(motion.restart.sum()), tuple(notes))
 
 
+NOT_CONSTANT = ("imu_misalignment", "compass_deviation")
 OF_ANGLES = ("attitude_bias", "heading_bias")
 
 
@@ -169,7 +164,7 @@ def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
     """The motion as its sensors would have logged it without the errors that were found, and without all scales that are there: what comes
     next is not to find them again. A roll angle that reads 2 % too little makes an accelerometer seem off."""
     signals = dict(motion.log.measured)
-    there = [e for e in errors if e.name != "imu_misalignment" and (e.found or e.name == "scale")]
+    there = [e for e in errors if e.name not in NOT_CONSTANT and (e.found or e.name == "scale")]
     for e in there:
         for name in e.acts_on:
             if e.unit == "s":
@@ -209,13 +204,13 @@ def _moved(build: Callable[..., Identity], motion: Motion, whole: bool = False) 
 
 def _velocity(motion: Motion) -> Identity:
     """About the delay of the acceleration that a first look finds: its column is linear in it."""
-    identity = _moved(velocity_of_acceleration, motion)
+    identity = _moved(identities.velocity_of_acceleration, motion)
     if not _enough(identity):
         return identity
     first, late = _first_look(identity, "acceleration late")
     if _near(late, motion):
         return identity
-    again = _moved(partial(velocity_of_acceleration, filtered=_whole(late, motion)), motion)
+    again = _moved(partial(identities.velocity_of_acceleration, filtered=_whole(late, motion)), motion)
     return again if _first_look(again, "acceleration late")[0] < first else identity
 
 
@@ -291,7 +286,15 @@ def _say_velocity(s: Solution) -> list[SensorError]:
     filtered = replace(filtered, agrees=filtered.agrees and late.agrees and filtered.size > 0)
     late = replace(late, agrees=late.agrees and late.size > 0)
     heading = _error(s, "heading", "heading_bias", ("psi",), "rad")
-    return [*biases, *_turned(s, ACCELERATIONS, "accelerations turned"), heading, late, filtered]
+    return [*biases, *_turned(s, ACCELERATIONS, "accelerations turned"), heading, _iron(s), late, filtered]
+
+
+def _iron(s: Solution) -> SensorError:
+    """The largest error of the heading that goes round with it."""
+    parts = [(s.values[c], s.std[c]) for c in IRONS]
+    size = float(np.hypot(*(value for value, _ in parts)))
+    std = float(np.hypot(*(value * std for value, std in parts)) / size) if size else max(std for _, std in parts)
+    return SensorError("compass_deviation", None, ("psi",), size, std, "rad", MATTERS["heading_bias"])
 
 
 def _say_airspeed(s: Solution) -> list[SensorError]:
@@ -308,9 +311,9 @@ def _say_vanes(s: Solution) -> list[SensorError]:
 VELOCITY, ATTITUDE = ("v_n", "v_e", "v_d"), ("phi", "theta", "psi")
 ACCELERATIONS, RATES = ("a_x", "a_y", "a_z"), ("p", "q", "r")
 IDENTITIES: tuple[tuple[str, tuple[str, ...], Callable, Callable], ...] = (
-    ("attitude and rates", (*ATTITUDE, *RATES), partial(_moved, attitude_of_rates, whole=True), _say_attitude),
+    ("attitude and rates", (*ATTITUDE, *RATES), partial(_moved, identities.attitude_of_rates, whole=True), _say_attitude),
     ("velocity and acceleration", (*VELOCITY, *ACCELERATIONS, *ATTITUDE), _velocity, _say_velocity),
-    ("position and velocity", ("p_n", "p_e", "p_d", *VELOCITY), partial(_moved, position_of_velocity), _say_position),
+    ("position and velocity", ("p_n", "p_e", "p_d", *VELOCITY), partial(_moved, identities.position_of_velocity), _say_position),
     ("airspeed and motion", ("V_a", *VELOCITY), _airspeed, _say_airspeed),
     ("vanes and motion", (*VELOCITY, *ATTITUDE), _vanes, _say_vanes),
 )

@@ -71,6 +71,7 @@ def said(error: SensorError) -> str:
         "scale": f"{where} reads {amount} % {'high' if size > 0 else 'low'} against {AGAINST.get(where, 'others')}",
         "attitude_bias": f"{where} off by {'-' if size < 0 else ''}{amount} {unit} against {AGAINST.get(where, 'others')}",
         "imu_misalignment": f"{where} turned about {error.target} by {'-' if size < 0 else ''}{amount} {unit} against the attitude",
+        "compass_deviation": f"heading off by up to {amount} {unit}, round with itself",
         "heading_bias": f"heading off by {'-' if size < 0 else ''}{amount} {unit}",
     }
     return f"{words.get(error.name, f'{where} off by ' + ('-' if size < 0 else '') + f'{amount} {unit}')} +- {std:.{places}f}"

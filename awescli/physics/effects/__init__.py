@@ -12,6 +12,7 @@ from awescli.physics.effects.antenna_arm import AntennaArm
 from awescli.physics.effects.attitude_bias import AttitudeBias
 from awescli.physics.effects.attitude_latency import AttitudeLatency
 from awescli.physics.effects.clock_offset import ClockOffset
+from awescli.physics.effects.compass_deviation import CompassDeviation
 from awescli.physics.effects.custom_term import CustomTerm
 from awescli.physics.effects.downwash_lag import DownwashLag
 from awescli.physics.effects.gravity import Gravity
@@ -66,7 +67,7 @@ EFFECTS = {
         AeroelasticTwist, SurfaceBias,
         RateFeedback, SurfaceEffectiveness, SurfaceDeadBand, SurfaceBacklash, HingeBlowback, ActuatorLag, ActuatorDelay,
         ProbeArm, VaneBias, AirspeedScale, AirspeedLag, PitotPositionError, LoadCellScale, LoadCellLag,
-        PositionLatency, HeadingBias, AttitudeBias, AttitudeLatency, AntennaArm, ImuArm, ImuMisalignment, ImuBias,
+        PositionLatency, HeadingBias, CompassDeviation, AttitudeBias, AttitudeLatency, AntennaArm, ImuArm, ImuMisalignment, ImuBias,
         CustomTerm,
     )
 }  # fmt: skip
