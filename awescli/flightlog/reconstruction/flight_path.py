@@ -291,9 +291,9 @@ def _say_velocity(s: Solution) -> list[SensorError]:
 
 def _iron(s: Solution) -> SensorError:
     """The largest error of the heading that goes round with it."""
-    parts = [(s.values[c], s.std[c]) for c in IRONS]
-    size = float(np.hypot(*(value for value, _ in parts)))
-    std = float(np.hypot(*(value * std for value, std in parts)) / size) if size else max(std for _, std in parts)
+    parts, spread = (np.array([of[c] for c in IRONS]) for of in (s.values, s.std))
+    size = float(np.linalg.norm(parts))
+    std = float(np.linalg.norm(parts * spread) / size) if size else float(spread.max())
     return SensorError("compass_deviation", None, ("psi",), size, std, "rad", MATTERS["heading_bias"])
 
 
