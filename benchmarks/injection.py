@@ -165,6 +165,7 @@ FREE: dict[str, Kind] = {
     "airspeed_scale": Kind(partial(scaled, "V_a"), "s", 1.0, 0.95, 0.7, 1.3),
     "airspeed_lag": Kind(partial(filtered, "V_a"), "tau", 0.0, 0.3, 0.02, 1.5),
     "heading_bias": Kind(partial(biased, "psi"), "b", 0.0, 0.04, -0.3, 0.3),
+    "compass_deviation": Kind(with_iron, "b", 0.0, 0.04, -0.4, 0.4),
     "attitude_bias:phi": Kind(partial(biased, "phi"), "b", 0.0, 0.04, -0.3, 0.3),
     "attitude_bias:theta": Kind(partial(biased, "theta"), "b", 0.0, 0.04, -0.3, 0.3),
     "imu_bias:rates": Kind(partial(biased, "q"), "by", 0.0, 0.02, -1.0, 1.0),

@@ -23,7 +23,7 @@ from campaign import add_options, commit, kept, run_campaign
 from exact_scoring import OUTCOMES, RIGHT, Truth, answer_of, counted, outcome
 from guesses_from_priors import guessed
 from gust_length import drawn
-from injection import FLOWN_BY_RUDDER, TETHERED, delayed, turned, with_iron
+from injection import FLOWN_BY_RUDDER, TETHERED, delayed, turned
 from pumping_flights import pumping_like
 from tracing_truths import BOUNDED, FORMS, GROSS, LARGE, LENGTHS, OUTSIDE, PAIRS, at_once, resized, sized
 from wrong_bounds import with_wrong_bounds
@@ -32,7 +32,6 @@ import awescli  # noqa: F401  (thread settings before numpy)
 from awescli.artifacts import write_text
 
 OFF: dict[str, Callable] = {
-    "iron near the compass": lambda log, kite: with_iron(log, kite, math.radians(7.0)),
     "accelerometers turned": lambda log, kite: turned(("a_x", "a_y", "a_z"), "y", log, kite, math.radians(8.0)),
     "receiver 0.4 s late": lambda log, kite: delayed(("p_n", "p_e", "p_d", "v_n", "v_e", "v_d"), log, kite, 0.4),
 }

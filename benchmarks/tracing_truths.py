@@ -30,6 +30,9 @@ LARGE = {
     "load_cell_lag": {"tau": 0.3},
     "position_latency": {"tau": 0.15},
     "heading_bias": {"b": 3 * DEG},
+    "compass_deviation": {"b": 3 * DEG, "c": -2 * DEG},
+    "attitude_bias:theta": {"b": 3 * DEG},
+    "rate_feedback:rudder": {"k": -0.15, "tau": 1.5},
     "imu_bias:rates": {"bx": 0.01, "by": -0.006, "bz": 0.008},
 }
 """Largest size of each effect, taken from the typical sizes of the library's sources."""
@@ -61,6 +64,7 @@ GROSS: dict[str, dict[str, tuple[float, ...]]] = {
     "position_latency": {"tau": (0.24, 0.45)},
     "attitude_latency": {"tau": (0.1,)},
     "heading_bias": {"b": (0.1,)},
+    "compass_deviation": {"b": (7 * DEG,)},
     "attitude_bias:phi": {"b": (5 * DEG,)},
     "attitude_bias:theta": {"b": (5 * DEG,)},
     "imu_bias:rates": {"by": (2.5 * DEG, 8 * DEG)},
