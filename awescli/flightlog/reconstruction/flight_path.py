@@ -21,7 +21,7 @@ from awescli.flightlog.reconstruction.gauss_markov import BandedLikelihood
 from awescli.flightlog.reconstruction.identities import DELAYS, IRONS, TILTS, Identity
 from awescli.flightlog.reconstruction.motion_of import Motion, motion_of
 from awescli.flightlog.reconstruction.result import ChannelNoise, FlightPath, Level, SensorError
-from awescli.flightlog.reconstruction.single_signals import errors_of_single_signals, solve_with_single_signals
+from awescli.flightlog.reconstruction.single_signals import LIKELY, errors_of_single_signals, solve_with_single_signals
 from awescli.flightlog.reconstruction.solve import Solution, delay_by_channel, thinned
 from awescli.notation.errors import NumericalFailure
 from awescli.notation.present import present
@@ -102,6 +102,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
 
 NOT_CONSTANT = ("imu_misalignment", "compass_deviation")
 OF_ANGLES = ("attitude_bias", "heading_bias")
+LEFT = 0.5 * DEG
 
 
 def _compared(
@@ -117,11 +118,14 @@ def _compared(
         solution = solve_with_single_signals(identity)
         told = [*errors_of_single_signals(solution), *say(solution)]
         offsets = [e for e in told if e.name in OF_ANGLES]
-        more = [e for e in offsets if e.found]
+        # of an angle that is off by more, what is left is taken out, too
+        left = [replace(e, matters=LEFT, agrees=True) if e.acts_on in off else e for e in offsets]
+        more = [e for e in left if e.found]
         for e in offsets:
-            if e.found or e.acts_on in off:
-                before = off.get(e.acts_on)
-                off[e.acts_on] = replace(e, size=e.size + (before.size if before else 0.0))
+            if before := off.get(e.acts_on):
+                off[e.acts_on] = replace(before, size=before.size + e.size, std=e.std)
+            elif e.found:
+                off[e.acts_on] = e
         if not more:
             return solution, list(off.values()), [e for e in told if e.name not in OF_ANGLES or e.acts_on not in off], motion
         motion = without(motion, more)
@@ -294,7 +298,7 @@ def _iron(s: Solution) -> SensorError:
     parts, spread = (np.array([of[c] for c in IRONS]) for of in (s.values, s.std))
     size = float(np.linalg.norm(parts))
     std = float(np.linalg.norm(parts * spread) / size) if size else float(spread.max())
-    return SensorError("compass_deviation", None, ("psi",), size, std, "rad", MATTERS["heading_bias"])
+    return _sure(SensorError("compass_deviation", None, ("psi",), size, std, "rad", MATTERS["heading_bias"]))
 
 
 def _say_airspeed(s: Solution) -> list[SensorError]:
@@ -328,7 +332,13 @@ def _error(
 
 def _turned(s: Solution, channels: tuple[str, ...], matters: str) -> list[SensorError]:
     """How far the sensor of these channels is turned against the attitude, about the body's x, y and z."""
-    return [_error(s, tilt, "imu_misalignment", channels, "rad", matters, tilt.split()[1]) for tilt in TILTS]
+    return [_sure(_error(s, tilt, "imu_misalignment", channels, "rad", matters, tilt.split()[1])) for tilt in TILTS]
+
+
+def _sure(error: SensorError) -> SensorError:
+    """What a drift that is remembered for as long as the flight lasts passes for is to be as clear as a signal that is off by itself: on
+    UMN's Thor a pitch angle 1 deg off was a roll angle 5 deg off, by four standard deviations."""
+    return replace(error, agrees=bool(abs(error.size) > LIKELY * error.std))
 
 
 def _delay(
