@@ -21,6 +21,8 @@ EDGE = 1.0
 """[s] within which what begins in flight is there."""
 BEYOND = 10.0
 """Prior standard deviations to either side where a bound is taken away."""
+SMALLEST = 0.01
+"""Of a bound that keeps a parameter from zero, down to which it may go without that bound."""
 
 
 def unbounded(p: Parameter) -> Parameter:
@@ -29,9 +31,10 @@ def unbounded(p: Parameter) -> Parameter:
 
 
 def _of_its_sign(p: Parameter) -> Parameter:
-    """The parameter without bounds, but for the sign that these say."""
+    """The parameter without bounds, but for the sign that these say. What they keep from zero stays so: nothing turns without inertia."""
     free = unbounded(p)
-    lower, upper = max(free.lower, 0.0) if p.lower >= 0 else free.lower, min(free.upper, 0.0) if p.upper <= 0 else free.upper
+    lower = max(free.lower, SMALLEST * p.lower) if p.lower >= 0 else free.lower
+    upper = min(free.upper, SMALLEST * p.upper) if p.upper <= 0 else free.upper
     return replace(free, lower=lower, upper=upper)
 
 
