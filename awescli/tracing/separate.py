@@ -19,6 +19,7 @@ EXPERIMENTS = {
     "yaw": "steps of the rudder, at two airspeeds",
     "alpha": "steady flight at several airspeeds, where attitude, path and wind say the angle of attack",
     "beta": "steady flight without sideslip, in both directions of turn",
+    **dict.fromkeys(("phi", "theta"), "half a minute at rest before the flight, levelled, which shows what the attitude reports of that"),
     "rates": "half a minute at rest before the flight, which shows what the gyros report of nothing",
     "accelerations": "half a minute at rest before the flight, level, which shows what the accelerometers report of gravity alone",
 }

@@ -27,6 +27,7 @@ from awescli.notation.errors import NumericalFailure
 from awescli.notation.present import present
 from awescli.notation.quantities import ANGLES, UNITS
 
+DEG = np.pi / 180
 FEWEST, SHORTEST = 200, 10.0
 """Samples and seconds below which nothing is said."""
 UNKNOWN = 0.7
@@ -43,6 +44,8 @@ PLACED = 0.01
 """Of a sample, to which interpolation places a signal in time: no delay is known better."""
 SMOOTHED = 1 / 3
 """Of a delay that slow motion tells, by which quick motion may differ: receivers smooth it (UMN's Thor: by a quarter)."""
+LEFT = 0.5 * DEG
+"""Of an angle that is off, from which what is left of that is taken out, too."""
 STEPS = 8
 """Looks at how much of a delay is left, before it counts as none."""
 FAR = (-0.4, -0.2, 0.2, 0.4, 0.6, 0.8)
@@ -51,7 +54,6 @@ what is linear in a delay of none says nothing of a longer one. Velocities 0.35 
 DIFFERENCES_SPREAD = 1.9
 """Standard deviation of the logarithm of `quality.white_noise` times the root of the samples: the median of differences of order four."""
 
-DEG = np.pi / 180
 MATTERS = {
     "rates": 0.5 * DEG, "accelerations": 0.5, "attitude_latency": 0.03, "rate latency": 0.03, "velocity latency": 0.05,
     "acceleration latency": 0.05, "position_latency": 0.05, "attitude_bias": 2.5 * DEG, "rates turned": 2.5 * DEG,
@@ -76,7 +78,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
         if any(n not in log for n in needs) or (build is _vanes and not {"alpha", "beta"} & set(log.measured)):
             continue
         try:
-            compared = _compared(build, say, motion)
+            compared = _compared(build, say, motion, noise)
         except NumericalFailure as e:
             notes.append(f"Of {name} nothing can be said: {e}")
             continue
@@ -85,7 +87,7 @@ def reconstruct(log: FlightLog) -> FlightPath:
         solution, off, told, motion = compared
         noise |= {n.channel: _beside_attitude(n, noise) for n in _noise(solution)}
         errors += off
-        said = [_beside_velocity(_beside_drift(e, noise, motion), errors) for e in told]
+        said = [_beside_velocity(e, errors) for e in told]
         if set(held) & set(needs):
             said = [replace(e, agrees=False) if e.unit == "s" else e for e in said]
         errors += said
@@ -100,13 +102,8 @@ def reconstruct(log: FlightLog) -> FlightPath:
     return FlightPath(ordered, tuple(errors), len(motion), int(motion.restart.sum()), tuple(notes))
 
 
-NOT_CONSTANT = ("imu_misalignment", "compass_deviation")
-OF_ANGLES = ("attitude_bias", "heading_bias")
-LEFT = 0.5 * DEG
-
-
 def _compared(
-    build: Callable[[Motion], Identity], say: Callable[[Solution], list[SensorError]], motion: Motion
+    build: Callable[[Motion], Identity], say: Callable[[Solution], list[SensorError]], motion: Motion, noise: Mapping[str, ChannelNoise]
 ) -> tuple[Solution, list[SensorError], list[SensorError], Motion] | None:
     """(an identity solved, by what angles are off, its other errors, the motion without the former): what is linear in an angle is so about
     the angle without what it is off by. None where too little is seen. Raises NumericalFailure."""
@@ -116,8 +113,8 @@ def _compared(
         if not _enough(identity):
             return None
         solution = solve_with_single_signals(identity)
-        told = [*errors_of_single_signals(solution), *say(solution)]
-        offsets = [e for e in told if e.name in OF_ANGLES]
+        told = [_beside_drift(e, noise, motion) for e in (*errors_of_single_signals(solution), *say(solution))]
+        offsets = [e for e in told if e.simple and e.unit == "rad" and set(e.acts_on) <= set(ATTITUDE)]
         # of an angle that is off by more, what is left is taken out, too
         left = [replace(e, matters=LEFT, agrees=True) if e.acts_on in off else e for e in offsets]
         more = [e for e in left if e.found]
@@ -127,7 +124,8 @@ def _compared(
             elif e.found:
                 off[e.acts_on] = e
         if not more:
-            return solution, list(off.values()), [e for e in told if e.name not in OF_ANGLES or e.acts_on not in off], motion
+            others = [e for e in told if e not in offsets or e.acts_on not in off]
+            return solution, list(off.values()), others, motion
         motion = without(motion, more)
     raise NumericalFailure("no_end", "what angles are off by comes to no end", do="Look at the attitude.")
 
@@ -168,7 +166,7 @@ def without(motion: Motion, errors: Sequence[SensorError]) -> Motion:
     """The motion as its sensors would have logged it without the errors that were found, and without all scales that are there: what comes
     next is not to find them again. A roll angle that reads 2 % too little makes an accelerometer seem off."""
     signals = dict(motion.log.measured)
-    there = [e for e in errors if e.name not in NOT_CONSTANT and (e.found or e.name == "scale")]
+    there = [e for e in errors if e.simple and (e.found or e.name == "scale")]
     for e in there:
         for name in e.acts_on:
             if e.unit == "s":
@@ -270,7 +268,7 @@ def _say_attitude(s: Solution) -> list[SensorError]:
     biases = [_error(s, n, "imu_bias", (n,), "rad/s", "rates", "rates") for n in RATES]
     roll, *turned = _turned(s, RATES, "rates turned")
     # gyros that are turned about the body's x, the other way, and a roll angle with a constant added are one
-    roll = replace(roll, name="attitude_bias", target="phi", acts_on=("phi",), size=-roll.size)
+    roll = replace(roll, name="attitude_bias", target="phi", acts_on=("phi",), size=-roll.size, simple=True)
     # heading may be a compass's
     return [*biases, roll, *turned, _against("rate latency", RATES, _delay(s, "attitude_latency", ATTITUDE, agreeing=2))]
 
@@ -298,7 +296,7 @@ def _iron(s: Solution) -> SensorError:
     parts, spread = (np.array([of[c] for c in IRONS]) for of in (s.values, s.std))
     size = float(np.linalg.norm(parts))
     std = float(np.linalg.norm(parts * spread) / size) if size else float(spread.max())
-    return _sure(SensorError("compass_deviation", None, ("psi",), size, std, "rad", MATTERS["heading_bias"]))
+    return _clear(SensorError("compass_deviation", None, ("psi",), size, std, "rad", MATTERS["heading_bias"]))
 
 
 def _say_airspeed(s: Solution) -> list[SensorError]:
@@ -332,13 +330,13 @@ def _error(
 
 def _turned(s: Solution, channels: tuple[str, ...], matters: str) -> list[SensorError]:
     """How far the sensor of these channels is turned against the attitude, about the body's x, y and z."""
-    return [_sure(_error(s, tilt, "imu_misalignment", channels, "rad", matters, tilt.split()[1])) for tilt in TILTS]
+    return [_clear(_error(s, tilt, "imu_misalignment", channels, "rad", matters, tilt.split()[1])) for tilt in TILTS]
 
 
-def _sure(error: SensorError) -> SensorError:
-    """What a drift that is remembered for as long as the flight lasts passes for is to be as clear as a signal that is off by itself: on
-    UMN's Thor a pitch angle 1 deg off was a roll angle 5 deg off, by four standard deviations."""
-    return replace(error, agrees=bool(abs(error.size) > LIKELY * error.std))
+def _clear(error: SensorError) -> SensorError:
+    """An error for which a drift passes that is remembered for as long as the flight lasts: it has to be as likely as a signal that is off
+    by itself. On UMN's Thor a pitch angle 1 deg off was a roll angle 5 deg off, by four standard deviations."""
+    return replace(error, agrees=bool(abs(error.size) > LIKELY * error.std), simple=False)
 
 
 def _delay(

@@ -39,7 +39,8 @@ class SensorError:
 
     name: the effect of the library that it is, or what it is where there is none; target: of the effect; acts_on: channels; size, std:
     estimate and standard deviation in `unit` (SI); matters: size from which it changes what a model learns; agrees: the flight says one
-    thing at slow and at quick motion (delays).
+    thing at slow and at quick motion (delays), or is as clear as it has to be; simple: it delays, scales or shifts each of its channels by
+    itself, so that it can be taken out again (a box of gyros that is turned does not, nor does iron beside a compass).
     """
 
     name: str
@@ -50,6 +51,7 @@ class SensorError:
     unit: str
     matters: float
     agrees: bool = True
+    simple: bool = True
 
     @property
     def found(self) -> bool:

@@ -59,7 +59,10 @@ def said(error: SensorError) -> str:
     std = error.std * factor
     places = int(np.clip(-np.floor(np.log10(std)), 0, 6)) if std > 0 else 3
     amount, size = f"{abs(error.size) * factor:.{places}f}", error.size
+    signed = f"{'-' if size < 0 else ''}{amount}"
     where = " and ".join(error.acts_on) if len(error.acts_on) <= 2 else ", ".join(error.acts_on)
+    # gyros that are turned about the body's x do the same
+    also = " (or the IMU turned about x)" if where == "phi" else ""
     words = {
         "position_latency": f"position {'late' if size > 0 else 'early'} by {amount} s",
         "attitude_latency": f"attitude late by {amount} s against the rates",
@@ -69,12 +72,12 @@ def said(error: SensorError) -> str:
         "airspeed_lag": f"airspeed lags by {amount} s",
         "airspeed_scale": f"airspeed reads {amount} % {'high' if size > 0 else 'low'}",
         "scale": f"{where} reads {amount} % {'high' if size > 0 else 'low'} against {AGAINST.get(where, 'others')}",
-        "attitude_bias": f"{where} off by {'-' if size < 0 else ''}{amount} {unit} against {AGAINST.get(where, 'others')}",
-        "imu_misalignment": f"{where} turned about {error.target} by {'-' if size < 0 else ''}{amount} {unit} against the attitude",
-        "compass_deviation": f"heading off by up to {amount} {unit}, round with itself",
-        "heading_bias": f"heading off by {'-' if size < 0 else ''}{amount} {unit}",
+        "attitude_bias": f"{where} off by {signed} {unit} against {AGAINST.get(where, 'others')}{also}",
+        "imu_misalignment": f"{where} turned about {error.target} by {signed} {unit} against the attitude",
+        "compass_deviation": f"heading off by up to {amount} {unit} to either side in a turn (compass deviation)",
+        "heading_bias": f"heading off by {signed} {unit}",
     }
-    return f"{words.get(error.name, f'{where} off by ' + ('-' if size < 0 else '') + f'{amount} {unit}')} +- {std:.{places}f}"
+    return f"{words.get(error.name, f'{where} off by {signed} {unit}')} +- {std:.{places}f}"
 
 
 def _between(level: Level | None, factor: float) -> str:

@@ -10,7 +10,7 @@ from awescli.physics.instant import Instant
 
 class CompassDeviation(Effect):
     """reported psi = psi + b sin(psi) + c cos(psi): the semicircular deviation of a compass, which iron that is magnetised makes (Bowditch,
-    The American Practical Navigator, ch. 8: coefficients B and C)."""
+    The American Practical Navigator, on compasses: coefficients B and C)."""
 
     name = "compass_deviation"
     doc = "error of the reported yaw angle that goes round with it"

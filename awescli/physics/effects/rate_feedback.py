@@ -20,15 +20,15 @@ class RateFeedback(Effect):
     doc = "a damper with washout that is not in the logged set-points"
     parameters = (
         Parameter("k", 0.0, "s", -1.5, 1.5, source="0.1-1 s"),
-        Parameter("tau", 1.5, "s", 0.3, 20.0, source="1-4 s; gives form only"),
+        Parameter("tau", 2.0, "s", 0.3, 20.0, source="1-4 s; gives form only"),
     )
     targets = tuple(TURNS)
     states = ("slow",)
     units = ("rad/s",)
     start_spread = (0.2,)
     shapes = ("tau",)
-    probes = {"tau": (1.5,)}
-    refinements = {"tau": (0.6, 4.0)}
+    probes = {"tau": (2.0,)}
+    refinements = {"tau": (0.8, 5.0)}
 
     def actuate(self, deflections: dict, at: Instant, own: SimpleNamespace) -> dict:
         (slow,) = self.own_states(at)
