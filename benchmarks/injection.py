@@ -72,8 +72,16 @@ def answering(signal: np.ndarray) -> np.ndarray:
     return np.concatenate([signal[:1], (signal[1:] + signal[:-1]) / 2])
 
 
+def moved(channels: tuple[str, ...], log: FlightLog, by: float) -> FlightLog:
+    """The log with channels as they were `by` seconds before; what would be of before or after the record is not to be used: held, it would
+    be an error of its own, of a winch's length as large as what the winch reels out meanwhile."""
+    ago = np.arange(len(log)) * log.dt - by
+    known = (ago >= 0) & (ago <= (len(log) - 1) * log.dt)
+    return replace(with_signals(log, {n: shifted(log[n], log.dt, by, n in ANGLES) for n in channels}), valid=log.valid & known)
+
+
 def delayed_surface(surface: str, log, kite, tau) -> Injected:
-    return with_signals(log, {surface: shifted(log[surface], log.dt, -tau)}), kite
+    return moved((surface,), log, -tau), kite
 
 
 def lagging_surface(surface: str, log, kite, tau) -> Injected:
@@ -101,7 +109,7 @@ def weak_surface(surface: str, log, kite, s) -> Injected:
 
 
 def delayed(channels: tuple[str, ...], log, kite, tau) -> Injected:
-    return with_signals(log, {n: shifted(log[n], log.dt, tau, n in ANGLES) for n in channels}), kite
+    return moved(channels, log, tau), kite
 
 
 def filtered(channel: str, log, kite, tau) -> Injected:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from awescli.notation.phases import OWN, input_of
 from awescli.notation.quantities import IN_WORDS, STATES, SURFACES, UNITS
 from awescli.physics.disturbances import RECORDED
+from awescli.physics.effects.around import AROUND, LOOKED_AT, around
 from awescli.physics.effects.past import ASKED, BEHIND, past_of
 
 
@@ -41,6 +42,10 @@ _INPUTS = {
     **{
         name: (UNITS[asked], f"{IN_WORDS[asked] if asked not in SURFACES else f'{asked} command'} {ago:g} s before, less that of now")
         for asked in ASKED for name, ago in zip(past_of(asked), BEHIND, strict=True)
+    },
+    **{
+        name: (UNITS.get(signal, "m/s2"), f"{IN_WORDS.get(signal, 'rate of the reel-out speed')} {ahead:+g} s from now, less that of now")
+        for signal in LOOKED_AT for name, ahead in zip(around(signal), AROUND, strict=True)
     },
     **{input_of(phase): ("-", f"1 in {phase}, in which parameters have values of their own, else 0") for phase in OWN},
 }  # fmt: skip

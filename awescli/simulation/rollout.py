@@ -17,6 +17,7 @@ from awescli.notation.phases import input_of
 from awescli.notation.quantities import MEASURED, OUTPUTS, SURFACES
 from awescli.notation.scalars import Scalar
 from awescli.physics.disturbances import DISTURBANCES, GUST_RATES, GUSTS, PHASE, both
+from awescli.physics.effects.around import AROUND, around
 from awescli.physics.effects.past import ASKED, BEHIND, past_of
 from awescli.physics.flight_model import FlightModel
 from awescli.simulation.stepping import Stepping, longest_step
@@ -296,11 +297,14 @@ def inputs_of(log: Recorded, kite: FlightModel) -> np.ndarray:
     speed = log.inputs.get("reel_out_speed", np.gradient(length, log.dt))
     tension = log.measured.get("tension", zero)
     wind = wind_inputs(log)
-    signals = {
-        "time": log.time,
+    winch = {
         "tether_length": length,
         "reel_out_speed": speed,
         "reel_out_acceleration": local_quadratic(speed, log.dt, WINCH_SMOOTHING, derivative=1),
+    }
+    signals = {
+        "time": log.time,
+        **winch,
         "density": wind["density"],
         "tension": tension,
         "tension_rate": local_quadratic(tension, log.dt, WINCH_SMOOTHING, derivative=1),
@@ -308,6 +312,7 @@ def inputs_of(log: Recorded, kite: FlightModel) -> np.ndarray:
         **dict.fromkeys((*(f"turbulence_{axis}" for axis in "nedp"), *DISTURBANCES, PHASE), zero),
         **{f"{name}_rate": _backward_rate(log.inputs.get(name, zero), log.dt) for name in SURFACES},
         **_past_inputs(log, kite, {"reel_out_speed": speed, **{name: log.inputs.get(name, zero) for name in SURFACES}}),
+        **_around_inputs(log, kite, winch),
         **wind,
         **_phase_inputs(log, kite),
     }
@@ -326,6 +331,17 @@ def _past_inputs(log: Recorded, kite: FlightModel, setpoints: Mapping[str, np.nd
     found = {}
     for name, signal in ((name, signal) for name, signal in setpoints.items() if past_of(name)[0] in kite.input_names):
         found |= {n: np.interp(log.time - ago, log.time, signal) - signal for n, ago in zip(past_of(name), BEHIND, strict=True)}
+    return found
+
+
+def _around_inputs(log: Recorded, kite: FlightModel, winch: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """By how much the winch's record differs around now, where that is asked; beyond a log's ends its speed is that of its ends."""
+    found = {}
+    for name, signal in ((name, signal) for name, signal in winch.items() if around(name)[0] in kite.input_names):
+        rate = winch["reel_out_speed"] if name == "tether_length" else np.zeros(len(log))
+        for n, ahead in zip(around(name), AROUND, strict=True):
+            moment = np.clip(log.time + ahead, log.time[0], log.time[-1])
+            found[n] = np.interp(moment, log.time, signal) + np.interp(moment, log.time, rate) * (log.time + ahead - moment) - signal
     return found
 
 

@@ -9,6 +9,7 @@ from oracles import body_to_ned
 from physics.effect_cases import HEIGHTS, both, flown
 
 from awescli.notation.quantities import STATES
+from awescli.physics.effects.around import AROUND, around
 from awescli.physics.effects.custom_term import FEATURES
 from awescli.physics.instant import Line
 from awescli.physics.kite import Kite, make_effect
@@ -111,13 +112,16 @@ def test_a_line_that_hardly_pulls_sags_as_much_as_it_weighs_against_the_pull():
 
 
 def test_attachment_winch_and_clock():
-    """Guards the three that change the line itself: arm, drum and the winch's clock (late stamps: the true length is the later one)."""
+    """Guards the three that change the line itself: arm, drum and the winch's clock (late stamps: the true length is the later one; half a
+    second is two looks of `around` ahead)."""
     with_it, without = both("tether_attachment")
     assert np.subtract(with_it.line.attachment, without.line.attachment) == pytest.approx([0.02, 0.01, 0.03])
     with_it, without = both("winch_length")
     assert with_it.line.length == pytest.approx(1.003 * without.line.length + 1.5) and with_it.line.speed == pytest.approx(1.003 * 0.8)
-    with_it, without = both("clock_offset:winch", {"tau": 0.5})
-    assert with_it.line.length - without.line.length == pytest.approx(0.5 * 0.8 + 0.3 * 0.125) and with_it.line.speed == pytest.approx(0.95)
+    later = {"tether_length": 0.4375, "reel_out_speed": 0.15, "reel_out_acceleration": 0.1}
+    k = AROUND.index(0.5)
+    with_it, without = both("clock_offset:winch", {"tau": 0.5}, **{around(signal)[k]: more for signal, more in later.items()})
+    assert np.subtract(with_it.line[:3], without.line[:3]) == pytest.approx([0.4375, 0.15, 0.1])
 
 
 def test_mass_offset():
