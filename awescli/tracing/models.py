@@ -34,7 +34,16 @@ def fit_null(
     on_iteration: Callable = lambda h, i, c: None,
 ) -> FittedModel:  # fmt: skip
     """The declared model, from parameter values `start`. levels: of every flight, as an identification left them: the fit then begins where
-    that one ended; without, it begins with short horizons."""
+    that one ended; without, it begins with short horizons. Where it is likelier without model error it is that: beside one that leads
+    parameters astray every candidate would seem to gain what it gains itself without."""
+    model = _fit_null(frame, start, horizons, levels, on_iteration)
+    bare = fit_bare(frame, model) if model.rest else model
+    return model if model.deviance <= bare.deviance else fit_on(frame, bare)
+
+
+def _fit_null(
+    frame: Frame, start: Mapping[str, float], horizons: Sequence[float], levels: Sequence[Levels], on_iteration: Callable
+) -> FittedModel:
     problems = frame.problems(())
     if not levels:
         flights = [Flight(p, f.label) for p, f in zip(problems, frame.flights, strict=True)]

@@ -19,10 +19,11 @@ from awescli.estimation.staged_fit import Flight, fit_flights
 from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import Split, split
 from awescli.notation.parameters import Parameter, ParameterTable
+from awescli.simulation.campaign_flights import dev_like
 from awescli.tracing import fitted_model
 from awescli.tracing.fitted_model import FittedModel, _asked_of, bounded, judge
 from awescli.tracing.frame import Frame, TracedFlight
-from awescli.tracing.models import begins_nowhere, fit_added, fit_null, fit_on, promised_beyond
+from awescli.tracing.models import _fit_null, begins_nowhere, fit_added, fit_bare, fit_null, fit_on, promised_beyond
 
 N, FIT, SEEN = 4, 30, 20
 
@@ -282,3 +283,14 @@ def test_a_part_is_a_beginning_for_the_whole_where_the_model_comes_to_its_minimu
         assert np.abs((result.solution.x - whole.solution.x) / np.sqrt(np.diag(whole.covariance))).max() < 0.3
     else:
         assert np.array_equal(result.solution.x, whole.solution.x)
+
+
+def test_a_declared_model_is_not_led_astray_by_its_model_error():
+    """Guards gains of candidates: beside model error the declared model of a late rudder came out 580 less likely than it is without, for a
+    wind record that is known to 0.6 m/s errs more often at nearer nodes. Every candidate that did without seemed to gain as much."""
+    flown = dev_like(DEVELOPMENT, 31, {"actuator_delay:rudder": {"tau": 0.03}}, duration=61.0)
+    declared = flown.declared.model_copy(update={"wind": flown.declared.wind.model_copy(update={"std": 0.6})})
+    frame = Frame((TracedFlight(flown.log, split(find_loops(flown.log), log=flown.log), declared),), 5.0, tuple(flown.log.measured))
+    astray, null = _fit_null(frame, {}, (1.0, 2.5), (), lambda h, i, c: None), fit_null(frame, {}, (1.0, 2.5))
+    assert astray.rest and not null.rest and astray.deviance - null.deviance > 300
+    assert null.deviance <= fit_bare(frame, astray).deviance and null.fit.ended
