@@ -1,7 +1,8 @@
 """What the record of a winch says before and after now, for a winch whose clock is not the kite's.
 
 The record stands in a kite's inputs as differences from now, at AROUND. Between two of these moments runs the cubic that has their
-values and their rates (Hermite's): of a record that swings with a period of 8 s it is right to a ten-thousandth.
+values and their rates (Hermite's): the length of a winch that swings by 0.4 m/s with a period of 8 s comes out right to 0.01 mm within two
+seconds and to 1 mm beyond (`tests/physics/test_around.py`).
 """
 
 from collections.abc import Mapping
