@@ -38,7 +38,8 @@ def fit_null(
     parameters astray every candidate would seem to gain what it gains itself without."""
     model = _fit_null(frame, start, horizons, levels, on_iteration)
     bare = fit_bare(frame, model) if model.rest else model
-    return model if model.deviance <= bare.deviance else fit_on(frame, bare)
+    # a model that does not follow is likelier by what it loses
+    return fit_on(frame, bare) if bare.deviance < model.deviance and bare.fit.ended and bare.flies >= model.flies else model
 
 
 def _fit_null(

@@ -20,7 +20,7 @@ from awescli.flightlog.loops import find_loops
 from awescli.flightlog.split import Split, split
 from awescli.notation.parameters import Parameter, ParameterTable
 from awescli.simulation.campaign_flights import dev_like
-from awescli.tracing import fitted_model
+from awescli.tracing import fitted_model, models
 from awescli.tracing.fitted_model import FittedModel, _asked_of, bounded, judge
 from awescli.tracing.frame import Frame, TracedFlight
 from awescli.tracing.models import _fit_null, begins_nowhere, fit_added, fit_bare, fit_null, fit_on, promised_beyond
@@ -294,3 +294,18 @@ def test_a_declared_model_is_not_led_astray_by_its_model_error():
     astray, null = _fit_null(frame, {}, (1.0, 2.5), (), lambda h, i, c: None), fit_null(frame, {}, (1.0, 2.5))
     assert astray.rest and not null.rest and astray.deviance - null.deviance > 300
     assert null.deviance <= fit_bare(frame, astray).deviance and null.fit.ended
+
+
+@pytest.mark.parametrize(
+    ("deviance", "ended", "flies", "taken"),
+    [(-10.0, True, 9, True), (10.0, True, 9, False), (-10.0, False, 9, False), (-10.0, True, 8, False), (np.nan, True, 9, False)],
+    ids=["likelier", "less likely", "not at its minimum", "fewer segments", "no number"],
+)
+def test_a_declared_model_that_needs_its_model_error_keeps_it(monkeypatch, deviance, ended, flies, taken):
+    """Guards measured flights: a model that does not follow them without model error may be likelier by the segments that it loses."""
+    helped = SimpleNamespace(rest={"moment_z": 0.1}, deviance=0.0, flies=9)
+    bare = SimpleNamespace(deviance=deviance, flies=flies, fit=SimpleNamespace(ended=ended))
+    monkeypatch.setattr(models, "_fit_null", lambda *of: helped)
+    monkeypatch.setattr(models, "fit_bare", lambda frame, model: bare)
+    monkeypatch.setattr(models, "fit_on", lambda frame, model: model)
+    assert fit_null(None, {}, ()) is (bare if taken else helped)
